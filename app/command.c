@@ -1,0 +1,116 @@
+#include "app/command.h"
+
+#include "platform/clock.h"
+
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+static void print_commands(FILE *to, const char *about, const struct command *commands, size_t count,
+                           const char *program)
+{
+    fprintf(to, "%s\n\n", about);
+    for (size_t i = 0; i < count; i++)
+        fprintf(to, "  %s %-10s %s\n", program, commands[i].name, commands[i].about);
+    fprintf(to, "\n%s COMMAND --help says more.\n", program);
+}
+
+static int run(const struct command *command, const char *program, int argc, char **argv)
+{
+    char name[128];
+    snprintf(name, sizeof name, "%s %s", program, command->name);
+    argv[0] = name;
+    return command->run(argc, argv);
+}
+
+int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
+                 int argc, char **argv)
+{
+    argp_err_exit_status = 2;
+    const char *slash = strrchr(argv[0], '/');
+    const char *program = slash ? slash + 1 : argv[0];
+    if (argc > 1) {
+        for (size_t i = 0; i < count; i++)
+            if (!strcmp(argv[1], commands[i].name))
+                return run(&commands[i], program, argc - 1, argv + 1);
+        if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
+            print_commands(stdout, about, commands, count, program);
+            return 0;
+        }
+        if (fallback)
+            return run(fallback, program, argc, argv);
+        fprintf(stderr, "%s: there is no command '%s'\n", program, argv[1]);
+    }
+    print_commands(stderr, about, commands, count, program);
+    return 2;
+}
+
+int command_failed(const char *program)
+{
+    fprintf(stderr, "%s: %s\n", program, status_sentence());
+    return 1;
+}
+
+void command_need(const struct argp_state *state, const void *given, const char *option)
+{
+    if (!given)
+        argp_error(state, "%s is needed", option);
+}
+
+static volatile sig_atomic_t stopped;
+
+static void stop(int signal)
+{
+    (void)signal;
+    stopped = 1;
+}
+
+void command_catch_stop(void)
+{
+    struct sigaction action = {.sa_handler = stop};
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+bool command_stopped(void)
+{
+    return stopped;
+}
+
+static void draw(struct progress *p)
+{
+    enum { WIDTH = 30 };
+    if (p->total > 0) {
+        int filled = (int)(p->done * WIDTH / p->total);
+        fprintf(stderr, "\r%s [", p->what);
+        for (int i = 0; i < WIDTH; i++)
+            fputc(i < filled ? '#' : '.', stderr);
+        fprintf(stderr, "] %lld/%lld ", (long long)p->done, (long long)p->total);
+    } else {
+        fprintf(stderr, "\r%s %lld ", p->what, (long long)p->done);
+    }
+    fflush(stderr);
+}
+
+void progress_start(struct progress *p, const char *what, int64_t total)
+{
+    *p = (struct progress){.what = what, .total = total};
+}
+
+void progress_step(struct progress *p)
+{
+    p->done++;
+    int64_t now = clock_now_ns();
+    if (isatty(STDERR_FILENO) && now - p->drawn_ns > 100000000) {
+        p->drawn_ns = now;
+        draw(p);
+    }
+}
+
+void progress_end(struct progress *p)
+{
+    if (p->drawn_ns)
+        fprintf(stderr, "\r\033[K");
+    p->drawn_ns = 0;
+}

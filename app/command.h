@@ -1,0 +1,45 @@
+// What all commands of both programs share: choosing the command, exit codes,
+// the one sentence on stderr, the progress bar, and stopping on Ctrl-C.
+//
+// A command parses its own arguments with argp (so --help works everywhere) and
+// returns the exit code: 0 success, 1 the input is at fault, 2 wrong usage.
+#pragma once
+#include "platform/base.h"
+
+#include <argp.h>
+
+struct command {
+    const char *name;
+    const char *about; // one line for the program's --help
+    int (*run)(int argc, char **argv); // argv[0] is "program command"
+};
+
+// Runs the command that argv[1] names; prints the list for --help (0) or for
+// no or an unknown command (2). `fallback`, where not NULL, takes an argv[1]
+// that is no command's name.
+int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
+                 int argc, char **argv);
+
+// Prints "program: sentence" of the last fail() to stderr; returns 1.
+int command_failed(const char *program);
+
+// For argp: an option key that has no letter. Use COMMAND_KEY + n, n = 0, 1, ...
+enum { COMMAND_KEY = 0x100 };
+
+// Ends with exit code 2 and a sentence when a needed option is missing.
+void command_need(const struct argp_state *state, const void *given, const char *option);
+
+// From the first call on, Ctrl-C and SIGTERM no longer end the program but make
+// command_stopped() true, so that long work can end in good order.
+void command_catch_stop(void);
+bool command_stopped(void);
+
+// A bar on a terminal, nothing elsewhere. total <= 0: only the count is known.
+struct progress {
+    const char *what;
+    int64_t total, done;
+    int64_t drawn_ns;
+};
+void progress_start(struct progress *p, const char *what, int64_t total);
+void progress_step(struct progress *p); // one more done
+void progress_end(struct progress *p);  // clears the line

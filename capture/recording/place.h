@@ -1,0 +1,48 @@
+// A place: what a camera can recognise there. Made by capture/mapper, kept in a
+// recording, used by locate. World axes: z up, z = 0 on the floor, metres; x
+// and y as the lowest-numbered tag has them.
+#pragma once
+#include "platform/lens.h"
+
+// A square tag. Its own axes: origin at its centre, x right, y up, z out of the
+// wall towards the reader, so its corners are (-+side/2, -+side/2, 0).
+struct place_tag {
+    int32_t id;                   // of family tag36h11
+    double side_m;                // outer edge of the black square
+    struct pose world_from_tag;
+    double rms_px;                // reprojection error over its sightings in the map
+    int32_t sightings;
+};
+
+// Corner 0..3: bottom left, bottom right, top right, top left as the reader sees
+// an upright tag. World axes.
+void place_tag_corners(const struct place_tag *tag, struct vec3 world[4]);
+
+// A natural point with its ORB descriptor, kept for locating without tags.
+struct place_point {
+    struct vec3 world;
+    uint8_t descriptor[32];
+};
+
+// A view of the empty place, kept so that its depth can serve as background.
+// Owned by the place: jpeg and depth are malloc'ed, either may be NULL.
+struct place_view {
+    struct pose world_from_camera;
+    uint8_t *jpeg; // colour
+    size_t jpeg_bytes;
+    uint16_t *depth; // of calibration.depth, millimetres
+};
+
+struct place {
+    struct calibration calibration; // of the sensor that filmed it
+    struct place_tag *tags;
+    int32_t tag_count;
+    struct place_point *points;
+    int32_t point_count;
+    struct place_view *views;
+    int32_t view_count;
+    double rms_px;  // of the joint adjustment, over all tag corners
+    double rms_m;   // of depth against the adjusted corners; 0 without depth
+};
+
+void place_free(struct place *place); // what it owns; leaves it zeroed. Zeroed is fine.

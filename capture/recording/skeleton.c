@@ -1,0 +1,85 @@
+#include "capture/recording/skeleton.h"
+
+#include <string.h>
+
+const struct part_ends part_ends[PART_COUNT] = {
+    [PART_HEAD] = {JOINT_NECK, JOINT_HEAD},
+    [PART_UPPER_TORSO] = {JOINT_NECK, JOINT_TORSO},
+    [PART_LOWER_TORSO] = {JOINT_TORSO, JOINT_WAIST},
+    [PART_LEFT_UPPER_ARM] = {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
+    [PART_LEFT_FOREARM] = {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
+    [PART_RIGHT_UPPER_ARM] = {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW},
+    [PART_RIGHT_FOREARM] = {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
+    [PART_LEFT_THIGH] = {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
+    [PART_LEFT_SHIN] = {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
+    [PART_RIGHT_THIGH] = {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE},
+    [PART_RIGHT_SHIN] = {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
+};
+
+static const char *const joint_names[JOINT_COUNT] = {
+    [JOINT_HEAD] = "head",
+    [JOINT_NECK] = "neck",
+    [JOINT_LEFT_SHOULDER] = "left_shoulder",
+    [JOINT_LEFT_ELBOW] = "left_elbow",
+    [JOINT_LEFT_HAND] = "left_hand",
+    [JOINT_RIGHT_SHOULDER] = "right_shoulder",
+    [JOINT_RIGHT_ELBOW] = "right_elbow",
+    [JOINT_RIGHT_HAND] = "right_hand",
+    [JOINT_TORSO] = "torso",
+    [JOINT_WAIST] = "waist",
+    [JOINT_LEFT_HIP] = "left_hip",
+    [JOINT_LEFT_KNEE] = "left_knee",
+    [JOINT_LEFT_FOOT] = "left_foot",
+    [JOINT_RIGHT_HIP] = "right_hip",
+    [JOINT_RIGHT_KNEE] = "right_knee",
+    [JOINT_RIGHT_FOOT] = "right_foot",
+};
+
+static const char *const part_names[PART_COUNT] = {
+    [PART_HEAD] = "head",
+    [PART_UPPER_TORSO] = "upper_torso",
+    [PART_LOWER_TORSO] = "lower_torso",
+    [PART_LEFT_UPPER_ARM] = "left_upper_arm",
+    [PART_LEFT_FOREARM] = "left_forearm",
+    [PART_RIGHT_UPPER_ARM] = "right_upper_arm",
+    [PART_RIGHT_FOREARM] = "right_forearm",
+    [PART_LEFT_THIGH] = "left_thigh",
+    [PART_LEFT_SHIN] = "left_shin",
+    [PART_RIGHT_THIGH] = "right_thigh",
+    [PART_RIGHT_SHIN] = "right_shin",
+};
+
+const char *joint_name(enum joint j)
+{
+    assert(j >= 0 && j < JOINT_COUNT);
+    return joint_names[j];
+}
+
+const char *part_name(enum part p)
+{
+    assert(p >= 0 && p < PART_COUNT);
+    return part_names[p];
+}
+
+bool joint_from_name(const char *name, enum joint *out)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (!strcmp(name, joint_names[j])) {
+            *out = (enum joint)j;
+            return true;
+        }
+    return false;
+}
+
+bool part_is_known(const struct body *body, const struct skeleton *s, enum part p)
+{
+    return body->radius_rate[p] > 0 && s->confidence[part_ends[p].from] > 0 && s->confidence[part_ends[p].to] > 0;
+}
+
+struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *in_b)
+{
+    struct skeleton in_a = *in_b;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        in_a.joint[j] = pose_apply(a_from_b, in_b->joint[j]);
+    return in_a;
+}

@@ -1,0 +1,56 @@
+// The body's words: 16 joints, 11 parts. Left is the person's own left.
+// Everything that speaks of a body, in capture and in reenact, speaks these.
+#pragma once
+#include "platform/geometry.h"
+
+enum joint {
+    JOINT_HEAD, JOINT_NECK,
+    JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND,
+    JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND,
+    JOINT_TORSO, JOINT_WAIST,
+    JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT,
+    JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT,
+    JOINT_COUNT
+};
+
+enum part {
+    PART_HEAD,        // neck to head
+    PART_UPPER_TORSO, // neck to torso
+    PART_LOWER_TORSO, // torso to waist
+    PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM,
+    PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM,
+    PART_LEFT_THIGH, PART_LEFT_SHIN,
+    PART_RIGHT_THIGH, PART_RIGHT_SHIN,
+    PART_COUNT
+};
+
+// Where the joints stand at one instant. Metres. The frame of reference is the
+// holder's to say; in a recording it is the colour camera of that instant.
+// confidence: 1 seen, 0.5 guessed (hidden, carried along by the body), 0 never
+// seen or unknown: its position means nothing and nobody may use it.
+struct skeleton {
+    struct vec3 joint[JOINT_COUNT];
+    float confidence[JOINT_COUNT];
+};
+
+// A part runs from joint `from` to joint `to`; its cylinder's radius is
+// radius_rate * the distance of the two. (Paper 2014, section 4.1.)
+struct part_ends {
+    enum joint from, to;
+};
+extern const struct part_ends part_ends[PART_COUNT];
+
+const char *joint_name(enum joint j); // "left_elbow"
+const char *part_name(enum part p);   // "left_forearm"
+bool joint_from_name(const char *name, enum joint *out);
+
+// What is constant over a take.
+struct body {
+    int64_t representative_frame;    // index of the frame the radii were read from; -1 = none yet
+    double radius_rate[PART_COUNT];  // r / l; 0 = this part was never seen, draw nothing
+};
+
+// The part is there: both its joints are known and its radius was measured.
+bool part_is_known(const struct body *body, const struct skeleton *skeleton, enum part p);
+
+struct skeleton skeleton_transform(struct pose a_from_b, const struct skeleton *in_b);

@@ -1,0 +1,57 @@
+#include "platform/jpeg.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <turbojpeg.h>
+
+enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height)
+{
+    tjhandle handle = tjInitDecompress();
+    if (!handle)
+        return fail(ERR_MEMORY, "no memory to decode a picture");
+    int subsampling, colorspace;
+    enum status status = OK;
+    if (tjDecompressHeader3(handle, bytes, (unsigned long)count, width, height, &subsampling, &colorspace))
+        status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
+    tjDestroy(handle);
+    return status;
+}
+
+enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int width, int height)
+{
+    tjhandle handle = tjInitDecompress();
+    if (!handle)
+        return fail(ERR_MEMORY, "no memory to decode a picture");
+    int w, h, subsampling, colorspace;
+    enum status status = OK;
+    // A warning ("premature end of file") means missing pixels: as bad as an error here.
+    if (tjDecompressHeader3(handle, bytes, (unsigned long)count, &w, &h, &subsampling, &colorspace))
+        status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
+    else if (w != width || h != height)
+        status = fail(ERR_CORRUPT, "a JPEG picture has %d x %d pixels where %d x %d were expected", w, h, width, height);
+    else if (tjDecompress2(handle, bytes, (unsigned long)count, rgb, width, 0, height, TJPF_RGB, TJFLAG_ACCURATEDCT))
+        status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
+    tjDestroy(handle);
+    return status;
+}
+
+enum status jpeg_encode(const uint8_t *rgb, int width, int height, int quality, uint8_t **bytes, size_t *count)
+{
+    tjhandle handle = tjInitCompress();
+    if (!handle)
+        return fail(ERR_MEMORY, "no memory to encode a picture");
+    unsigned char *coded = NULL;
+    unsigned long size = 0;
+    enum status status = OK;
+    if (tjCompress2(handle, rgb, width, 0, height, TJPF_RGB, &coded, &size, TJSAMP_420, quality, TJFLAG_ACCURATEDCT)) {
+        status = fail(ERR_MEMORY, "a picture could not be encoded: %s", tjGetErrorStr2(handle));
+    } else if (!(*bytes = malloc(size))) {
+        status = fail(ERR_MEMORY, "no memory for an encoded picture of %lu bytes", size);
+    } else {
+        memcpy(*bytes, coded, size);
+        *count = size;
+    }
+    tjFree(coded);
+    tjDestroy(handle);
+    return status;
+}

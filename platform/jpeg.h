@@ -1,0 +1,16 @@
+// JPEG pictures in memory (libjpeg-turbo). RGB, 8 bit, rows without padding.
+// Safe from any thread. Decoding uses the exact integer transform, so the same
+// bytes give the same pixels on every machine.
+#pragma once
+#include "platform/base.h"
+
+// Size of a JPEG without decoding it. ERR_CORRUPT.
+MUST_CHECK enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height);
+
+// Decodes into rgb[width * height * 3]. ERR_CORRUPT: damaged, cut short or of
+// another size; rgb is then undefined. ERR_MEMORY.
+MUST_CHECK enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int width, int height);
+
+// *bytes is malloc'ed, the caller frees it. quality 1..100. ERR_MEMORY.
+MUST_CHECK enum status jpeg_encode(const uint8_t *rgb, int width, int height, int quality, uint8_t **bytes,
+                                   size_t *count);

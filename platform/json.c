@@ -1,0 +1,170 @@
+#include "platform/json.h"
+
+#include "platform/file.h"
+
+#include <cjson/cJSON.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// `struct json` is cJSON's own node under a name that no header of ours explains.
+static cJSON *node(const struct json *value)
+{
+    return (cJSON *)(uintptr_t)value;
+}
+
+static struct json *ours(cJSON *value)
+{
+    return (struct json *)value;
+}
+
+enum status json_read(const char *path, struct json **out)
+{
+    uint8_t *text;
+    size_t count;
+    *out = NULL;
+    enum status status = file_read(path, &text, &count);
+    if (status != OK)
+        return status;
+    const char *end = NULL;
+    cJSON *root = cJSON_ParseWithLengthOpts((const char *)text, count, &end, false);
+    if (!root) {
+        int line = 1;
+        for (const uint8_t *at = text; end && at < (const uint8_t *)end && *at; at++)
+            line += *at == '\n';
+        status = fail(ERR_INPUT, "%s is not valid JSON near line %d", path, line);
+    }
+    free(text);
+    *out = ours(root);
+    return status;
+}
+
+void json_free(struct json **root)
+{
+    cJSON_Delete(node(*root));
+    *root = NULL;
+}
+
+const struct json *json_member(const struct json *object, const char *name)
+{
+    return object ? ours(cJSON_GetObjectItemCaseSensitive(node(object), name)) : NULL;
+}
+
+int json_count(const struct json *array)
+{
+    return json_is_array(array) || json_is_object(array) ? cJSON_GetArraySize(node(array)) : 0;
+}
+
+const struct json *json_at(const struct json *array, int index)
+{
+    return ours(cJSON_GetArrayItem(node(array), index));
+}
+
+const char *json_name(const struct json *member)
+{
+    const char *name = node(member)->string;
+    return name ? name : "";
+}
+
+bool json_is_object(const struct json *value)
+{
+    return cJSON_IsObject(node(value));
+}
+
+bool json_is_array(const struct json *value)
+{
+    return cJSON_IsArray(node(value));
+}
+
+bool json_get_number(const struct json *value, double *out)
+{
+    if (!cJSON_IsNumber(node(value)) || !isfinite(node(value)->valuedouble))
+        return false;
+    *out = node(value)->valuedouble;
+    return true;
+}
+
+bool json_get_bool(const struct json *value, bool *out)
+{
+    if (!cJSON_IsBool(node(value)))
+        return false;
+    *out = cJSON_IsTrue(node(value));
+    return true;
+}
+
+bool json_get_string(const struct json *value, const char **out)
+{
+    if (!cJSON_IsString(node(value)))
+        return false;
+    *out = node(value)->valuestring;
+    return true;
+}
+
+enum status json_need_number(const struct json *object, const char *name, const char *path, double *out)
+{
+    if (!json_get_number(json_member(object, name), out))
+        return fail(ERR_INPUT, "%s: the number '%s' is missing", path, name);
+    return OK;
+}
+
+struct json *json_new_object(void)
+{
+    return ours(cJSON_CreateObject());
+}
+
+struct json *json_new_array(void)
+{
+    return ours(cJSON_CreateArray());
+}
+
+static cJSON *attach(struct json *parent, const char *name, cJSON *child)
+{
+    if (name)
+        cJSON_AddItemToObject(node(parent), name, child);
+    else
+        cJSON_AddItemToArray(node(parent), child);
+    return child;
+}
+
+void json_add_number(struct json *object, const char *name, double value)
+{
+    attach(object, name, isfinite(value) ? cJSON_CreateNumber(value) : cJSON_CreateNull());
+}
+
+void json_add_bool(struct json *object, const char *name, bool value)
+{
+    attach(object, name, cJSON_CreateBool(value));
+}
+
+void json_add_string(struct json *object, const char *name, const char *value)
+{
+    attach(object, name, cJSON_CreateString(value));
+}
+
+struct json *json_add_object(struct json *object, const char *name)
+{
+    return ours(attach(object, name, cJSON_CreateObject()));
+}
+
+struct json *json_add_array(struct json *object, const char *name)
+{
+    return ours(attach(object, name, cJSON_CreateArray()));
+}
+
+void json_push_number(struct json *array, double value)
+{
+    json_add_number(array, NULL, value);
+}
+
+char *json_print(const struct json *root)
+{
+    char *text = cJSON_Print(node(root));
+    size_t length = text ? strlen(text) : 0;
+    char *ended = text ? realloc(text, length + 2) : NULL; // cJSON allocates with malloc
+    if (!ended) {
+        free(text);
+        return NULL;
+    }
+    memcpy(ended + length, "\n", 2);
+    return ended;
+}

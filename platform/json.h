@@ -1,0 +1,36 @@
+// JSON, read and written (cJSON). Reading functions return a sentence that
+// names the file and the member at fault. One tree, one thread.
+#pragma once
+#include "platform/base.h"
+
+struct json; // a value and everything below it
+
+// ---- reading
+// ERR_MISSING, ERR_IO, ERR_INPUT: not JSON, with the place where it ends.
+MUST_CHECK enum status json_read(const char *path, struct json **out);
+void json_free(struct json **root); // only roots; NULL is fine; sets *root = NULL
+
+const struct json *json_member(const struct json *object, const char *name); // NULL: not there
+int json_count(const struct json *array);                                    // 0 for what is no array or object
+const struct json *json_at(const struct json *array, int index);             // also the members of an object, in order
+const char *json_name(const struct json *member);                            // "" for what has none
+bool json_is_object(const struct json *value);
+bool json_is_array(const struct json *value);
+// False when it is not of that type (a number must be finite); *out is then untouched.
+bool json_get_number(const struct json *value, double *out);
+bool json_get_bool(const struct json *value, bool *out);
+bool json_get_string(const struct json *value, const char **out); // lives as long as the tree
+
+// The finite number `name` of `object`. ERR_INPUT: "PATH: the number 'NAME' is missing".
+MUST_CHECK enum status json_need_number(const struct json *object, const char *name, const char *path, double *out);
+
+// ---- writing: adds never fail visibly; json_print returns NULL when memory ran out on the way
+struct json *json_new_object(void);
+struct json *json_new_array(void);
+void json_add_number(struct json *object, const char *name, double value); // not finite becomes null
+void json_add_bool(struct json *object, const char *name, bool value);
+void json_add_string(struct json *object, const char *name, const char *value);
+struct json *json_add_object(struct json *object, const char *name); // the new child; name NULL appends to an array
+struct json *json_add_array(struct json *object, const char *name);
+void json_push_number(struct json *array, double value);
+char *json_print(const struct json *root); // indented, ends with a newline; the caller frees it

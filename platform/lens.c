@@ -1,0 +1,63 @@
+#include "platform/lens.h"
+
+bool lens_is_ideal(const struct lens *lens)
+{
+    return lens->k1 == 0 && lens->k2 == 0 && lens->p1 == 0 && lens->p2 == 0 && lens->k3 == 0;
+}
+
+// Brown-Conrady on the plane z = 1: (x, y) ideal to distorted.
+static void distort(const struct lens *l, double x, double y, double *xd, double *yd)
+{
+    double r2 = x * x + y * y;
+    double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+    *xd = x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
+    *yd = y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y;
+}
+
+struct pixel lens_project(const struct lens *l, struct vec3 p)
+{
+    double x = p.x / p.z, y = p.y / p.z, xd, yd;
+    distort(l, x, y, &xd, &yd);
+    return (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
+}
+
+struct vec3 lens_ray(const struct lens *l, struct pixel px)
+{
+    double xd = (px.x - l->cx) / l->fx, yd = (px.y - l->cy) / l->fy;
+    if (lens_is_ideal(l))
+        return v3(xd, yd, 1);
+    double x = xd, y = yd;
+    for (int i = 0; i < 20; i++) {
+        double fx, fy;
+        distort(l, x, y, &fx, &fy);
+        double ex = fx - xd, ey = fy - yd;
+        if (ex * ex + ey * ey < 1e-20)
+            break;
+        // Newton with the analytic Jacobian of distort()
+        double r2 = x * x + y * y;
+        double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+        double slope = 2 * (l->k1 + r2 * (2 * l->k2 + 3 * r2 * l->k3)); // d radial / d x = slope * x
+        double a = radial + slope * x * x + 2 * l->p1 * y + 6 * l->p2 * x;
+        double b = slope * x * y + 2 * l->p1 * x + 2 * l->p2 * y;
+        double d = radial + slope * y * y + 6 * l->p1 * y + 2 * l->p2 * x;
+        double det = a * d - b * b;
+        if (!(fabs(det) > 1e-12))
+            break;
+        x -= (d * ex - b * ey) / det;
+        y -= (a * ey - b * ex) / det;
+    }
+    return v3(x, y, 1);
+}
+
+enum status lens_check(const struct lens *l, const char *what)
+{
+    if (l->width <= 0 || l->height <= 0 || l->width > 16384 || l->height > 16384)
+        return fail(ERR_INPUT, "the %s camera's calibration gives a picture of %d x %d pixels", what, l->width, l->height);
+    double numbers[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
+    for (size_t i = 0; i < COUNT_OF(numbers); i++)
+        if (!isfinite(numbers[i]))
+            return fail(ERR_INPUT, "the %s camera's calibration holds a number that is not finite", what);
+    if (!(l->fx > 0) || !(l->fy > 0))
+        return fail(ERR_INPUT, "the %s camera's focal length must be greater than 0, not %g x %g", what, l->fx, l->fy);
+    return OK;
+}

@@ -1,0 +1,35 @@
+// A camera's lens: pinhole and Brown-Conrady distortion, as OpenCV orders it.
+// Pixels; (0, 0) is the CENTRE of the top-left pixel. Camera axes: x right,
+// y down, z forward, metres. Pure functions, safe from any thread.
+#pragma once
+#include "platform/geometry.h"
+
+struct lens {
+    int width, height; // pixels, > 0
+    double fx, fy, cx, cy;
+    double k1, k2, p1, p2, k3; // no unit; all 0 for an ideal lens
+};
+
+struct pixel {
+    double x, y;
+};
+
+// What a sensor or camera knows of itself. A missing picture has width 0.
+struct calibration {
+    struct lens color;
+    struct lens depth;
+    bool registered;               // depth pixels are already the colour camera's
+    struct pose color_from_depth;  // identity when registered
+};
+
+bool lens_is_ideal(const struct lens *lens); // no distortion
+
+// Where point `p` (camera axes) falls. z must be > 0.
+struct pixel lens_project(const struct lens *lens, struct vec3 p);
+
+// The point with z = 1 that falls on `px`; distortion undone by Newton to 1e-10.
+struct vec3 lens_ray(const struct lens *lens, struct pixel px);
+
+// ERR_INPUT with a sentence when a number is missing, not finite or senseless.
+// `what` names the lens in the sentence ("color" of calibration.json).
+MUST_CHECK enum status lens_check(const struct lens *lens, const char *what);

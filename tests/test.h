@@ -1,0 +1,94 @@
+// What every test starts with: cmocka, and checks that print both values.
+#pragma once
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#undef fail // ours, in base.h, says why; cmocka's stays _fail()
+
+#include "platform/base.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define EXPECT_NEAR(actual, wanted, within)                                                                            \
+    do {                                                                                                               \
+        double actual_ = (actual), wanted_ = (wanted), within_ = (within);                                             \
+        if (!(fabs(actual_ - wanted_) <= within_)) {                                                                   \
+            print_error("%s:%d: %s is %.12g, wanted %.12g within %g\n", __FILE__, __LINE__, #actual, actual_,          \
+                        wanted_, within_);                                                                             \
+            fail_test();                                                                                               \
+        }                                                                                                              \
+    } while (0)
+
+#define EXPECT_AT_MOST(actual, bound)                                                                                  \
+    do {                                                                                                               \
+        double actual_ = (actual), bound_ = (bound);                                                                   \
+        if (!(actual_ <= bound_)) {                                                                                    \
+            print_error("%s:%d: %s is %.12g, wanted at most %.12g\n", __FILE__, __LINE__, #actual, actual_, bound_);   \
+            fail_test();                                                                                               \
+        }                                                                                                              \
+    } while (0)
+
+#define EXPECT_AT_LEAST(actual, bound)                                                                                 \
+    do {                                                                                                               \
+        double actual_ = (actual), bound_ = (bound);                                                                   \
+        if (!(actual_ >= bound_)) {                                                                                    \
+            print_error("%s:%d: %s is %.12g, wanted at least %.12g\n", __FILE__, __LINE__, #actual, actual_, bound_);  \
+            fail_test();                                                                                               \
+        }                                                                                                              \
+    } while (0)
+
+#define EXPECT_INT(actual, wanted)                                                                                     \
+    do {                                                                                                               \
+        long long actual_ = (long long)(actual), wanted_ = (long long)(wanted);                                        \
+        if (actual_ != wanted_) {                                                                                      \
+            print_error("%s:%d: %s is %lld, wanted %lld\n", __FILE__, __LINE__, #actual, actual_, wanted_);            \
+            fail_test();                                                                                               \
+        }                                                                                                              \
+    } while (0)
+
+#define EXPECT_TRUE(condition)                                                                                         \
+    do {                                                                                                               \
+        if (!(condition)) {                                                                                            \
+            print_error("%s:%d: %s does not hold\n", __FILE__, __LINE__, #condition);                                  \
+            fail_test();                                                                                               \
+        }                                                                                                              \
+    } while (0)
+
+#define EXPECT_STATUS(actual, wanted)                                                                                  \
+    do {                                                                                                               \
+        enum status actual_ = (actual), wanted_ = (wanted);                                                            \
+        if (actual_ != wanted_) {                                                                                      \
+            print_error("%s:%d: %s is %s (%s), wanted %s\n", __FILE__, __LINE__, #actual, status_name(actual_),        \
+                        status_sentence(), status_name(wanted_));                                                      \
+            fail_test();                                                                                               \
+        }                                                                                                              \
+    } while (0)
+
+static inline void fail_test(void)
+{
+    _fail(__FILE__, __LINE__);
+}
+
+// A small generator for test inputs, the same on every machine. Seed it, print the seed.
+struct dice {
+    uint64_t state;
+};
+
+static inline double dice_uniform(struct dice *dice) // [0, 1)
+{
+    // splitmix64 (Steele, Lea and Flood 2014)
+    uint64_t z = (dice->state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
+}
+
+static inline double dice_normal(struct dice *dice) // mean 0, standard deviation 1
+{
+    double u = 1 - dice_uniform(dice), v = dice_uniform(dice);
+    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
+}
