@@ -7,6 +7,7 @@
 #include "platform/jpeg.h"
 #include "platform/png.h"
 #include "platform/source.h"
+#include "platform/source_kinds.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -513,6 +514,48 @@ static void test_another_size(void **state)
     free(bytes);
 }
 
+// ------------------------------------------------------------- the tablet's cameras
+
+static void test_what_is_known_of_a_camera(void **state)
+{
+    struct room *room = *state;
+    struct lens lens = {0};
+    char below[96];
+    snprintf(below, sizeof below, "%s/reenact/cameras", room->path);
+    EXPECT_STATUS(folder_make(below), OK);
+    setenv("XDG_CONFIG_HOME", room->path, 1);
+    const char *id = "/base/soc/i2c0mux/ov5647@36";
+    EXPECT_STATUS(camera_lens_read(id, &lens), NOTHING);
+    put_text(room, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", calibration);
+    EXPECT_STATUS(camera_lens_read(id, &lens), OK);
+    EXPECT_NEAR(lens.fx, 26.5, 0);
+    EXPECT_STATUS(camera_lens_scale(&lens, W * 2, H * 2, id), OK);
+    EXPECT_INT(lens.width, 2 * W);
+    EXPECT_NEAR(lens.fx, 53, 1e-12);
+    EXPECT_NEAR(lens.cx, W - 0.5, 1e-12); // the middle stays the middle
+    EXPECT_STATUS(camera_lens_scale(&lens, 64, 36, id), ERR_INPUT);
+    says("64 x 36");
+    put_text(room, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", "{}");
+    EXPECT_STATUS(camera_lens_read(id, &lens), ERR_INPUT);
+    says("ov5647_36.json");
+    unsetenv("XDG_CONFIG_HOME");
+    lens = camera_lens_guess(1280, 720);
+    struct vec3 left = lens_ray(&lens, (struct pixel){-0.5, 359.5}),
+                right = lens_ray(&lens, (struct pixel){1279.5, 359.5});
+    EXPECT_NEAR(atan2(right.x, 1) - atan2(left.x, 1), 60 * 3.14159265358979 / 180, 1e-12);
+}
+
+static void test_no_camera(void **state)
+{
+    (void)state;
+    struct source *s = (struct source *)8;
+    enum status status = source_open(&s, "libcamera:998", SOURCE_CAMERA);
+    assert_true(status == ERR_MISSING || status == ERR_DEVICE); // the second where there is no camera stack at all
+    says("camera");
+    assert_null(s);
+    EXPECT_STATUS(source_open(&s, "libcamera:x", SOURCE_CAMERA), ERR_INPUT);
+}
+
 int main(void)
 {
 #define IN_A_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, clear_room)
@@ -529,6 +572,8 @@ int main(void)
         IN_A_ROOM(test_times_that_do_not_rise_are_dropped),
         IN_A_ROOM(test_damaged_pictures),
         IN_A_ROOM(test_another_size),
+        IN_A_ROOM(test_what_is_known_of_a_camera),
+        IN_A_ROOM(test_no_camera),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

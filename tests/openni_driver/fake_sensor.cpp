@@ -242,24 +242,23 @@ class Device : public oni::driver::DeviceBase
     {
         int which = sensor == ONI_SENSOR_DEPTH ? 0 : 1;
         const calibration &c = facts_.calibration;
-        auto *stream = new Stream(modes_[which], sensor, which ? c.color : c.depth, [this] {
+        auto stream = std::make_shared<Stream>(modes_[which], sensor, which ? c.color : c.depth, [this] {
             std::lock_guard<std::mutex> guard(lock_);
             changed_.notify_all();
         });
         std::lock_guard<std::mutex> guard(lock_);
         streams_.push_back(stream);
-        return stream;
+        return stream.get();
     }
 
     void destroyStream(oni::driver::StreamBase *stream) override
     {
         std::lock_guard<std::mutex> guard(lock_);
         for (size_t i = 0; i < streams_.size(); i++)
-            if (streams_[i] == stream) {
+            if (streams_[i].get() == stream) {
                 streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i));
                 break;
             }
-        delete stream;
     }
 
     OniBool isImageRegistrationModeSupported(OniImageRegistrationMode mode) override
@@ -288,7 +287,7 @@ class Device : public oni::driver::DeviceBase
   private:
     bool all_started() const
     {
-        for (const Stream *stream : streams_)
+        for (const auto &stream : streams_)
             if (!stream->started())
                 return false;
         return !streams_.empty();
@@ -296,7 +295,7 @@ class Device : public oni::driver::DeviceBase
 
     bool any_started() const
     {
-        for (const Stream *stream : streams_)
+        for (const auto &stream : streams_)
             if (stream->started())
                 return true;
         return false;
@@ -345,10 +344,15 @@ class Device : public oni::driver::DeviceBase
             if (index == 1)
                 first_ns = time_ns;
             last_ns = time_ns;
-            for (Stream *stream : streams_)
+            // Not under the lock: OpenNI2 calls in from the other side with locks of its own. A stream that is
+            // destroyed meanwhile was stopped before, and lives until this is done.
+            auto streams = streams_;
+            guard.unlock();
+            for (const auto &stream : streams)
                 stream->send(stream->sensor() == ONI_SENSOR_DEPTH ? static_cast<const void *>(picture.depth)
                                                                   : picture.color,
                              time_ns, index);
+            guard.lock();
         }
     }
 
@@ -359,9 +363,9 @@ class Device : public oni::driver::DeviceBase
     OniVideoMode modes_[2];
     OniSensorInfo sensors_[2];
     OniImageRegistrationMode registration_ = ONI_IMAGE_REGISTRATION_OFF;
-    std::mutex lock_; // guards streams_ and closing_; held while pictures are sent
+    std::mutex lock_; // guards streams_ and closing_
     std::condition_variable changed_;
-    std::vector<Stream *> streams_;
+    std::vector<std::shared_ptr<Stream>> streams_;
     bool closing_ = false;
     std::thread thread_;
 };

@@ -1,6 +1,11 @@
 // make-oni --from FOLDER --out FILE.oni: turns a folder of pictures into a
 // recording, with OpenNI2's own recorder and without loss. OpenNI2 sees the
 // folder as a sensor (fake_sensor.cpp), so the file is what a real recording is.
+//
+// That includes a fault of OpenNI2 2.2: its depth coder swaps the last two
+// things it writes when a picture ends on an even number of equal values and
+// one more, so that up to 31 pixels at the end of the bottom row may hold a
+// neighbour's depth. Everything else is the folder's, bit for bit.
 #include "platform/clock.h"
 #include "platform/file.h"
 #include "platform/source.h"
