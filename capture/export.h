@@ -1,0 +1,7 @@
+// A take's joints for other programs.
+#pragma once
+#include "capture/recording/recording.h"
+
+// CSV: timestamp,joint,x_m,y_m,z_m,confidence; seconds, the colour camera's axes,
+// frames without a person left out. Written whole or not at all. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status export_joints_csv(const struct take *take, const char *path);
