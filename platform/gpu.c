@@ -44,9 +44,9 @@ struct gpu_target {
     struct gpu *g;
     int width, height;
     bool multisampled;
-    GLuint drawn;             // framebuffer drawn into
-    GLuint color, depth;      // its renderbuffers; color only when multisampled
-    GLuint resolved;          // framebuffer around `texture`; the same as `drawn` without multisampling
+    GLuint drawn;        // framebuffer drawn into
+    GLuint color, depth; // its renderbuffers; color only when multisampled
+    GLuint resolved;     // framebuffer around `texture`; the same as `drawn` without multisampling
     struct gpu_texture texture;
 };
 
@@ -61,12 +61,18 @@ static void use(const struct gpu *g)
 static const char *error_name(GLenum error)
 {
     switch (error) {
-    case GL_OUT_OF_MEMORY: return "out of memory";
-    case GL_INVALID_ENUM: return "invalid enum";
-    case GL_INVALID_VALUE: return "invalid value";
-    case GL_INVALID_OPERATION: return "invalid operation";
-    case GL_INVALID_FRAMEBUFFER_OPERATION: return "incomplete framebuffer";
-    default: return "unknown error";
+    case GL_OUT_OF_MEMORY:
+        return "out of memory";
+    case GL_INVALID_ENUM:
+        return "invalid enum";
+    case GL_INVALID_VALUE:
+        return "invalid value";
+    case GL_INVALID_OPERATION:
+        return "invalid operation";
+    case GL_INVALID_FRAMEBUFFER_OPERATION:
+        return "incomplete framebuffer";
+    default:
+        return "unknown error";
     }
 }
 
@@ -370,8 +376,8 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
 
 // ---------------------------------------------------------------- meshes
 
-enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components,
-                          int vertex_count, const uint16_t *indices, int index_count)
+enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components, int vertex_count,
+                          const uint16_t *indices, int index_count)
 {
     assert(components >= 2 && components <= 4 && vertex_count > 0 && vertex_count <= 65536 && index_count > 0);
     *out = NULL;
@@ -452,7 +458,10 @@ enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, i
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
     samples = samples < g->max_samples ? samples : g->max_samples;
-    *t = (struct gpu_target){.g = g, .width = width, .height = height, .multisampled = samples > 1,
+    *t = (struct gpu_target){.g = g,
+                             .width = width,
+                             .height = height,
+                             .multisampled = samples > 1,
                              .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
     enum status status = make_target(t, samples);
     if (status != OK) {

@@ -37,12 +37,12 @@ MUST_CHECK enum status gpu_check(struct gpu *g);
 
 // ---- programs
 struct gpu_program_text {
-    const char *name;               // for the sentence
-    const char *vertex, *fragment;  // GLSL ES 3.00
-    const char *const *uniforms;    // uniform_count names; `a` for `uniform vec4 a[3]`
-    int uniform_count;              // at most 16
-    const char *const *samplers;    // in the order of gpu_job.textures
-    int sampler_count;              // at most 4
+    const char *name;              // for the sentence
+    const char *vertex, *fragment; // GLSL ES 3.00
+    const char *const *uniforms;   // uniform_count names; `a` for `uniform vec4 a[3]`
+    int uniform_count;             // at most 16
+    const char *const *samplers;   // in the order of gpu_job.textures
+    int sampler_count;             // at most 4
 };
 // The texts are not needed afterwards. The vertex shader's only input lies at
 // location 0. ERR_DEVICE: it does not compile or link (with the driver's words),

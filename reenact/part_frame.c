@@ -53,7 +53,7 @@ bool part_frame_facing(const struct skeleton *s, enum part p, struct vec3 eye, s
 // ---------------------------------------------------------------- the body's own twist
 
 struct trunk {
-    struct vec3 down, left, front; // unit, right-handed as (left, front, ...): left x down = front
+    struct vec3 down, left, front; // unit; front = down x left
 };
 
 // Unit vector from the right to the left joint, or zero.
@@ -82,7 +82,7 @@ static bool trunk_of(const struct skeleton *s, bool lower, struct trunk *out)
     if (!(v3_length(left) > 1e-3))
         return false;
     out->left = v3_unit(left);
-    out->front = v3_cross(out->left, out->down);
+    out->front = v3_cross(out->down, out->left);
     return true;
 }
 
@@ -96,16 +96,20 @@ struct limb {
 static bool limb_of(enum part p, struct limb *l)
 {
     switch (p) {
-    case PART_LEFT_UPPER_ARM: case PART_LEFT_FOREARM:
+    case PART_LEFT_UPPER_ARM:
+    case PART_LEFT_FOREARM:
         *l = (struct limb){JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, 1, false, 1};
         return true;
-    case PART_RIGHT_UPPER_ARM: case PART_RIGHT_FOREARM:
+    case PART_RIGHT_UPPER_ARM:
+    case PART_RIGHT_FOREARM:
         *l = (struct limb){JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, 1, false, -1};
         return true;
-    case PART_LEFT_THIGH: case PART_LEFT_SHIN:
+    case PART_LEFT_THIGH:
+    case PART_LEFT_SHIN:
         *l = (struct limb){JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, -1, true, 1};
         return true;
-    case PART_RIGHT_THIGH: case PART_RIGHT_SHIN:
+    case PART_RIGHT_THIGH:
+    case PART_RIGHT_SHIN:
         *l = (struct limb){JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, -1, true, -1};
         return true;
     default:
@@ -138,7 +142,7 @@ bool part_frame_bodily(const struct skeleton *s, enum part p, struct part_frame 
 {
     struct part_frame f;
     struct trunk trunk;
-    struct limb limb;
+    struct limb limb = {0};
     bool is_limb = limb_of(p, &limb);
     if (!bone(s, p, &f) || !trunk_of(s, p == PART_LOWER_TORSO || (is_limb && limb.leg), &trunk))
         return false;

@@ -10,9 +10,9 @@
 #include "capture/recording/skeleton.h"
 
 struct part_frame {
-    struct vec3 origin;      // the joint the part begins at
-    struct vec3 x, y, z;     // unit, right-handed; z along the bone
-    double length;           // of the bone, metres, > 0
+    struct vec3 origin;  // the joint the part begins at
+    struct vec3 x, y, z; // unit, right-handed; z along the bone
+    double length;       // of the bone, metres, > 0
 };
 
 // False when one of the part's joints is unknown or they coincide (< 1 mm).
