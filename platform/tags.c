@@ -84,12 +84,10 @@ bool tag_pattern(int32_t id, struct tag_pattern *out)
     apriltag_family_t *family = tag36h11_create();
     bool known = family && id >= 0 && (uint32_t)id < family->ncodes;
     if (known) {
-        image_u8_t *picture = apriltag_to_image(family, id); // with one cell of white around
-        int rim = (picture->width - TAG_CELLS) / 2;
-        for (int y = 0; y < TAG_CELLS; y++)
-            for (int x = 0; x < TAG_CELLS; x++)
-                out->cell[y][x] = picture->buf[(y + rim) * picture->stride + x + rim] > 127;
-        image_u8_destroy(picture);
+        // The first bit is the code's highest; bit_x, bit_y count cells from the black square's corner.
+        *out = (struct tag_pattern){0};
+        for (uint32_t i = 0; i < family->nbits; i++)
+            out->cell[family->bit_y[i]][family->bit_x[i]] = family->codes[id] >> (family->nbits - 1 - i) & 1;
     }
     if (family)
         tag36h11_destroy(family);
