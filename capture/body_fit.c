@@ -333,7 +333,7 @@ static double add_shape_belief(const struct fit_task *task, const struct body_sh
     double energy = 0;
     for (int a = 0; a < SHAPE_COUNT; a++)
         for (int b = 0; b < SHAPE_COUNT; b++) {
-            double i = task->shape.information[a][b], off = task->shape.mean.log[b] - shape->log[b];
+            double i = task->shape.information[a][b] / task->learn_rate, off = task->shape.mean.log[b] - shape->log[b];
             energy += 0.5 * i * off * (task->shape.mean.log[a] - shape->log[a]);
             if (system) {
                 system->g[FIT_POSE_COUNT + a] += i * off;
@@ -362,7 +362,8 @@ static void extract_information(const struct fit_task *task, const struct system
         }
     for (int a = 0; a < SHAPE_COUNT; a++)
         for (int b = 0; b <= a; b++) {
-            double i = l[FIT_POSE_COUNT + a][FIT_POSE_COUNT + b] - task->shape.information[a][b];
+            double i = l[FIT_POSE_COUNT + a][FIT_POSE_COUNT + b] -
+                       task->shape.information[a][b] / task->learn_rate;
             out->shape_information[a][b] = out->shape_information[b][a] = i;
         }
 }
@@ -412,7 +413,8 @@ struct shape_belief shape_belief_start(void)
 {
     // Standard deviations of an adult population around the proportions (5 to 8 %)
     // and of its height (8 %).
-    static const double sigma[SHAPE_COUNT] = {0.12, 0.06, 0.08, 0.08, 0.08, 0.07, 0.05, 0.05, 0.06, 0.10, 0.12, 0.10};
+    static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04, 0.04,
+                                              0.06, 0.10, 0.10, 0.10, 0.12, 0.10};
     struct shape_belief belief;
     memset(&belief, 0, sizeof belief);
     for (int k = 0; k < SHAPE_COUNT; k++)

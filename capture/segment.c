@@ -423,10 +423,12 @@ static void count_touching(struct segmenter *s, int main)
 
 static bool belongs(const struct segmenter *s, const struct component *c, const struct component *main, int ball_count)
 {
-    if (c->area_m2 > 0.6 * main->area_m2 || c->cells < 4)
+    if (c->cells < 4)
         return false;
     if (ball_count)
         return c->close > 0.5 * c->cells || (c->touching > 0.12 * c->cells && c->close > 0.1 * c->cells);
+    if (c->area_m2 > 0.6 * main->area_m2)
+        return false;
     double away[3];
     for (int k = 0; k < 3; k++)
         away[k] = c->sum[k] / c->cells - main->sum[k] / main->cells;
@@ -520,9 +522,21 @@ void segmenter_learn(struct segmenter *s, const uint8_t *mask)
 {
     (void)mask;
     int disagree = 0, known = 0;
+    // Inside the person's bounds nothing is learned that is not clearly behind
+    // them: it may be a part of them that the mask lost.
+    int left = s->width, right = -1, top = s->height, bottom = -1, far = 0;
+    for (int i = 0; i < s->width * s->height; i++)
+        if (s->person[i]) {
+            int x = i % s->width, y = i / s->width;
+            left = x < left ? x : left, right = x > right ? x : right;
+            top = y < top ? y : top, bottom = y > bottom ? y : bottom;
+            far = s->depth[i] > far ? s->depth[i] : far;
+        }
     for (int i = 0; i < s->width * s->height; i++) {
         int x = i % s->width, y = i / s->width, d = s->depth[i];
         if (!d || near_person(s, x, y))
+            continue;
+        if (x > left - 8 && x < right + 8 && y > top - 8 && y < bottom + 4 && d < far + 400)
             continue;
         double z = d * 0.001;
         int b = s->background[i], same = (int)(1000 * (3 * 1.4142 * depth_sigma_m(z) + 0.01));

@@ -21,6 +21,7 @@ struct tracker {
     bool moving;                     // `before` is there
     struct shape_belief shape;
     double learned_s;
+    struct body_pose taught;         // the last one that taught much of the shape
     int64_t lost_since_ns;           // 0: in sight
     int poor_frames;
     bool seen_ever[JOINT_COUNT];
@@ -29,7 +30,7 @@ struct tracker {
 
 struct tracker_options tracker_default_options(void)
 {
-    return (struct tracker_options){.points = 1200, .iterations = 7, .learn_s = 3, .patience_s = 0.7};
+    return (struct tracker_options){.points = 1200, .iterations = 7, .learn_s = 10, .patience_s = 0.7};
 }
 
 enum status tracker_open(struct tracker **out, const struct calibration *calibration, const struct tracker_options *options)
@@ -168,14 +169,28 @@ static void report(struct tracker *t, const struct fit_result *fit, double passe
     }
 }
 
-static void learn_shape(struct tracker *t, const struct fit_result *fit, double passed_s)
+// How much a picture may add to the shape: pictures of one pose err alike
+// (cloth, the model's own coarseness), a new pose tells something new.
+static double novelty(const struct tracker *t, const struct body_pose *pose)
+{
+    double sum = 0;
+    for (int s = 0; s < SEG_COUNT; s++) {
+        struct vec3 turn = quat_to_rotation_vector(quat_multiply(pose->turn[s], quat_conjugate(t->taught.turn[s])));
+        sum += v3_dot(turn, turn);
+    }
+    double angle = sqrt(sum / SEG_COUNT);
+    return 0.002 + 0.1 * fmin(1, angle / 0.25) * fmin(1, angle / 0.25);
+}
+
+static void learn_shape(struct tracker *t, const struct fit_task *task, const struct fit_result *fit, double passed_s)
 {
     t->shape.mean = fit->shape;
-    // Successive pictures err alike (cloth, pose), so each adds little.
     for (int a = 0; a < SHAPE_COUNT; a++)
         for (int b = 0; b < SHAPE_COUNT; b++)
-            t->shape.information[a][b] += 0.12 * fit->shape_information[a][b];
+            t->shape.information[a][b] += task->learn_rate * fit->shape_information[a][b];
     t->learned_s += passed_s;
+    if (task->learn_rate > 0.05)
+        t->taught = fit->pose;
 }
 
 // Lays the body into this frame from where it is expected. False: it is not there.
@@ -195,6 +210,7 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     task->iterations = t->options.iterations - first;
     task->reach_m = 0.06;
     task->learn_shape = t->learned_s < t->options.learn_s;
+    task->learn_rate = novelty(t, &start);
     body_fit(task, &start, best);
     double explained = explained_share(t->evidence, best, 0.06);
     if (explained < 0.985 && limbs_search(task, t->room)) {
@@ -208,21 +224,18 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     if (explained < 0.35 || t->poor_frames > 12)
         return false;
     if (task->learn_shape)
-        learn_shape(t, best, passed_s);
+        learn_shape(t, task, best, passed_s);
     return true;
 }
 
 static bool start(struct tracker *t, struct fit_task *task)
 {
-    struct shape_belief known = t->shape;
-    bool had = t->learned_s > 1;
     if (!start_search(task, t->room))
         return false;
     t->shape = task->shape;
     t->shape.mean = t->room->best.shape;
+    t->taught = t->room->best.pose;
     t->learned_s = 0;
-    (void)known;
-    (void)had;
     return true;
 }
 

@@ -144,6 +144,7 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     for (int round = 0; round < 2; round++)
         limbs_search(task, room);
     task->learn_shape = true;
+    task->learn_rate = 0.3;
     task->iterations = 10;
     struct body_pose pose = room->best.pose;
     body_fit(task, &pose, &room->trial);
