@@ -22,71 +22,16 @@
 // one place, for OpenNI2 does not say how far they are apart.
 #include "platform/clock.h"
 #include "platform/file.h"
-#include "platform/source_kinds.h"
+#include "platform/openni_sensor.h"
 
 #include <dlfcn.h>
-#include <pthread.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-// OpenNI2's C header uses these as C++ would, without `struct`.
-typedef struct _OniDevice _OniDevice;
-typedef struct _OniStream _OniStream;
-typedef struct _OniRecorder _OniRecorder;
-#include <OniCAPI.h>
-
-enum { QUEUE = 8, SLICE_MS = 50 };
-static const int64_t LIVE_SILENCE_NS = 5000000000; // a sensor silent for so long is gone
-static const int64_t FILE_SILENCE_NS = 3000000000; // a file's next picture takes milliseconds
-
 // OpenNI2 counts its users without a lock, and opening changes the working
 // folder for a moment; so only one thread at a time opens or closes.
 static pthread_mutex_t opening = PTHREAD_MUTEX_INITIALIZER;
-
-// Keeps a file's player from running ahead: OpenNI2 holds only one picture per
-// stream and overwrites it, so the next one's memory is handed out only when
-// the last one has been taken.
-struct gate {
-    pthread_mutex_t lock;
-    pthread_cond_t changed;
-    bool open; // closing down: nobody waits any more
-};
-
-struct lane { // one stream and the pictures that came from it, oldest first
-    OniStreamHandle stream;
-    OniVideoMode mode;
-    bool mirrored; // by the source: to be turned back
-    OniFrame *queue[QUEUE];
-    int count;
-    struct gate *gate;
-    bool untaken; // guarded by the gate: a picture is with OpenNI2 and not yet in the queue
-};
-
-// Goes before the pixels in memory that the gate hands out.
-struct block {
-    struct lane *lane;
-    bool taken;
-};
-enum { BLOCK_BYTES = 64 }; // keeps the pixels aligned
-
-struct sensor {
-    char *name; // for sentences: "the sensor" and its name, or the file
-    char uri[ONI_MAX_STR];
-    bool file;
-    bool initialized;
-    OniDeviceHandle device;
-    OniCallbackHandle callbacks;
-    struct gate gate;
-    struct lane depth, color; // color.stream is NULL where there is none
-    atomic_bool gone, ended;  // set from OpenNI2's threads
-    uint16_t *mm;
-    uint8_t *rgb;
-    int64_t half_frame_ns;
-    int64_t handed_out, last_time_ns, last_index;
-    struct source_facts *facts;
-};
 
 // ------------------------------------------------------------- sentences
 
@@ -129,55 +74,6 @@ static enum status no_sensor(int index, int count)
                 "no depth sensor is connected: plug one in, and see that you may use it (udev) and that its driver is "
                 "in %s",
                 folder);
-}
-
-// ------------------------------------------------------------- the gate
-
-static void *gate_alloc(int size, void *cookie)
-{
-    struct lane *lane = cookie;
-    struct gate *gate = lane->gate;
-    pthread_mutex_lock(&gate->lock);
-    while (lane->untaken && !gate->open)
-        pthread_cond_wait(&gate->changed, &gate->lock);
-    lane->untaken = true;
-    pthread_mutex_unlock(&gate->lock);
-    size_t rounded = (BLOCK_BYTES + (size_t)size + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
-    uint8_t *memory = aligned_alloc(BLOCK_BYTES, rounded);
-    if (!memory)
-        return NULL;
-    *(struct block *)memory = (struct block){lane, false};
-    return memory + BLOCK_BYTES;
-}
-
-static void gate_taken(struct lane *lane, struct block *block)
-{
-    struct gate *gate = lane->gate;
-    pthread_mutex_lock(&gate->lock);
-    if (!block->taken) {
-        block->taken = true;
-        lane->untaken = false;
-        pthread_cond_broadcast(&gate->changed);
-    }
-    pthread_mutex_unlock(&gate->lock);
-}
-
-static void gate_free(void *data, void *cookie)
-{
-    (void)cookie;
-    if (!data)
-        return;
-    struct block *block = (struct block *)((uint8_t *)data - BLOCK_BYTES);
-    gate_taken(block->lane, block); // thrown away unread: the next may come
-    free(block);
-}
-
-static void gate_open(struct gate *gate)
-{
-    pthread_mutex_lock(&gate->lock);
-    gate->open = true;
-    pthread_cond_broadcast(&gate->changed);
-    pthread_mutex_unlock(&gate->lock);
 }
 
 // ------------------------------------------------------------- news from OpenNI2's threads
@@ -348,13 +244,6 @@ static enum status start(struct sensor *s)
     return OK;
 }
 
-static void release_all(struct lane *lane)
-{
-    for (int i = 0; i < lane->count; i++)
-        oniFrameRelease(lane->queue[i]);
-    lane->count = 0;
-}
-
 static void openni_close(void *self)
 {
     struct sensor *s = self;
@@ -362,8 +251,8 @@ static void openni_close(void *self)
         return;
     pthread_mutex_lock(&opening);
     gate_open(&s->gate);
-    release_all(&s->depth);
-    release_all(&s->color);
+    lane_release_all(&s->depth);
+    lane_release_all(&s->color);
     if (s->callbacks)
         oniUnregisterDeviceCallbacks(s->callbacks);
     if (s->color.stream)
@@ -395,6 +284,29 @@ static enum status initialize(void)
         return OK;
     enum status status = fail(ERR_DEVICE, "OpenNI2 does not start: %s", complaint(why));
     oniShutdown(); // it counts failed starts too
+    return status;
+}
+
+// Learns the URI and the name of the device with that number.
+static enum status find_device(struct sensor *s, int index)
+{
+    OniDeviceInfo *list = NULL;
+    int count = 0;
+    if (oniGetDeviceList(&list, &count) != ONI_STATUS_OK)
+        count = 0;
+    enum status status = index < count ? OK : no_sensor(index, count);
+    if (status == OK) {
+        snprintf(s->uri, sizeof s->uri, "%s", list[index].uri);
+        char name[2 * ONI_MAX_STR + 20];
+        snprintf(name, sizeof name, "the sensor %s %s", list[index].vendor, list[index].name);
+        char *named = strdup(name);
+        if (named) {
+            free(s->name);
+            s->name = named;
+        }
+    }
+    if (list)
+        oniReleaseDeviceList(list);
     return status;
 }
 
@@ -434,12 +346,14 @@ static struct sensor *new_sensor(bool file, const char *name, struct source_fact
     return s;
 }
 
-// Takes over `s`; closes it on error.
-static enum status finish_open(struct sensor *s, void **self)
+// Takes over `s`; closes it on error. index: of the device; -1 for a file, whose URI is known.
+static enum status finish_open(struct sensor *s, int index, void **self)
 {
     pthread_mutex_lock(&opening);
     enum status status = initialize();
     s->initialized = status == OK;
+    if (status == OK && index >= 0)
+        status = find_device(s, index);
     if (status == OK)
         status = open_device(s);
     pthread_mutex_unlock(&opening);
@@ -447,28 +361,6 @@ static enum status finish_open(struct sensor *s, void **self)
         *self = s;
     else
         openni_close(s);
-    return status;
-}
-
-// Finds the N-th device's URI and name.
-static enum status find_device(int index, OniDeviceInfo *out)
-{
-    pthread_mutex_lock(&opening);
-    enum status status = initialize();
-    if (status == OK) {
-        OniDeviceInfo *list = NULL;
-        int count = 0;
-        if (oniGetDeviceList(&list, &count) != ONI_STATUS_OK)
-            count = 0;
-        if (index < count)
-            *out = list[index];
-        else
-            status = no_sensor(index, count);
-        if (list)
-            oniReleaseDeviceList(list);
-        oniShutdown();
-    }
-    pthread_mutex_unlock(&opening);
     return status;
 }
 
@@ -480,17 +372,8 @@ enum status openni_open(void **self, const char *where, enum source_wanted wante
     long index = *where ? strtol(where, &end, 10) : 0;
     if (*where && (*end || end == where || index < 0 || index > 999))
         return fail(ERR_INPUT, "'openni:%s' does not say which sensor; write openni:0 for the first", where);
-    OniDeviceInfo info;
-    enum status status = find_device((int)index, &info);
-    if (status != OK)
-        return status;
-    char name[2 * ONI_MAX_STR + 20];
-    snprintf(name, sizeof name, "the sensor %s %s", info.vendor, info.name);
-    struct sensor *s = new_sensor(false, name, facts);
-    if (!s)
-        return fail(ERR_MEMORY, "no memory to open a depth sensor");
-    snprintf(s->uri, sizeof s->uri, "%s", info.uri);
-    return finish_open(s, self);
+    struct sensor *s = new_sensor(false, "the sensor", facts);
+    return s ? finish_open(s, (int)index, self) : fail(ERR_MEMORY, "no memory to open a depth sensor");
 }
 
 enum status oni_open(void **self, const char *where, enum source_wanted wanted, struct source_facts *facts)
@@ -511,164 +394,7 @@ enum status oni_open(void **self, const char *where, enum source_wanted wanted, 
     if (s)
         snprintf(s->uri, sizeof s->uri, "%s", path);
     free(path);
-    return s ? finish_open(s, self) : fail(ERR_MEMORY, "no memory to open %s", where);
-}
-
-// ------------------------------------------------------------- frames
-
-static int64_t time_of(const OniFrame *frame)
-{
-    return (int64_t)frame->timestamp * 1000; // microseconds
-}
-
-static void drop_oldest(struct lane *lane, int how_many)
-{
-    for (int i = 0; i < how_many; i++)
-        oniFrameRelease(lane->queue[i]);
-    lane->count -= how_many;
-    memmove(lane->queue, lane->queue + how_many, (size_t)lane->count * sizeof *lane->queue);
-}
-
-// Waits at most `wait_ms` for a picture and puts it into its queue. NOTHING: none came.
-static enum status take_picture(struct sensor *s, int wait_ms)
-{
-    struct lane *lanes[2] = {&s->depth, &s->color};
-    OniStreamHandle streams[2] = {s->depth.stream, s->color.stream};
-    int index = 0;
-    OniFrame *frame = NULL;
-    if (oniWaitForAnyStream(streams, s->color.stream ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
-        oniStreamReadFrame(streams[index], &frame) != ONI_STATUS_OK || !frame)
-        return NOTHING;
-    struct lane *lane = lanes[index];
-    if (s->file)
-        gate_taken(lane, (struct block *)((uint8_t *)frame->data - BLOCK_BYTES));
-    if (lane->count == QUEUE)
-        drop_oldest(lane, 1);
-    lane->queue[lane->count++] = frame;
-    return OK;
-}
-
-// Is it known which colour picture, if any, belongs to the oldest depth picture? For a file
-// this depends on the pictures' order alone, never on how fast they come.
-static bool decided(const struct sensor *s, bool over)
-{
-    if (!s->depth.count)
-        return false;
-    if (over || !s->color.stream)
-        return true;
-    if (s->color.count && time_of(s->color.queue[s->color.count - 1]) >= time_of(s->depth.queue[0]))
-        return true; // whatever comes later is further away
-    return s->depth.count >= (s->file ? QUEUE : 2);
-}
-
-static enum status copy_depth(struct sensor *s, const OniFrame *frame)
-{
-    int w = s->depth.mode.resolutionX, h = s->depth.mode.resolutionY;
-    if (frame->width != w || frame->height != h || frame->stride < w * 2 ||
-        frame->dataSize < frame->stride * (h - 1) + w * 2)
-        return fail(ERR_INPUT, "%s: depth picture %d has %d x %d pixels where %d x %d were announced", s->name,
-                    frame->frameIndex, frame->width, frame->height, w, h);
-    bool tenths = s->depth.mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
-    for (int y = 0; y < h; y++) {
-        const uint16_t *in =
-            (const uint16_t *)(const void *)((const uint8_t *)frame->data + (size_t)y * (size_t)frame->stride);
-        uint16_t *out = s->mm + (size_t)y * (size_t)w;
-        for (int x = 0; x < w; x++) {
-            int value = in[s->depth.mirrored ? w - 1 - x : x];
-            out[x] = (uint16_t)(tenths ? (value + 5) / 10 : value);
-        }
-    }
-    return OK;
-}
-
-static enum status copy_color(struct sensor *s, const OniFrame *frame)
-{
-    int w = s->color.mode.resolutionX, h = s->color.mode.resolutionY;
-    if (frame->width != w || frame->height != h || frame->stride < w * 3 ||
-        frame->dataSize < frame->stride * (h - 1) + w * 3)
-        return fail(ERR_INPUT, "%s: colour picture %d has %d x %d pixels where %d x %d were announced", s->name,
-                    frame->frameIndex, frame->width, frame->height, w, h);
-    for (int y = 0; y < h; y++) {
-        const uint8_t *in = (const uint8_t *)frame->data + (size_t)y * (size_t)frame->stride;
-        uint8_t *out = s->rgb + (size_t)y * (size_t)w * 3;
-        if (!s->color.mirrored)
-            memcpy(out, in, (size_t)w * 3);
-        else
-            for (int x = 0; x < w; x++)
-                memcpy(out + 3 * x, in + 3 * (w - 1 - x), 3);
-    }
-    return OK;
-}
-
-// Makes a frame of the oldest depth picture and its colour. NOTHING: its time does not rise, it was dropped.
-static enum status hand_out(struct sensor *s, struct frame *out)
-{
-    const OniFrame *depth = s->depth.queue[0];
-    int64_t time_ns = time_of(depth);
-    int best = -1;
-    for (int i = 0; i < s->color.count; i++)
-        if (best < 0 || llabs(time_of(s->color.queue[i]) - time_ns) < llabs(time_of(s->color.queue[best]) - time_ns))
-            best = i;
-    if (best >= 0 && llabs(time_of(s->color.queue[best]) - time_ns) > s->half_frame_ns)
-        best = -1;
-    if (s->last_index >= 0 && depth->frameIndex > s->last_index + 1)
-        s->facts->dropped += depth->frameIndex - s->last_index - 1;
-    s->last_index = depth->frameIndex;
-    if (s->facts->remaining > 0)
-        s->facts->remaining--;
-    enum status status = OK;
-    if (time_ns <= s->last_time_ns) {
-        s->facts->dropped++;
-        status = NOTHING;
-    } else {
-        s->last_time_ns = time_ns;
-        out->time_ns = time_ns;
-        snprintf(out->name, sizeof out->name, "%04lld", (long long)s->handed_out++);
-        status = copy_depth(s, depth);
-        if (status == OK && best >= 0)
-            status = copy_color(s, s->color.queue[best]);
-        out->depth = s->mm;
-        out->color = best >= 0 ? s->rgb : NULL;
-        int used = best + 1; // those before it are too old for what comes
-        while (used < s->color.count && time_of(s->color.queue[used]) < time_ns - s->half_frame_ns)
-            used++;
-        drop_oldest(&s->color, used);
-    }
-    drop_oldest(&s->depth, 1);
-    return status;
-}
-
-static enum status openni_next(void *self, struct frame *out)
-{
-    struct sensor *s = self;
-    int64_t since_ns = clock_now_ns();
-    for (;;) {
-        while (s->depth.count < QUEUE && !(s->file && decided(s, false)) && take_picture(s, 0) == OK)
-            since_ns = clock_now_ns();
-        // Read before the queues are looked at again: what came before the end is already there.
-        bool over = atomic_load(&s->ended);
-        if (over)
-            while (s->depth.count < QUEUE && take_picture(s, 0) == OK)
-                ;
-        if (!s->file && s->depth.count > 2)
-            drop_oldest(&s->depth, s->depth.count - 2); // late: the newest is wanted; the gap is counted
-        if (decided(s, over)) {
-            enum status status = hand_out(s, out);
-            if (status != NOTHING)
-                return status;
-            continue;
-        }
-        if (over)
-            return NOTHING;
-        if (atomic_load(&s->gone))
-            return fail(ERR_DEVICE, "%s was unplugged", s->name);
-        if (take_picture(s, SLICE_MS) == OK)
-            since_ns = clock_now_ns();
-        else if (clock_now_ns() - since_ns > (s->file ? FILE_SILENCE_NS : LIVE_SILENCE_NS))
-            return s->file ? fail(ERR_INPUT, "%s breaks off in the middle: it is damaged or was not finished", s->name)
-                           : fail(ERR_DEVICE, "%s has sent no picture for %d seconds; is it still plugged in?", s->name,
-                                  (int)(LIVE_SILENCE_NS / 1000000000));
-    }
+    return s ? finish_open(s, -1, self) : fail(ERR_MEMORY, "no memory to open %s", where);
 }
 
 const struct source_kind openni_kind = {openni_next, openni_close};
