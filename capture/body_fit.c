@@ -256,17 +256,24 @@ static double add_free_space(const struct fit_task *task, const struct body_buil
     return energy;
 }
 
-// Feet do not go through the floor.
+// Feet do not go through the floor, and the lower one mostly stands on it: the
+// mask ends above the floor, so that no point pulls a sole down.
 static double add_floor(const struct fit_task *task, const struct body_build *build, struct system *system)
 {
     double energy = 0;
     if (!task->have_floor)
         return 0;
+    double lowest = 1e9;
+    int sole = -1;
     for (int i = 0; i < SOLID_COUNT; i++) {
         const struct body_solid *s = &build->solid[i];
         for (int end = 0; end < 2; end++) {
             struct vec3 c = end ? s->b : s->a;
             double over = v3_dot(task->up, c) + task->floor_m - (end ? s->radius_b : s->radius_a);
+            if (over < lowest && (s->segment == SEG_LEFT_FOOT || s->segment == SEG_RIGHT_FOOT)) {
+                lowest = over;
+                sole = 2 * i + end;
+            }
             if (over >= 0)
                 continue;
             double weight = 1 / (0.02 * 0.02);
@@ -276,6 +283,16 @@ static double add_floor(const struct fit_task *task, const struct body_build *bu
                 row_start(&row, build, s->segment, c, task->up);
                 system_add(system, &row, -over, weight);
             }
+        }
+    }
+    if (lowest > 0 && lowest < 0.5) {
+        const struct body_solid *s = &build->solid[sole / 2];
+        double c2 = 0.06 * 0.06, fade = c2 / (c2 + lowest * lowest), weight = 1 / (0.02 * 0.02);
+        energy += 0.5 * weight * lowest * lowest * fade;
+        if (system) {
+            struct row row;
+            row_start(&row, build, s->segment, sole % 2 ? s->b : s->a, task->up);
+            system_add(system, &row, -lowest, weight * fade * fade);
         }
     }
     return energy;
