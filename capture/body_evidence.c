@@ -91,49 +91,6 @@ static void spread_nearest(struct body_evidence *e)
     }
 }
 
-// Registered pictures have a rim without readings; the person ends there as at the picture's edge.
-static void find_picture(struct body_evidence *e)
-{
-    const struct lens *l = &e->lens;
-    e->picture_left = e->picture_top = 0;
-    e->picture_right = l->width - 1;
-    e->picture_bottom = l->height - 1;
-    int valid = 0, total = 0, rows = 0, columns = 0;
-    for (int y = 0; y < l->height; y += 4)
-        for (int x = 0; x < l->width; x += 4) {
-            valid += e->depth[y * l->width + x] != 0;
-            total++;
-        }
-    if (2 * valid < total) // the room itself is missing: no rim can be told
-        return;
-    for (int side = 0; side < 2; side++)
-        for (int k = 0; k < l->height / 4; k++) {
-            int y = side ? l->height - 1 - k : k;
-            rows = 0;
-            for (int x = 0; x < l->width; x += 4)
-                rows += e->depth[y * l->width + x] != 0;
-            if (4 * 8 * rows > l->width)
-                break;
-            if (side)
-                e->picture_bottom = y - 1;
-            else
-                e->picture_top = y + 1;
-        }
-    for (int side = 0; side < 2; side++)
-        for (int k = 0; k < l->width / 4; k++) {
-            int x = side ? l->width - 1 - k : k;
-            columns = 0;
-            for (int y = 0; y < l->height; y += 4)
-                columns += e->depth[y * l->width + x] != 0;
-            if (4 * 8 * columns > l->height)
-                break;
-            if (side)
-                e->picture_right = x - 1;
-            else
-                e->picture_left = x + 1;
-        }
-}
-
 bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted)
 {
     const struct lens *l = &e->lens;
@@ -154,7 +111,7 @@ bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t
             }
     if (e->pixels < 40)
         return false;
-    find_picture(e);
+    e->picture = picture_bounds(depth, l);
     spread_nearest(e);
     if (wanted > EVIDENCE_POINTS_MAX)
         wanted = EVIDENCE_POINTS_MAX;
@@ -181,7 +138,7 @@ enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, d
                                double *dy)
 {
     *depth_m = *dx = *dy = 0;
-    if (!(px.x >= e->picture_left && px.y >= e->picture_top && px.x <= e->picture_right && px.y <= e->picture_bottom))
+    if (!(px.x >= e->picture.left && px.y >= e->picture.top && px.x <= e->picture.right && px.y <= e->picture.bottom))
         return EVIDENCE_OUTSIDE;
     int x = (int)(px.x + 0.5), y = (int)(px.y + 0.5);
     x = x < e->lens.width ? x : e->lens.width - 1;

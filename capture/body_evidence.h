@@ -2,7 +2,7 @@
 // and for every place of the picture the way to the nearest pixel of the
 // person. Depth camera's axes, metres. One handle, one thread.
 #pragma once
-#include "platform/lens.h"
+#include "capture/segment.h"
 
 struct evidence_point {
     struct vec3 p;
@@ -23,7 +23,7 @@ struct body_evidence {
     int pixels;                  // of the mask
     int left, top, right, bottom; // of the mask, pixels, inclusive
     struct vec3 low, high;        // bounds of the points
-    int picture_left, picture_top, picture_right, picture_bottom; // where the picture has readings at all
+    struct picture_bounds picture;
 };
 
 // Copies the lens. ERR_MEMORY.

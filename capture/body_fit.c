@@ -1,6 +1,7 @@
 #include "capture/body_fit.h"
 
 #include "capture/body_prior.h"
+#include "capture/body_system.h"
 #include "capture/segment.h"
 
 #include <string.h>
@@ -10,12 +11,6 @@
 #define INDEPENDENT_POINTS 220.0
 #define FREE_SIGMA_M 0.020 // of the silhouette, a sample of the model
 #define FREE_REACH_M 0.25  // beyond this a sample's pull fades
-
-struct system {
-    double h[FIT_COUNT][FIT_COUNT]; // lower triangle
-    double g[FIT_COUNT];
-    int count; // unknowns in use
-};
 
 // How the build changes with each factor of the shape.
 struct shape_slope {
@@ -60,30 +55,7 @@ double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *no
     return v3_dot(*normal, out) - radius;
 }
 
-// A row of the Jacobian: how a point fixed to `segment` moves along `n`.
-struct row {
-    int index[3 + 3 * 8 + SHAPE_COUNT];
-    double value[3 + 3 * 8 + SHAPE_COUNT];
-    int count;
-};
-
-static void row_start(struct row *row, const struct body_build *build, enum segment segment, struct vec3 point,
-                      struct vec3 n)
-{
-    row->count = 3;
-    row->index[0] = 0, row->index[1] = 1, row->index[2] = 2;
-    row->value[0] = n.x, row->value[1] = n.y, row->value[2] = n.z;
-    for (int s = (int)segment; s >= 0; s = body_parent((enum segment)s)) {
-        struct vec3 turn = v3_cross(v3_sub(point, build->origin[s]), n);
-        const double(*m)[3] = (const double(*)[3])build->parent_axes[s];
-        for (int k = 0; k < 3; k++) {
-            row->index[row->count] = 3 + 3 * s + k;
-            row->value[row->count++] = m[0][k] * turn.x + m[1][k] * turn.y + m[2][k] * turn.z;
-        }
-    }
-}
-
-static void row_add_shape(struct row *row, const struct shape_slope slope[SHAPE_COUNT], const struct body_solid *solid,
+static void row_add_shape(struct fit_row *row, const struct shape_slope slope[SHAPE_COUNT], const struct body_solid *solid,
                           int i, double t, double side_m, struct vec3 n)
 {
     double width = solid->width_a + (solid->width_b - solid->width_a) * t;
@@ -95,20 +67,6 @@ static void row_add_shape(struct row *row, const struct shape_slope slope[SHAPE_
         double value = v3_dot(n, v3_mix(s->a[i], s->b[i], t)) + radius + share * wide * v3_dot(n, solid->side);
         row->index[row->count] = FIT_POSE_COUNT + k;
         row->value[row->count++] = value;
-    }
-}
-
-static void system_add(struct system *s, const struct row *row, double residual, double weight)
-{
-    for (int a = 0; a < row->count; a++) {
-        double wa = weight * row->value[a];
-        if (wa == 0)
-            continue;
-        int ia = row->index[a];
-        s->g[ia] += wa * residual;
-        for (int b = 0; b < row->count; b++)
-            if (row->index[b] <= ia)
-                s->h[ia][row->index[b]] += wa * row->value[b];
     }
 }
 
@@ -150,7 +108,7 @@ static void find_bounds(const struct body_build *build, struct bound bound[SOLID
 
 // Points against the nearest surface that the camera can see. With `system` NULL only judges.
 static double add_points(const struct fit_task *task, const struct body_build *build,
-                         const struct shape_slope *slope, struct fit_result *out, struct system *system)
+                         const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
 {
     const struct body_evidence *e = task->evidence;
     struct bound bound[SOLID_COUNT];
@@ -182,13 +140,13 @@ static double add_points(const struct fit_task *task, const struct body_build *b
         energy += 0.5 * weight * e2 * fade; // Geman and McClure
         if (!system)
             continue;
-        struct row row;
+        struct fit_row row;
         const struct body_solid *s = &build->solid[solid];
         double radius = s->radius_a + (s->radius_b - s->radius_a) * best_t;
-        row_start(&row, build, s->segment, v3_add(best_on, v3_scale(best_n, radius)), best_n);
+        fit_row_start(&row, build, s->segment, v3_add(best_on, v3_scale(best_n, radius)), best_n);
         if (slope)
             row_add_shape(&row, slope, s, solid, best_t, best_side, best_n);
-        system_add(system, &row, best_distance, weight * fade * fade);
+        fit_system_add(system, &row, best_distance, weight * fade * fade);
     }
     return energy;
 }
@@ -196,7 +154,7 @@ static double add_points(const struct fit_task *task, const struct body_build *b
 // One sample of the model: it must not stand beside the person, nor in front of
 // what was measured.
 static double add_free_sample(const struct fit_task *task, const struct body_build *build, enum segment segment,
-                              struct vec3 c, double radius, double rate, struct system *system)
+                              struct vec3 c, double radius, double rate, struct fit_system *system)
 {
     const struct body_evidence *e = task->evidence;
     if (c.z < 0.2)
@@ -222,15 +180,15 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     double fade = c2 / (c2 + e2), weight = rate / (FREE_SIGMA_M * FREE_SIGMA_M);
     for (int k = 0; system && k < 3; k++)
         if (off[k] != 0) {
-            struct row row;
-            row_start(&row, build, segment, c, v3(k == 0, k == 1, k == 2));
-            system_add(system, &row, off[k], weight * fade * fade);
+            struct fit_row row;
+            fit_row_start(&row, build, segment, c, v3(k == 0, k == 1, k == 2));
+            fit_system_add(system, &row, off[k], weight * fade * fade);
         }
     return 0.5 * weight * e2 * fade;
 }
 
 static double add_free_space(const struct fit_task *task, const struct body_build *build, struct fit_result *out,
-                             struct system *system)
+                             struct fit_system *system)
 {
     double energy = 0;
     memset(out->limb_energy, 0, sizeof out->limb_energy);
@@ -256,65 +214,6 @@ static double add_free_space(const struct fit_task *task, const struct body_buil
     return energy;
 }
 
-// Feet do not go through the floor.
-static double add_floor(const struct fit_task *task, const struct body_build *build, struct system *system)
-{
-    double energy = 0;
-    if (!task->have_floor)
-        return 0;
-    for (int i = 0; i < SOLID_COUNT; i++) {
-        const struct body_solid *s = &build->solid[i];
-        for (int end = 0; end < 2; end++) {
-            struct vec3 c = end ? s->b : s->a;
-            double over = v3_dot(task->up, c) + task->floor_m - (end ? s->radius_b : s->radius_a);
-            if (over >= 0)
-                continue;
-            double weight = 1 / (0.02 * 0.02);
-            energy += 0.5 * weight * fmin(over * over, 0.04);
-            if (system) {
-                struct row row;
-                row_start(&row, build, s->segment, c, task->up);
-                system_add(system, &row, -over, weight);
-            }
-        }
-    }
-    return energy;
-}
-
-// Solves (H + damping) x = g by Cholesky; false when H is not positive.
-static bool solve(const struct system *s, double damping, double x[FIT_COUNT])
-{
-    int n = s->count;
-    double l[FIT_COUNT][FIT_COUNT];
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = s->h[i][j] + (i == j ? damping * s->h[i][i] + 1e-3 : 0);
-            for (int k = 0; k < j; k++)
-                sum -= l[i][k] * l[j][k];
-            if (i == j) {
-                if (!(sum > 1e-9))
-                    return false;
-                l[i][i] = sqrt(sum);
-            } else {
-                l[i][j] = sum / l[j][j];
-            }
-        }
-    }
-    for (int i = 0; i < n; i++) {
-        double sum = s->g[i];
-        for (int k = 0; k < i; k++)
-            sum -= l[i][k] * x[k];
-        x[i] = sum / l[i][i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        double sum = x[i];
-        for (int k = i + 1; k < n; k++)
-            sum -= l[k][i] * x[k];
-        x[i] = sum / l[i][i];
-    }
-    return true;
-}
-
 static void move_pose(struct body_pose *pose, const double *x)
 {
     double far = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]), limit = far > 0.2 ? 0.2 / far : 1;
@@ -328,7 +227,7 @@ static void move_pose(struct body_pose *pose, const double *x)
     }
 }
 
-static double add_shape_belief(const struct fit_task *task, const struct body_shape *shape, struct system *system)
+static double add_shape_belief(const struct fit_task *task, const struct body_shape *shape, struct fit_system *system)
 {
     double energy = 0;
     for (int a = 0; a < SHAPE_COUNT; a++)
@@ -344,30 +243,6 @@ static double add_shape_belief(const struct fit_task *task, const struct body_sh
     return energy;
 }
 
-// What the picture says of the shape when the pose is left free: the Schur
-// complement of the pose in the normal equations, without the belief itself.
-static void extract_information(const struct fit_task *task, const struct system *s, struct fit_result *out)
-{
-    double l[FIT_COUNT][FIT_COUNT];
-    for (int i = 0; i < FIT_COUNT; i++)
-        for (int j = 0; j <= i; j++) {
-            double sum = s->h[i][j] + (i == j ? 1e-3 : 0);
-            int last = j < FIT_POSE_COUNT ? j : FIT_POSE_COUNT;
-            for (int k = 0; k < last; k++)
-                sum -= l[i][k] * l[j][k];
-            if (i < FIT_POSE_COUNT && i == j)
-                l[i][i] = sqrt(fmax(sum, 1e-9));
-            else
-                l[i][j] = j < FIT_POSE_COUNT ? sum / l[j][j] : sum;
-        }
-    for (int a = 0; a < SHAPE_COUNT; a++)
-        for (int b = 0; b <= a; b++) {
-            double i = l[FIT_POSE_COUNT + a][FIT_POSE_COUNT + b] -
-                       task->shape.information[a][b] / task->learn_rate;
-            out->shape_information[a][b] = out->shape_information[b][a] = i;
-        }
-}
-
 void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
                 struct fit_result *out)
 {
@@ -375,14 +250,14 @@ void body_judge(const struct fit_task *task, const struct body_pose *pose, const
     out->shape = *shape;
     body_build(shape, pose, &out->build);
     out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, out, NULL) +
-                  add_floor(task, &out->build, NULL) + body_prior_limits(&out->build, pose, NULL, NULL);
+                  body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) + body_prior_limits(&out->build, pose, NULL, NULL);
 }
 
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out)
 {
     struct body_pose pose = *start;
     struct body_shape shape = task->shape.mean;
-    struct system system;
+    struct fit_system system;
     struct shape_slope slope[SHAPE_COUNT];
     for (int turn = 0; turn < task->iterations; turn++) {
         memset(&system, 0, sizeof system);
@@ -394,18 +269,23 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
         }
         add_points(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
         add_free_space(task, &out->build, out, &system);
-        add_floor(task, &out->build, &system);
+        body_floor(task, &out->build, &system);
+        body_collisions(&out->build, out->limb_energy, &system);
         body_prior_limits(&out->build, &pose, &system.h[0][0], system.g);
         body_prior_expected(&out->build, &pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
         double x[FIT_COUNT] = {0};
-        if (!solve(&system, 0.01, x))
+        if (!fit_system_solve(&system, 0.01, x))
             break;
         move_pose(&pose, x);
         for (int k = 0; task->learn_shape && k < SHAPE_COUNT; k++)
             shape.log[k] += x[FIT_POSE_COUNT + k] < -0.1 ? -0.1 : x[FIT_POSE_COUNT + k] > 0.1 ? 0.1 : x[FIT_POSE_COUNT + k];
     }
-    if (task->learn_shape && task->iterations > 0)
-        extract_information(task, &system, out);
+    if (task->learn_shape && task->iterations > 0) {
+        fit_system_shape(&system, out->shape_information);
+        for (int a = 0; a < SHAPE_COUNT; a++)
+            for (int b = 0; b < SHAPE_COUNT; b++) // this picture's alone
+                out->shape_information[a][b] -= task->shape.information[a][b] / task->learn_rate;
+    }
     body_judge(task, &pose, &shape, out);
 }
 

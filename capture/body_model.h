@@ -8,8 +8,10 @@
 //
 // Proportions at the start are the fractions of body height of Drillis and
 // Contini (Body Segment Parameters, 1966; after Winter, Biomechanics and Motor
-// Control of Human Movement, fig. 4.1); girths are those of a slim adult. The
-// shape scales them to the person.
+// Control of Human Movement, fig. 4.1); breadths and depths of the trunk follow
+// Pheasant and Haslegrave (Bodyspace, table 10.1: chest 250 mm deep, abdomen
+// 260). The joints of the spine lie in it, behind the trunk's middle. The shape
+// scales all of it to the person.
 #pragma once
 #include "capture/recording/skeleton.h"
 

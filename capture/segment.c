@@ -22,13 +22,13 @@ struct segmenter {
     uint8_t *sightings, *nearer;
     uint16_t *given;         // per cell, given; 0 unknown
     uint8_t *person, *before; // per cell
-    const uint16_t *full;    // this frame's picture, borrowed during next
     struct component *components;
     int component_count, component_room;
     bool have_floor, floor_given, follows;
     struct vec3 up;
     double height_m;
     int floor_tries;
+    struct picture_bounds picture; // of this frame
 };
 
 struct component {
@@ -315,10 +315,10 @@ static void measure_components(struct segmenter *s, const struct ball *balls, in
         c->sum[0] += p.x, c->sum[1] += p.y, c->sum[2] += p.z;
         c->overlap += s->before[i];
         int x = i % w, y = i / w;
-        c->border_left += x < 2;
-        c->border_right += x >= w - 2;
-        c->border_top += y < 2;
-        c->border_bottom += y >= s->height - 2;
+        c->border_left += x < s->picture.left / s->step + 2;
+        c->border_right += x >= s->picture.right / s->step - 1;
+        c->border_top += y < s->picture.top / s->step + 2;
+        c->border_bottom += y >= s->picture.bottom / s->step - 1;
         if (ball_count && v3_distance(p, middle) < reach)
             for (int b = 0; b < ball_count; b++) {
                 double r = balls[b].radius + 0.10 + 2 * depth_sigma_m(z);
@@ -488,6 +488,7 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
 {
     memset(mask, 0, (size_t)s->lens.width * (size_t)s->lens.height);
     read_cells(s, picture);
+    s->picture = picture_bounds(picture, &s->lens);
     try_floor(s);
     enum status status = draw_components(s);
     if (status != OK)

@@ -19,6 +19,14 @@ struct segmenter;
 // structured light (Khoshelham and Elberink, Sensors 2012).
 static inline double depth_sigma_m(double z) { return 1.5e-3 * z * z; }
 
+// Where a picture has readings at all, pixels, inclusive: registered depth has a
+// rim without any, and a person who is cut off there is cut off as by the
+// picture's own edge. The whole picture where most of it has no reading.
+struct picture_bounds {
+    int left, top, right, bottom;
+};
+struct picture_bounds picture_bounds(const uint16_t *depth, const struct lens *lens);
+
 // Where the body is believed to be; what is close to it is taken for the person.
 struct ball {
     struct vec3 centre;

@@ -109,3 +109,35 @@ bool floor_find(const uint16_t *depth, const struct grid_ray *ray, int width, in
     *out = best;
     return true;
 }
+
+// Readings along a row or column, every fourth pixel.
+static int readings(const uint16_t *depth, const struct lens *l, bool row, int at)
+{
+    int count = 0;
+    for (int k = 0; k < (row ? l->width : l->height); k += 4)
+        count += depth[row ? at * l->width + k : k * l->width + at] != 0;
+    return count;
+}
+
+struct picture_bounds picture_bounds(const uint16_t *depth, const struct lens *l)
+{
+    struct picture_bounds all = {0, 0, l->width - 1, l->height - 1}, b = all;
+    int valid = 0, total = 0;
+    for (int y = 0; y < l->height; y += 4) {
+        valid += readings(depth, l, true, y);
+        total += (l->width + 3) / 4;
+    }
+    if (2 * valid < total) // the room itself is missing: no rim can be told
+        return all;
+    // A row or column of the rim has readings at less than an eighth of its pixels.
+    int few_across = l->width / 32, few_down = l->height / 32;
+    while (b.top < l->height / 4 && readings(depth, l, true, b.top) <= few_across)
+        b.top++;
+    while (b.bottom > l->height * 3 / 4 && readings(depth, l, true, b.bottom) <= few_across)
+        b.bottom--;
+    while (b.left < l->width / 4 && readings(depth, l, false, b.left) <= few_down)
+        b.left++;
+    while (b.right > l->width * 3 / 4 && readings(depth, l, false, b.right) <= few_down)
+        b.right--;
+    return b;
+}

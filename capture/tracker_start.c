@@ -44,7 +44,7 @@ static bool measure(const struct fit_task *task, struct start *out)
         level[i] = level_of(task, e->point[i].p);
     out->top = rank_of(level, e->count, 0.995) + 0.01;
     out->bottom = rank_of(level, e->count, 0.005);
-    out->cut = e->bottom >= e->picture_bottom - 2;
+    out->cut = e->bottom >= e->picture.bottom - 2;
     out->height = BODY_AVERAGE_HEIGHT_M;
     if (!out->cut) {
         if (task->have_floor && out->bottom < 0.25)
@@ -133,8 +133,8 @@ bool start_search(struct fit_task *task, struct fit_room *room)
         raise_arms(&pose, arms[a], arms[a]);
         best_away = fit_start(task, &pose, room, away, best_away);
     }
-    // Somebody who starts a recording faces the sensor: the back must fit clearly better.
-    if (best_away < 0.8 * best)
+    // Somebody who starts a recording faces the sensor: the back must fit clearly better, feet and all.
+    if (!s.cut && best_away < 0.75 * best)
         room->best = *away;
     free(away);
     task->expected = room->best.pose;
