@@ -22,6 +22,8 @@ struct scheme {
 };
 
 static const struct scheme schemes[] = {
+    {"openni", true, false, MAY_HAVE_REST, "openni:0", openni_open, &openni_kind},
+    {"oni", true, false, NEEDS_REST, "oni:FILE", oni_open, &openni_kind},
     {"folder", true, true, NEEDS_REST, "folder:DIR", folder_open, &folder_kind},
 };
 
@@ -96,8 +98,5 @@ void source_close(struct source **s)
 
 enum status source_devices(struct source_device *out, int capacity, int *count)
 {
-    (void)out;
-    (void)capacity;
-    *count = 0;
-    return OK;
+    return openni_devices(out, capacity, count);
 }

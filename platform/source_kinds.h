@@ -25,6 +25,13 @@ typedef enum status source_opener(void **self, const char *where, enum source_wa
 source_opener folder_open; // where: the folder
 extern const struct source_kind folder_kind;
 
+source_opener openni_open;                   // where: "" or the number of the device
+source_opener oni_open;                      // where: the file
+extern const struct source_kind openni_kind; // of both
+
+// As source_devices, for one kind.
+MUST_CHECK enum status openni_devices(struct source_device *out, int capacity, int *count);
+
 // calibration_read(), and the length of one unit of the depth pictures in
 // metres (`unit_m`, 0.001 where the file does not say).
 MUST_CHECK enum status calibration_read_with_unit(const char *path, struct calibration *out, double *unit_m);

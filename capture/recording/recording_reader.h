@@ -1,0 +1,14 @@
+// What care (verify, repair) needs of the reader beyond recording.h.
+#pragma once
+#include "capture/recording/recording_schema.h"
+
+struct recorded_take {
+    int64_t id;
+    char name[TAKE_NAME_BYTES + 1];
+};
+
+MUST_CHECK enum status recording_open_as(struct recording **out, const char *path, enum database_access access);
+struct database *recording_database(struct recording *r); // borrowed
+
+// One row of FRAME_COLUMNS. ERR_CORRUPT with the frame's number.
+MUST_CHECK enum status frame_from_row(struct statement *s, struct take_entry *out);
