@@ -175,14 +175,52 @@ static double add_tag(struct normal6 *n, const struct fit_tag *tag, const double
     return tag->depth ? cost + add_depth(n, tag, &camera_from_tag) : cost;
 }
 
-static double normal_equations(const struct fit_tag *tags, int count, const struct weights *information,
-                               const struct pose *camera_from_world, double fx, double fy, struct normal6 *n)
+// One point's part.
+static double add_point(struct normal6 *n, const struct fit_point *point, double extra_px,
+                        const struct pose *camera_from_world, double fx, double fy)
+{
+    struct vec3 p = pose_apply(*camera_from_world, point->world);
+    if (!(p.z > 1e-2))
+        return 100;
+    double sigma = sqrt(point->sigma_px * point->sigma_px + extra_px * extra_px);
+    double x = p.x / p.z, y = p.y / p.z, ux = fx / (p.z * sigma), uy = fy / (p.z * sigma);
+    double ex = fx * (x - point->x) / sigma, ey = fy * (y - point->y) / sigma;
+    const double row0[6] = {ux * -x * p.y, ux * (p.z + x * p.x), ux * -p.y, ux, 0, -ux * x};
+    const double row1[6] = {uy * (-p.z - y * p.y), uy * y * p.x, uy * p.x, 0, uy, -uy * y};
+    double bound = ROBUST * ROBUST, chi2 = ex * ex + ey * ey, ez = 0, depth = 0;
+    if (point->z > 0) {
+        depth = 1 / (depth_sigma(point->z) + extra_px * p.z / fx);
+        ez = (p.z - point->z) * depth;
+        chi2 += ez * ez;
+    }
+    double slope = 1 / (1 + chi2 / bound);
+    add(n, ex, row0, slope);
+    add(n, ey, row1, slope);
+    if (point->z > 0) {
+        const double row2[6] = {p.y * depth, -p.x * depth, 0, 0, 0, depth};
+        add(n, ez, row2, slope);
+    }
+    return bound * log(1 + chi2 / bound);
+}
+
+// All that one camera is fitted to.
+struct evidence {
+    const struct fit_tag *tags;
+    int tag_count;
+    const struct fit_point *points;
+    int point_count;
+    double point_px, fx, fy;
+    struct weights information[FIT_MAX_TAGS];
+};
+
+static void normal_equations(const struct evidence *all, const struct pose *camera_from_world, struct normal6 *n)
 {
     memset(n, 0, sizeof *n);
-    for (int i = 0; i < count; i++)
-        if (tags[i].used)
-            n->cost += add_tag(n, &tags[i], information[i].a, camera_from_world, fx, fy);
-    return n->cost;
+    for (int i = 0; i < all->tag_count; i++)
+        if (all->tags[i].used)
+            n->cost += add_tag(n, &all->tags[i], all->information[i].a, camera_from_world, all->fx, all->fy);
+    for (int i = 0; i < all->point_count; i++)
+        n->cost += add_point(n, &all->points[i], all->point_px, camera_from_world, all->fx, all->fy);
 }
 
 static void step(struct pose *p, const double d[6])
@@ -191,15 +229,16 @@ static void step(struct pose *p, const double d[6])
     *p = pose_multiply(small, *p);
 }
 
-// Levenberg-Marquardt over the tags with `used` set.
-static double descend(const struct fit_tag *tags, int count, double extra_px, double fx, double fy, struct pose *pose)
+double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
+                  double point_px, double fx, double fy, struct pose *pose)
 {
-    struct weights information[FIT_MAX_TAGS];
+    struct evidence all = {.tags = tags, .tag_count = count, .points = points, .point_count = point_count,
+                           .point_px = point_px, .fx = fx, .fy = fy};
     struct normal6 n, after;
     double damping = 1e-6;
     for (int i = 0; i < count; i++)
-        stage_information(tags[i].seen, extra_px, information[i].a);
-    normal_equations(tags, count, information, pose, fx, fy, &n);
+        stage_information(tags[i].seen, tag_px, all.information[i].a);
+    normal_equations(&all, pose, &n);
     for (int round = 0; round < 20; round++) {
         double a[36], d[6];
         memcpy(a, n.a, sizeof a);
@@ -213,7 +252,7 @@ static double descend(const struct fit_tag *tags, int count, double extra_px, do
         step(&next, d);
         if (!pose_finite(next))
             break;
-        normal_equations(tags, count, information, &next, fx, fy, &after);
+        normal_equations(&all, &next, &after);
         if (!(after.cost < n.cost)) {
             damping = fmax(damping * 10, 1e-4);
             if (damping > 1e4)
@@ -230,7 +269,21 @@ static double descend(const struct fit_tag *tags, int count, double extra_px, do
     return n.cost;
 }
 
-static double tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy)
+double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx, double fy)
+{
+    struct normal6 n = {0};
+    struct weights w;
+    stage_information(tag->seen, extra_px, w.a);
+    return add_tag(&n, tag, w.a, camera_from_world, fx, fy);
+}
+
+double fit_point_error(const struct fit_point *point, const struct pose *camera_from_world, double fx, double fy)
+{
+    struct vec3 p = pose_apply(*camera_from_world, point->world);
+    return p.z > 1e-2 ? hypot(fx * (p.x / p.z - point->x), fy * (p.y / p.z - point->y)) / point->sigma_px : 1e9;
+}
+
+double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy)
 {
     struct pose camera_from_tag = pose_multiply(*camera_from_world, tag->world_from_tag);
     double e[8], by[8][6], sum = 0;
@@ -248,7 +301,7 @@ static int choose(struct fit_tag *tags, int count, const struct pose *pose, doub
 {
     int used = 0;
     for (int i = 0; i < count; i++) {
-        tags[i].rms_px = tag_rms(&tags[i], pose, fx, fy);
+        tags[i].rms_px = fit_tag_rms(&tags[i], pose, fx, fy);
         tags[i].used = tags[i].rms_px <= max_rms_px;
     }
     for (int i = 0; i < count; i++)
@@ -274,7 +327,7 @@ static struct candidate follow(struct fit_tag *tags, int count, struct pose pose
     for (int i = 0; i < count; i++)
         tags[i].used = true;
     for (size_t s = 0; s < COUNT_OF(STAGES_PX); s++)
-        c.cost = descend(tags, count, STAGES_PX[s], fx, fy, &c.pose);
+        c.cost = fit_refine(tags, count, STAGES_PX[s], NULL, 0, 0, fx, fy, &c.pose);
     for (int round = 0; round < 3; round++) {
         uint64_t before = c.which;
         c.used = choose(tags, count, &c.pose, fx, fy, max_rms_px);
@@ -283,7 +336,7 @@ static struct candidate follow(struct fit_tag *tags, int count, struct pose pose
             c.which |= (uint64_t)tags[i].used << i;
         if (!c.used || (round && c.which == before))
             break;
-        c.cost = descend(tags, count, 0, fx, fy, &c.pose);
+        c.cost = fit_refine(tags, count, 0, NULL, 0, 0, fx, fy, &c.pose);
     }
     return c;
 }
@@ -336,7 +389,7 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
     double sum = 0;
     for (int i = 0; i < count; i++)
         sum += tags[i].used ? tags[i].rms_px * tags[i].rms_px : 0;
-    *out = (struct camera_fit){best.pose, sqrt(sum / best.used), best.cost, best.used};
+    *out = (struct camera_fit){best.pose, second.pose, sqrt(sum / best.used), best.cost, best.used};
     bool mirrored = second.used == best.used && pose_angle(second.pose, best.pose) > APART_RAD &&
                     (second.which != best.which || second.cost - best.cost < ALIKE_COST);
     return mirrored ? AMBIGUOUS : OK;

@@ -35,8 +35,17 @@ struct fit_tag {
     double rms_px; // out: reprojection error of its corners
 };
 
+// A natural point whose place is known, seen on the ray (x, y, 1).
+struct fit_point {
+    struct vec3 world;
+    double x, y;
+    double sigma_px; // of the sighting and of the map together
+    double z;        // depth read there, metres; 0: none
+};
+
 struct camera_fit {
     struct pose camera_from_world;
+    struct pose other;  // with AMBIGUOUS: the second best
     double rms_px; // over the corners used
     double cost;   // robust, whitened; of the tags used
     int32_t used;
@@ -48,3 +57,18 @@ struct camera_fit {
 // (*out is the better of two poses that are apart but fit alike).
 enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
                        struct camera_fit *out);
+
+// Levenberg-Marquardt on camera_from_world over the tags with `used` set and all
+// points. tag_px, point_px: uncertainty added to every corner and every point,
+// for a start that is far off. Returns the robust cost.
+double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
+                  double point_px, double fx, double fy, struct pose *camera_from_world);
+
+// Reprojection error of one tag; 1e9 behind the camera or from its back.
+double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy);
+
+// The robust cost of one tag, corners (with extra_px) and depth.
+double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx, double fy);
+
+// Reprojection error of a point in its standard deviations; 1e9 behind the camera.
+double fit_point_error(const struct fit_point *p, const struct pose *camera_from_world, double fx, double fy);

@@ -1,6 +1,6 @@
 #include "locate/locate.h"
 
-#include "locate/fit.h"
+#include "locate/points.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -13,12 +13,17 @@ struct locator {
     int32_t tag_count;
     struct tag_finder *finder;
     struct refiner *refiner;
+    struct place_point *points;
+    int32_t point_count;
     uint8_t *gray;
     // of the picture in hand
     struct sighting sightings[FIT_MAX_TAGS];
     struct tag_depth depths[FIT_MAX_TAGS];
     int32_t which[FIT_MAX_TAGS]; // index into tags
     int count;
+    struct feature features[FEATURES_MAX];
+    struct feature_index index;
+    struct point_match matches[FEATURES_MAX];
 };
 
 // Tags smaller than this many pixels along their shortest side are not searched
@@ -61,6 +66,13 @@ static enum status fill(struct locator *l, const struct place *place)
     l->patterns = malloc(n * sizeof *l->patterns);
     if (!l->gray || !l->tags || !l->patterns)
         return fail(ERR_MEMORY, "no memory to find a camera in the place");
+    if (place->point_count > 0) {
+        l->points = malloc((size_t)place->point_count * sizeof *l->points);
+        if (!l->points)
+            return fail(ERR_MEMORY, "no memory to find a camera in the place");
+        memcpy(l->points, place->points, (size_t)place->point_count * sizeof *l->points);
+        l->point_count = place->point_count;
+    }
     l->tag_count = place->tag_count;
     memcpy(l->tags, place->tags, n * sizeof *l->tags);
     for (int32_t i = 0; i < l->tag_count; i++)
@@ -101,6 +113,7 @@ void locator_close(struct locator **out)
     free(l->gray);
     free(l->tags);
     free(l->patterns);
+    free(l->points);
     free(l);
     *out = NULL;
 }
@@ -193,6 +206,48 @@ static int look_where_predicted(struct locator *l, const uint8_t *color, const u
     return l->count - before;
 }
 
+// Natural points hold the pose where tags hold it badly: one tag far off, several
+// in a row. Of two mirrored poses they tell the right one. How many agree; 0: too few.
+static int sharpen(struct locator *l, const struct fit_tag *tags, enum status *status, struct camera_fit *found)
+{
+    struct pose first = found->camera_from_world, second = found->other;
+    int agree = 0, agree_second = 0;
+    if (!points_refine(l->points, l->point_count, &l->index, NULL, &l->lens, tags, l->count, &first, l->matches,
+                       FEATURES_MAX, &agree))
+        agree = 0;
+    if (*status == AMBIGUOUS && points_refine(l->points, l->point_count, &l->index, NULL, &l->lens, tags, l->count,
+                                              &second, l->matches, FEATURES_MAX, &agree_second)) {
+        if (agree_second > agree) {
+            first = second;
+            agree = agree_second;
+        }
+    }
+    if (!agree)
+        return 0;
+    // Points that drag the pose off the tags are points of something that moved.
+    for (int i = 0; i < l->count; i++)
+        if (tags[i].used && !(fit_tag_rms(&tags[i], &first, l->lens.fx, l->lens.fy) < l->options.max_rms_px))
+            return 0;
+    found->camera_from_world = first;
+    *status = OK;
+    return agree;
+}
+
+// The rms over the corners of the tags that fit, for the pose as it is now.
+static void measure(struct locator *l, struct fit_tag *tags, struct camera_fit *found)
+{
+    double sum = 0;
+    int used = 0;
+    for (int i = 0; i < l->count; i++) {
+        if (!tags[i].used)
+            continue;
+        double rms = fit_tag_rms(&tags[i], &found->camera_from_world, l->lens.fx, l->lens.fy);
+        sum += rms * rms;
+        used++;
+    }
+    found->rms_px = used ? sqrt(sum / used) : 0;
+}
+
 enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
 {
     struct fit_tag tags[FIT_MAX_TAGS];
@@ -203,6 +258,15 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
     status = fit(l, tags, &found);
     if (status == NOTHING)
         return NOTHING;
+    int agree = 0;
+    if (l->point_count) {
+        int count;
+        enum status seen = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
+        if (seen != OK)
+            return seen;
+        feature_index_build(&l->index, l->features, count, &l->lens);
+        agree = sharpen(l, tags, &status, &found);
+    }
     if (look_where_predicted(l, color, depth, &found.camera_from_world)) {
         struct camera_fit again;
         enum status more = fit(l, tags, &again);
@@ -210,7 +274,10 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
             found = again;
             status = more;
         }
+        if (agree)
+            sharpen(l, tags, &status, &found);
     }
+    measure(l, tags, &found);
     *out = (struct location){
         .world_from_camera = pose_inverse(found.camera_from_world),
         .rms_px = found.rms_px,
