@@ -162,7 +162,7 @@ enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part
 {
     if (find(c, frame, p, out))
         return OK;
-    if (!c->rays)
+    if (!c->rays || !take_entry(c->take, frame)->has_depth)
         return texture_cache_whole(c, frame, out);
     struct source_picture *picture;
     enum status status = picture_of(c, frame, true, &picture);

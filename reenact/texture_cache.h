@@ -20,7 +20,7 @@ struct source_texture {
 // The whole frame as recorded. NOTHING: it has no colour. As take_read; ERR_DEVICE.
 MUST_CHECK enum status texture_cache_whole(struct texture_cache *c, int64_t frame, struct source_texture *out);
 
-// The frame's picture of one part (source_patch_make); of a take without depth,
+// The frame's picture of one part (source_patch_make); of a frame without depth,
 // which cannot tell parts apart, the whole frame. NOTHING: it shows too little of the part.
 MUST_CHECK enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part p,
                                           struct source_texture *out);
