@@ -267,6 +267,19 @@ enum status database_settle(struct database *db)
     return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : refuse(db, code);
 }
 
+bool database_is_settled(const char *path)
+{
+    static const char *const endings[] = {"-wal", "-shm", "-journal"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        struct stat about;
+        snprintf(name, sizeof name, "%s%s", path, endings[i]);
+        if (!stat(name, &about))
+            return false;
+    }
+    return true;
+}
+
 enum status database_checkpoint(struct database *db, int64_t *left)
 {
     int in_log = 0, moved = 0;
