@@ -213,6 +213,7 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     task->learn_rate = novelty(t, &start);
     body_fit(task, &start, best);
     double explained = explained_share(t->evidence, best, 0.06);
+    task->move_cost = 20;
     if (explained < 0.985 && limbs_search(task, t->room)) {
         start = best->pose;
         task->shape.mean = best->shape;

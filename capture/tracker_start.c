@@ -240,7 +240,11 @@ static bool try_pose(const struct fit_task *task, const struct body_pose *pose, 
     quick.expected = *pose;
     quick.expected_sigma = 1.5;
     body_fit(&quick, pose, &room->trial);
-    if (room->trial.energy > 0.97 * room->best.energy - 0.5)
+    // A limb that was followed so far is not given up for a slightly better place.
+    double far = 0;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        far = fmax(far, v3_distance(room->trial.build.joint[j], room->best.build.joint[j]));
+    if (room->trial.energy > 0.97 * room->best.energy - 0.5 - task->move_cost * far)
         return false;
     room->best = room->trial;
     return true;
