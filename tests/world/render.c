@@ -80,7 +80,7 @@ static void shade(const struct job *j, const struct hit *h, int decal, struct ve
     scene_light(f, h->u, h->v, light);
     if (j->actor && actor_shades(j->actor, h->surface, h->u, h->v)) {
         float lost[3], ambient;
-        actor_shadow(j->actor, h->surface, at, f->normal, lost, &ambient);
+        actor_shadow(j->actor, at, f->normal, lost, &ambient);
         for (int c = 0; c < 3; c++)
             light[c] = fmaxf(light[c] - lost[c], 0.1f * light[c]) * ambient;
     }
