@@ -1,6 +1,7 @@
 #include "tests/world/texture.h"
 
 #include "tests/world/srgb.inl"
+#include "tests/world/numbers.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -10,17 +11,16 @@ float srgb_to_linear(uint8_t value) { return level_linear[value]; }
 
 uint8_t linear_to_srgb(float linear)
 {
-    if (!(linear > 0))
-        return 0;
-    int low = 0, high = 255; // the answer is in [low, high]
-    while (low < high) {
-        int middle = (low + high) / 2;
-        if (linear < level_end[middle])
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return (uint8_t)low;
+    if (!(linear > 0x1p-13f))
+        return linear > level_end[0];
+    if (linear >= 1)
+        return 255;
+    uint32_t bits;
+    memcpy(&bits, &linear, sizeof bits);
+    int level = level_start[(bits >> 18) - (FIRST_OCTAVE << 5)];
+    while (linear >= level_end[level])
+        level++;
+    return (uint8_t)level;
 }
 
 enum status texture_make(struct texture *t, int width, int height)
@@ -114,7 +114,7 @@ void texture_at(const struct texture *t, double x, double y, float dxdu, float d
     float la = sqrtf(dxdu * dxdu + dydu * dydu), lb = sqrtf(dxdv * dxdv + dydv * dydv);
     float longer = la > lb ? la : lb, shorter = la > lb ? lb : la;
     float ax = la > lb ? dxdu : dxdv, ay = la > lb ? dydu : dydv;
-    shorter = fmaxf(fmaxf(shorter, longer / MOST_TAPS), 1);
+    shorter = maxf(maxf(shorter, longer / MOST_TAPS), 1);
     int taps = (int)ceilf(longer / shorter - 0.01f);
     taps = taps < 1 ? 1 : taps > MOST_TAPS ? MOST_TAPS : taps;
     int whole;
