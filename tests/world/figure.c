@@ -89,7 +89,7 @@ static float openness(const struct form *form, struct vec3f at, struct vec3f n, 
 {
     static const float steps[2] = {0.035f, 0.11f};
     float lost = 0;
-    form_near(form, at, 0.12f * form->scale, near);
+    form_near(form, at, 0.12f * form->scale, 0.16f * form->scale, near);
     for (int i = 0; i < 2; i++) {
         float r = steps[i] * form->scale;
         struct vec3f q = {at.x + r * n.x, at.y + r * n.y, at.z + r * n.z};
@@ -118,12 +118,13 @@ static double radius_at(const struct form *form, struct vec3 joint)
     return longest;
 }
 
-enum status figure_build(struct figure *f, const struct physique *p)
+enum status figure_build(struct figure *f, const struct physique *p, bool plain)
 {
     memset(f, 0, sizeof *f);
     f->physique = *p;
     struct form form = form_of(p);
-    enum status status = mesh_of(&f->mesh, &form, 0.0080f * form.scale);
+    form.smooth = plain;
+    enum status status = mesh_of(&f->mesh, &form, (plain ? 0.011f : 0.008f) * form.scale);
     if (status)
         return status;
     f->bindings = malloc((size_t)f->mesh.vertex_count * sizeof *f->bindings);

@@ -37,7 +37,7 @@ static void fill_block(struct grid *g, int bx, int by, int bz)
     if (!active)
         return;
     struct near near = {.reach = 0};
-    form_near(g->form, middle, reach, &near);
+    form_near(g->form, middle, reach, reach, &near);
     for (int z = bz * BLOCK; z <= (bz + 1) * BLOCK; z++)
         for (int y = by * BLOCK; y <= (by + 1) * BLOCK; y++)
             for (int x = bx * BLOCK; x <= (bx + 1) * BLOCK; x++) {
@@ -171,7 +171,7 @@ static void finish_vertices(struct mesh *m, const struct form *f, float cell)
     struct near near = {.reach = 0};
     for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `near` lasts
         struct vec3f *p = &m->at[i];
-        form_near(f, *p, 4 * cell, &near);
+        form_near(f, *p, 0.01f, 0.04f, &near);
         struct vec3f normal = m->normal[i] = form_normal(f, *p, &near);
         float d = maxf(-0.7f * cell, minf(0.7f * cell, form_folded(f, *p, &near)));
         p->x -= d * normal.x, p->y -= d * normal.y, p->z -= d * normal.z;

@@ -79,7 +79,7 @@ float form_folded(const struct form *f, struct vec3f p, const struct near *n)
 {
     bool cloth;
     float d = plain_distance(f, p, n, &cloth);
-    if (cloth) { // folds run mostly lengthwise
+    if (cloth && !f->smooth) { // folds run mostly lengthwise
         float k = 1 / f->scale;
         d += 0.007f * f->scale * (noise3(p.x * 19 * k, p.y * 19 * k, p.z * 8 * k, 41) - 0.5f);
     }
@@ -99,13 +99,14 @@ struct vec3f form_normal(const struct form *f, struct vec3f p, const struct near
     return l > 1e-12f ? (struct vec3f){sum.x / l, sum.y / l, sum.z / l} : (struct vec3f){0, 0, 1};
 }
 
-void form_near(const struct form *f, struct vec3f p, float around, struct near *n)
+void form_near(const struct form *f, struct vec3f p, float need, float reach, struct near *n)
 {
+    assert(reach >= need);
     struct vec3f moved = sub(p, n->middle);
-    if (n->reach > 0 && sqrtf(dot(moved, moved)) + around <= n->reach)
+    if (n->reach > 0 && sqrtf(dot(moved, moved)) + need <= n->reach)
         return;
     n->middle = p;
-    n->reach = around * 1.5f;
+    n->reach = reach;
     float d[MAX_SHAPES], closest = 10;
     for (int i = 0; i < f->count; i++) {
         d[i] = shape_distance(&f->shapes[i], p);
@@ -113,7 +114,7 @@ void form_near(const struct form *f, struct vec3f p, float around, struct near *
     }
     n->count = 0;
     for (int i = 0; i < f->count; i++)
-        if (d[i] < closest + 2.5f * n->reach + f->shapes[i].melt) // 2 for exact distances
+        if (d[i] < closest + 2.2f * reach + f->shapes[i].melt) // 2 for exact distances
             n->some[n->count++] = i;
 }
 

@@ -25,7 +25,8 @@ enum { MAX_SHAPES = 96 };
 struct form {
     struct shape shapes[MAX_SHAPES];
     int count;
-    float scale; // height over 1.75 m: all numbers below are for that height
+    float scale; // height over 1.75 m
+    bool smooth; // without folds
 };
 
 struct form form_of(const struct physique *p);
@@ -39,8 +40,9 @@ struct near {
     int some[MAX_SHAPES], count;
 };
 
-// Makes `n` serve p and all points within `around` of it, about anew if it does not yet.
-void form_near(const struct form *f, struct vec3f p, float around, struct near *n);
+// Makes `n` serve all points within `need` of p; when it does not do so already it is
+// made anew for those within `reach`, >= need, of p.
+void form_near(const struct form *f, struct vec3f p, float need, float reach, struct near *n);
 
 // The distance, of all shapes (n NULL) or of those near.
 float form_distance(const struct form *f, struct vec3f p, const struct near *n);

@@ -65,7 +65,7 @@ enum status world_open(struct world **out, const struct world_options *options)
     if (!status)
         status = scene_build(&w->scene, options->seed, options->plain);
     if (!status)
-        status = figure_build(&w->figure, &w->physique);
+        status = figure_build(&w->figure, &w->physique, options->plain);
     if (status)
         world_close(&w);
     *out = w;
