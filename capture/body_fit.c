@@ -297,7 +297,7 @@ struct shape_belief shape_belief_start(void)
     // Standard deviations of an adult population around the proportions (5 to 8 %)
     // and of its height (8 %).
     static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04, 0.04,
-                                              0.06, 0.10, 0.10, 0.10, 0.12, 0.10};
+                                              0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
     struct shape_belief belief;
     memset(&belief, 0, sizeof belief);
     for (int k = 0; k < SHAPE_COUNT; k++)
