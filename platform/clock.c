@@ -10,15 +10,9 @@ static int64_t read_clock(clockid_t id)
     return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
 }
 
-int64_t clock_now_ns(void)
-{
-    return read_clock(CLOCK_MONOTONIC);
-}
+int64_t clock_now_ns(void) { return read_clock(CLOCK_MONOTONIC); }
 
-int64_t clock_cpu_ns(void)
-{
-    return read_clock(CLOCK_THREAD_CPUTIME_ID);
-}
+int64_t clock_cpu_ns(void) { return read_clock(CLOCK_THREAD_CPUTIME_ID); }
 
 void clock_sleep_until_ns(int64_t when_ns)
 {

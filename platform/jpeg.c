@@ -11,8 +11,11 @@ enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *heigh
         return fail(ERR_MEMORY, "no memory to decode a picture");
     int subsampling, colorspace;
     enum status status = OK;
+    *width = *height = 0; // stays so, without an error, when the file ends before its picture begins
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, width, height, &subsampling, &colorspace))
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
+    else if (*width < 1 || *height < 1)
+        status = fail(ERR_CORRUPT, "a JPEG picture is damaged: it ends before its picture begins");
     tjDestroy(handle);
     return status;
 }
@@ -22,13 +25,14 @@ enum status jpeg_decode(const uint8_t *bytes, size_t count, uint8_t *rgb, int wi
     tjhandle handle = tjInitDecompress();
     if (!handle)
         return fail(ERR_MEMORY, "no memory to decode a picture");
-    int w, h, subsampling, colorspace;
+    int w = 0, h = 0, subsampling, colorspace;
     enum status status = OK;
     // A warning ("premature end of file") means missing pixels: as bad as an error here.
     if (tjDecompressHeader3(handle, bytes, (unsigned long)count, &w, &h, &subsampling, &colorspace))
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
     else if (w != width || h != height)
-        status = fail(ERR_CORRUPT, "a JPEG picture has %d x %d pixels where %d x %d were expected", w, h, width, height);
+        status =
+            fail(ERR_CORRUPT, "a JPEG picture has %d x %d pixels where %d x %d were expected", w, h, width, height);
     else if (tjDecompress2(handle, bytes, (unsigned long)count, rgb, width, 0, height, TJPF_RGB, TJFLAG_ACCURATEDCT))
         status = fail(ERR_CORRUPT, "a JPEG picture is damaged: %s", tjGetErrorStr2(handle));
     tjDestroy(handle);

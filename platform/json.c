@@ -8,15 +8,9 @@
 #include <string.h>
 
 // `struct json` is cJSON's own node under a name that no header of ours explains.
-static cJSON *node(const struct json *value)
-{
-    return (cJSON *)(uintptr_t)value;
-}
+static cJSON *node(const struct json *value) { return (cJSON *)(uintptr_t)value; }
 
-static struct json *ours(cJSON *value)
-{
-    return (struct json *)value;
-}
+static struct json *ours(cJSON *value) { return (struct json *)value; }
 
 enum status json_read(const char *path, struct json **out)
 {
@@ -55,10 +49,7 @@ int json_count(const struct json *array)
     return json_is_array(array) || json_is_object(array) ? cJSON_GetArraySize(node(array)) : 0;
 }
 
-const struct json *json_at(const struct json *array, int index)
-{
-    return ours(cJSON_GetArrayItem(node(array), index));
-}
+const struct json *json_at(const struct json *array, int index) { return ours(cJSON_GetArrayItem(node(array), index)); }
 
 const char *json_name(const struct json *member)
 {
@@ -66,15 +57,9 @@ const char *json_name(const struct json *member)
     return name ? name : "";
 }
 
-bool json_is_object(const struct json *value)
-{
-    return cJSON_IsObject(node(value));
-}
+bool json_is_object(const struct json *value) { return cJSON_IsObject(node(value)); }
 
-bool json_is_array(const struct json *value)
-{
-    return cJSON_IsArray(node(value));
-}
+bool json_is_array(const struct json *value) { return cJSON_IsArray(node(value)); }
 
 bool json_get_number(const struct json *value, double *out)
 {
@@ -107,15 +92,9 @@ enum status json_need_number(const struct json *object, const char *name, const 
     return OK;
 }
 
-struct json *json_new_object(void)
-{
-    return ours(cJSON_CreateObject());
-}
+struct json *json_new_object(void) { return ours(cJSON_CreateObject()); }
 
-struct json *json_new_array(void)
-{
-    return ours(cJSON_CreateArray());
-}
+struct json *json_new_array(void) { return ours(cJSON_CreateArray()); }
 
 static cJSON *attach(struct json *parent, const char *name, cJSON *child)
 {
@@ -131,10 +110,7 @@ void json_add_number(struct json *object, const char *name, double value)
     attach(object, name, isfinite(value) ? cJSON_CreateNumber(value) : cJSON_CreateNull());
 }
 
-void json_add_bool(struct json *object, const char *name, bool value)
-{
-    attach(object, name, cJSON_CreateBool(value));
-}
+void json_add_bool(struct json *object, const char *name, bool value) { attach(object, name, cJSON_CreateBool(value)); }
 
 void json_add_string(struct json *object, const char *name, const char *value)
 {
@@ -151,10 +127,7 @@ struct json *json_add_array(struct json *object, const char *name)
     return ours(attach(object, name, cJSON_CreateArray()));
 }
 
-void json_push_number(struct json *array, double value)
-{
-    json_add_number(array, NULL, value);
-}
+void json_push_number(struct json *array, double value) { json_add_number(array, NULL, value); }
 
 char *json_print(const struct json *root)
 {

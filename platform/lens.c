@@ -52,7 +52,8 @@ struct vec3 lens_ray(const struct lens *l, struct pixel px)
 enum status lens_check(const struct lens *l, const char *what)
 {
     if (l->width <= 0 || l->height <= 0 || l->width > 16384 || l->height > 16384)
-        return fail(ERR_INPUT, "the %s camera's calibration gives a picture of %d x %d pixels", what, l->width, l->height);
+        return fail(ERR_INPUT, "the %s camera's calibration gives a picture of %d x %d pixels", what, l->width,
+                    l->height);
     double numbers[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
     for (size_t i = 0; i < COUNT_OF(numbers); i++)
         if (!isfinite(numbers[i]))

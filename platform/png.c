@@ -8,10 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t png_pixel_bytes(enum png_kind kind)
-{
-    return (size_t)kind;
-}
+size_t png_pixel_bytes(enum png_kind kind) { return (size_t)kind; }
 
 // ------------------------------------------------------------- reading
 
@@ -153,10 +150,7 @@ static void grow(png_structp png, png_bytep data, png_size_t count)
     memory->count += count;
 }
 
-static void flush_nothing(png_structp png)
-{
-    (void)png;
-}
+static void flush_nothing(png_structp png) { (void)png; }
 
 enum status png_encode(enum png_kind kind, const void *pixels, int width, int height, int level, uint8_t **bytes,
                        size_t *count)

@@ -1,0 +1,155 @@
+// calibration.json: what a folder's camera or sensor knows of itself.
+//
+//   { "color": LENS, "depth": LENS, "registered": true,
+//     "color_from_depth": { "translation_m": [x, y, z], "rotation": [x, y, z, w] } }
+//   LENS: { "width", "height", "fx", "fy", "cx", "cy": numbers (pixels, the
+//           centre of the top-left pixel is (0, 0)),
+//           "distortion": [k1, k2, p1, p2, k3]   optional; k3 may be left out,
+//           "unit_m": metres per unit of a depth picture   optional, 0.001 }
+//
+// At least one LENS. With both, "registered" says whether the depth pixels are
+// already the colour camera's; if not, "color_from_depth" is needed. Other
+// members are ignored.
+#include "platform/json.h"
+#include "platform/source_kinds.h"
+
+#include <stdio.h>
+
+// The number `name` of the object `what`. ERR_INPUT names both.
+static enum status need(const struct json *object, const char *what, const char *name, const char *path, double *out)
+{
+    const struct json *value = json_member(object, name);
+    if (json_get_number(value, out))
+        return OK;
+    return fail(ERR_INPUT, "%s: the number '%s.%s' is %s", path, what, name, value ? "not a number" : "missing");
+}
+
+static enum status need_pixels(const struct json *object, const char *what, const char *name, const char *path,
+                               int *out)
+{
+    double value;
+    enum status status = need(object, what, name, path, &value);
+    if (status != OK)
+        return status;
+    if (!(value >= 1 && value <= 16384) || value != floor(value))
+        return fail(ERR_INPUT, "%s: '%s.%s' is %g, but must be a whole number of pixels from 1 to 16384", path, what,
+                    name, value);
+    *out = (int)value;
+    return OK;
+}
+
+// Reads an array of `least` to `most` numbers; those not given stay as they are.
+static enum status read_numbers(const struct json *array, const char *what, const char *path, int least, int most,
+                                double *out)
+{
+    int count = json_count(array);
+    if (!json_is_array(array) || count < least || count > most)
+        return least == most
+                   ? fail(ERR_INPUT, "%s: '%s' must be an array of %d numbers", path, what, most)
+                   : fail(ERR_INPUT, "%s: '%s' must be an array of %d to %d numbers", path, what, least, most);
+    for (int i = 0; i < count; i++)
+        if (!json_get_number(json_at(array, i), &out[i]))
+            return fail(ERR_INPUT, "%s: number %d of '%s' is not a number", path, i + 1, what);
+    return OK;
+}
+
+static enum status read_lens(const struct json *object, const char *what, const char *path, struct lens *lens)
+{
+    if (!json_is_object(object))
+        return fail(ERR_INPUT, "%s: '%s' is not an object", path, what);
+    enum status status = need_pixels(object, what, "width", path, &lens->width);
+    if (status == OK)
+        status = need_pixels(object, what, "height", path, &lens->height);
+    struct {
+        const char *name;
+        double *value;
+    } numbers[] = {{"fx", &lens->fx}, {"fy", &lens->fy}, {"cx", &lens->cx}, {"cy", &lens->cy}};
+    for (size_t i = 0; i < COUNT_OF(numbers) && status == OK; i++)
+        status = need(object, what, numbers[i].name, path, numbers[i].value);
+    const struct json *distortion = json_member(object, "distortion");
+    double k[5] = {0};
+    if (status == OK && distortion) {
+        char name[32];
+        snprintf(name, sizeof name, "%s.distortion", what);
+        status = read_numbers(distortion, name, path, 4, 5, k);
+    }
+    lens->k1 = k[0];
+    lens->k2 = k[1];
+    lens->p1 = k[2];
+    lens->p2 = k[3];
+    lens->k3 = k[4];
+    if (status == OK && lens_check(lens, what) != OK)
+        status = fail(ERR_INPUT, "%s: %s", path, status_sentence());
+    return status;
+}
+
+static enum status read_unit(const struct json *depth, const char *path, double *unit_m)
+{
+    const struct json *unit = json_member(depth, "unit_m");
+    if (!unit)
+        return OK;
+    if (!json_get_number(unit, unit_m) || !(*unit_m >= 1e-6 && *unit_m <= 1))
+        return fail(ERR_INPUT, "%s: 'depth.unit_m' must be a length in metres from 0.000001 to 1", path);
+    return OK;
+}
+
+// How the two cameras stand to one another; only where there are two.
+static enum status read_relation(const struct json *root, const char *path, struct calibration *out)
+{
+    if (!json_get_bool(json_member(root, "registered"), &out->registered))
+        return fail(ERR_INPUT,
+                    "%s: 'registered' must say true or false: whether the depth pixels are the colour camera's", path);
+    const struct json *pose = json_member(root, "color_from_depth");
+    if (out->registered)
+        return OK;
+    if (!pose)
+        return fail(ERR_INPUT, "%s: 'registered' is false, so 'color_from_depth' is needed, but it is missing", path);
+    double t[3], q[4];
+    enum status status =
+        read_numbers(json_member(pose, "translation_m"), "color_from_depth.translation_m", path, 3, 3, t);
+    if (status == OK)
+        status = read_numbers(json_member(pose, "rotation"), "color_from_depth.rotation", path, 4, 4, q);
+    if (status != OK)
+        return status;
+    double length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    if (!(fabs(length - 1) < 1e-2))
+        return fail(ERR_INPUT, "%s: 'color_from_depth.rotation' is no unit quaternion (x, y, z, w)", path);
+    out->color_from_depth.rotation = quat_unit((struct quat){q[0], q[1], q[2], q[3]});
+    out->color_from_depth.translation = v3(t[0], t[1], t[2]);
+    return OK;
+}
+
+enum status calibration_read_with_unit(const char *path, struct calibration *out, double *unit_m)
+{
+    struct calibration c = {.registered = true, .color_from_depth = POSE_IDENTITY};
+    double unit = 0.001;
+    struct json *root;
+    enum status status = json_read(path, &root);
+    if (status == ERR_MISSING)
+        return fail(ERR_MISSING, "%s is missing; a folder of pictures needs it beside rgb.txt and depth.txt", path);
+    if (status != OK)
+        return status;
+    const struct json *color = json_member(root, "color"), *depth = json_member(root, "depth");
+    if (!color && !depth)
+        status = fail(ERR_INPUT, "%s describes neither 'color' nor 'depth'", path);
+    if (status == OK && color)
+        status = read_lens(color, "color", path, &c.color);
+    if (status == OK && depth)
+        status = read_lens(depth, "depth", path, &c.depth);
+    if (status == OK && depth)
+        status = read_unit(depth, path, &unit);
+    if (status == OK && color && depth)
+        status = read_relation(root, path, &c);
+    json_free(&root);
+    if (status == OK) {
+        *out = c;
+        *unit_m = unit;
+    }
+    return status;
+}
+
+enum status calibration_read(const char *path, struct calibration *out)
+{
+    double unit_m;
+    return calibration_read_with_unit(path, out, &unit_m);
+}

@@ -1,0 +1,523 @@
+// A folder of pictures in the TUM RGB-D layout, as a sensor or a camera.
+//
+//   rgb.txt, depth.txt   a line for each picture: seconds, blank, path below
+//                        the folder; lines that begin with # say nothing
+//   calibration.json     see calibration.c
+//
+// Colour is JPEG or PNG with 8 bits, depth PNG with 16; depth in another unit
+// than millimetres is converted, rounded to the nearest; what 16 bits of
+// millimetres cannot hold becomes 0, no reading.
+//
+// A camera's frames are those of rgb.txt. A sensor's frames are those of
+// depth.txt; each gets the colour picture nearest in time, if that is at most
+// half a frame away (half the median step of depth.txt) and no other depth
+// picture is nearer to it. A frame's time and name are those of the list that
+// leads.
+//
+// Time must rise. A picture that is not later than the one before it is passed
+// over and counted as dropped; a list whose clock jumps back by more than a
+// second is refused, for nobody knows what it meant.
+#include "platform/file.h"
+#include "platform/jpeg.h"
+#include "platform/png.h"
+#include "platform/source_kinds.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PATH_BYTES = 4096 };
+
+struct entry {
+    int64_t time_ns;
+    const char *path; // inside the list's text
+    int line;
+};
+
+struct list {
+    const char *name; // "rgb.txt"
+    char *text;       // NULL: there is no such list
+    struct entry *entries;
+    int64_t count;
+    int64_t skipped; // pictures whose time did not rise
+};
+
+struct folder {
+    char *dir;
+    struct list color, depth;
+    const struct list *lead; // the list whose pictures make the frames
+    int64_t *color_of;       // for each depth picture the index of its colour picture, -1: none; NULL for a camera
+    bool numbered;           // some name is too long for frame.name: count instead
+    uint16_t *to_mm;         // 65536 millimetres by what the depth picture holds; NULL where they are the same
+    uint8_t *rgb;            // the last frame's colour
+    uint16_t *mm;            // and depth
+    uint8_t *jpeg;           // and coded bytes
+    int64_t at;              // the next frame
+    struct source_facts *facts;
+};
+
+// ------------------------------------------------------------- the lists
+
+// Reads decimal seconds at *text without going through floating point; digits
+// beyond the nanosecond round to the nearest. False: no such number there, or
+// beyond the range of int64_t nanoseconds.
+static bool read_seconds(const char **text, int64_t *time_ns)
+{
+    const char *at = *text;
+    bool negative = *at == '-';
+    if (*at == '-' || *at == '+')
+        at++;
+    int64_t ns = 0;
+    int digits = 0, decimals = 0;
+    for (; *at >= '0' && *at <= '9'; at++, digits++)
+        if ((ns = ns * 10 + (*at - '0')) > 9000000000)
+            return false;
+    if (*at == '.') {
+        for (at++; *at >= '0' && *at <= '9'; at++, digits++) {
+            if (decimals < 9)
+                ns = ns * 10 + (*at - '0');
+            else if (decimals == 9)
+                ns += *at >= '5';
+            decimals++;
+        }
+    }
+    for (; decimals < 9; decimals++)
+        ns *= 10;
+    if (!digits || (*at != ' ' && *at != '\t'))
+        return false;
+    *time_ns = negative ? -ns : ns;
+    *text = at;
+    return true;
+}
+
+// Cuts the blanks off both ends of a line, in place.
+static char *trim(char *line)
+{
+    line += strspn(line, " \t");
+    size_t length = strlen(line);
+    while (length && strchr(" \t\r", line[length - 1]))
+        line[--length] = 0;
+    return line;
+}
+
+// Takes one line that holds a picture.
+static enum status take_line(struct list *list, const char *dir, const char *line, int number)
+{
+    int64_t time_ns;
+    const char *path = line;
+    if (!read_seconds(&path, &time_ns))
+        return fail(ERR_INPUT, "%s/%s, line %d: '%.40s' does not begin with a time in seconds and a file", dir,
+                    list->name, number, line);
+    path += strspn(path, " \t");
+    if (list->count) {
+        const struct entry *last = &list->entries[list->count - 1];
+        if (time_ns < last->time_ns - 1000000000)
+            return fail(ERR_INPUT, "%s/%s, line %d: the clock jumps back by %.3f s; split the folder there", dir,
+                        list->name, number, 1e-9 * (double)(last->time_ns - time_ns));
+        if (time_ns <= last->time_ns) {
+            list->skipped++;
+            return OK;
+        }
+    }
+    list->entries[list->count++] = (struct entry){time_ns, path, number};
+    return OK;
+}
+
+// ERR_MISSING when there is no such list; ERR_INPUT names file and line.
+static enum status read_list(struct list *list, const char *dir, const char *name)
+{
+    char path[PATH_BYTES];
+    size_t bytes;
+    uint8_t *text;
+    list->name = name;
+    snprintf(path, sizeof path, "%s/%s", dir, name);
+    enum status status = file_read(path, &text, &bytes);
+    if (status != OK)
+        return status;
+    list->text = (char *)text;
+    if (memchr(text, 0, bytes))
+        return fail(ERR_INPUT, "%s is not a text file", path);
+    size_t lines = 1;
+    for (size_t i = 0; i < bytes; i++)
+        lines += text[i] == '\n';
+    list->entries = malloc(lines * sizeof *list->entries);
+    if (!list->entries)
+        return fail(ERR_MEMORY, "no memory for the %zu lines of %s", lines, path);
+    int number = 1;
+    for (char *line = list->text, *end; line; line = end, number++) {
+        if ((end = strchr(line, '\n')))
+            *end++ = 0;
+        line = trim(line);
+        if (!*line || *line == '#')
+            continue;
+        if ((status = take_line(list, dir, line, number)) != OK)
+            return status;
+    }
+    if (!list->count)
+        return fail(ERR_INPUT, "%s lists no picture", path);
+    return OK;
+}
+
+// ------------------------------------------------------------- the pairs
+
+static int compare_times(const void *a, const void *b)
+{
+    int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+// The median step between two pictures; 0 for a list of one.
+static enum status median_step(const struct list *list, int64_t *step_ns)
+{
+    int64_t count = list->count - 1;
+    *step_ns = 0;
+    if (count < 1)
+        return OK;
+    int64_t *steps = malloc((size_t)count * sizeof *steps);
+    if (!steps)
+        return fail(ERR_MEMORY, "no memory to pair the pictures of %s", list->name);
+    for (int64_t i = 0; i < count; i++)
+        steps[i] = list->entries[i + 1].time_ns - list->entries[i].time_ns;
+    qsort(steps, (size_t)count, sizeof *steps, compare_times);
+    *step_ns = steps[count / 2];
+    free(steps);
+    return OK;
+}
+
+// The index of the entry nearest to `time_ns` (the earlier of two), looking
+// from `from` on; times asked for must rise from call to call.
+static int64_t nearest(const struct list *list, int64_t from, int64_t time_ns)
+{
+    while (from + 1 < list->count &&
+           llabs(list->entries[from + 1].time_ns - time_ns) < llabs(list->entries[from].time_ns - time_ns))
+        from++;
+    return from;
+}
+
+// Two pictures are a pair when each is the other's nearest and they are at most
+// half a frame apart; so no colour picture is used twice.
+static enum status pair(struct folder *f)
+{
+    int64_t step_ns;
+    enum status status = median_step(&f->depth, &step_ns);
+    if (status != OK)
+        return status;
+    if (!step_ns && (status = median_step(&f->color, &step_ns)) != OK)
+        return status;
+    f->color_of = malloc((size_t)f->depth.count * sizeof *f->color_of);
+    if (!f->color_of)
+        return fail(ERR_MEMORY, "no memory to pair the pictures of %s", f->dir);
+    int64_t color = 0, back = 0;
+    for (int64_t i = 0; i < f->depth.count; i++) {
+        f->color_of[i] = -1;
+        if (!f->color.count)
+            continue;
+        color = nearest(&f->color, color, f->depth.entries[i].time_ns);
+        back = nearest(&f->depth, back, f->color.entries[color].time_ns);
+        int64_t apart_ns = llabs(f->color.entries[color].time_ns - f->depth.entries[i].time_ns);
+        if (back == i && 2 * apart_ns <= step_ns)
+            f->color_of[i] = color;
+    }
+    return OK;
+}
+
+// ------------------------------------------------------------- the pictures
+
+static enum status read_bytes(const struct folder *f, const struct list *list, const struct entry *entry,
+                              char path[PATH_BYTES], uint8_t **bytes, size_t *count)
+{
+    if (snprintf(path, PATH_BYTES, "%s/%s", f->dir, entry->path) >= PATH_BYTES)
+        return fail(ERR_INPUT, "%s/%s, line %d: the path is too long", f->dir, list->name, entry->line);
+    enum status status = file_read(path, bytes, count);
+    if (status == ERR_MISSING)
+        return fail(ERR_INPUT, "%s, named in line %d of %s, is missing", path, entry->line, list->name);
+    return status;
+}
+
+static bool is_jpeg(const uint8_t *bytes, size_t count) { return count >= 2 && bytes[0] == 0xff && bytes[1] == 0xd8; }
+
+static enum status check_size(const char *path, int width, int height, const struct lens *lens, const char *what)
+{
+    if (width == lens->width && height == lens->height)
+        return OK;
+    return fail(ERR_INPUT, "%s has %d x %d pixels, but calibration.json says %d x %d for '%s'", path, width, height,
+                lens->width, lens->height, what);
+}
+
+// Damage is the picture's, not the program's: one status for all of it.
+static enum status damaged(enum status status, const char *path)
+{
+    if (status != ERR_CORRUPT)
+        return status;
+    const char *sentence = status_sentence();
+    return strstr(sentence, path) ? fail(ERR_INPUT, "%s", sentence) : fail(ERR_INPUT, "%s: %s", path, sentence);
+}
+
+static enum status read_png(const char *path, const uint8_t *bytes, size_t count, enum png_kind kind,
+                            const struct lens *lens, const char *what, void **pixels)
+{
+    int width, height;
+    enum status status = damaged(png_decode(bytes, count, path, kind, pixels, &width, &height), path);
+    if (status != OK)
+        return status;
+    status = check_size(path, width, height, lens, what);
+    if (status != OK)
+        free(*pixels);
+    return status;
+}
+
+static enum status read_color(struct folder *f, const struct entry *entry, struct frame *out)
+{
+    const struct lens *lens = &f->facts->calibration.color;
+    char path[PATH_BYTES];
+    uint8_t *bytes;
+    size_t count;
+    enum status status = read_bytes(f, &f->color, entry, path, &bytes, &count);
+    if (status != OK)
+        return status;
+    if (is_jpeg(bytes, count)) {
+        int width, height;
+        status = damaged(jpeg_size(bytes, count, &width, &height), path);
+        if (status == OK)
+            status = check_size(path, width, height, lens, "color");
+        if (status == OK)
+            status = damaged(jpeg_decode(bytes, count, f->rgb, width, height), path);
+        if (status == OK) {
+            out->jpeg = f->jpeg = bytes;
+            out->jpeg_bytes = count;
+            out->color = f->rgb;
+            return OK;
+        }
+    } else {
+        void *pixels;
+        status = read_png(path, bytes, count, PNG_RGB8, lens, "color", &pixels);
+        if (status == OK) {
+            memcpy(f->rgb, pixels, (size_t)lens->width * (size_t)lens->height * 3);
+            free(pixels);
+            out->color = f->rgb;
+        }
+    }
+    free(bytes);
+    return status;
+}
+
+static enum status read_depth(struct folder *f, const struct entry *entry, struct frame *out)
+{
+    const struct lens *lens = &f->facts->calibration.depth;
+    char path[PATH_BYTES];
+    uint8_t *bytes;
+    size_t count;
+    enum status status = read_bytes(f, &f->depth, entry, path, &bytes, &count);
+    if (status != OK)
+        return status;
+    void *pixels;
+    status = read_png(path, bytes, count, PNG_GRAY16, lens, "depth", &pixels);
+    free(bytes);
+    if (status != OK)
+        return status;
+    size_t area = (size_t)lens->width * (size_t)lens->height;
+    const uint16_t *units = pixels;
+    if (f->to_mm)
+        for (size_t i = 0; i < area; i++)
+            f->mm[i] = f->to_mm[units[i]];
+    else
+        memcpy(f->mm, units, area * sizeof *f->mm);
+    free(pixels);
+    out->depth = f->mm;
+    return OK;
+}
+
+// A folder of the wrong size is refused at once, by its first picture. What
+// else may ail that picture is said when its turn comes.
+static enum status check_first(struct folder *f, const struct list *list, const struct lens *lens, const char *what)
+{
+    static const uint8_t png_begin[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+    char path[PATH_BYTES];
+    uint8_t *bytes;
+    size_t count;
+    int width, height;
+    if (!list->count || read_bytes(f, list, list->entries, path, &bytes, &count) != OK)
+        return OK;
+    enum status status = OK;
+    if (is_jpeg(bytes, count)) {
+        if (jpeg_size(bytes, count, &width, &height) == OK)
+            status = check_size(path, width, height, lens, what);
+    } else if (count >= 24 && !memcmp(bytes, png_begin, 8)) { // width and height follow the header chunk's name
+        width = (int)((uint32_t)bytes[16] << 24 | (uint32_t)bytes[17] << 16 | (uint32_t)bytes[18] << 8 | bytes[19]);
+        height = (int)((uint32_t)bytes[20] << 24 | (uint32_t)bytes[21] << 16 | (uint32_t)bytes[22] << 8 | bytes[23]);
+        status = check_size(path, width, height, lens, what);
+    }
+    free(bytes);
+    return status;
+}
+
+// ------------------------------------------------------------- names
+
+// The file's name without folder and ending; its length in *length.
+static const char *stem_of(const char *path, size_t *length)
+{
+    const char *slash = strrchr(path, '/');
+    const char *stem = slash ? slash + 1 : path;
+    const char *dot = strrchr(stem, '.');
+    *length = dot && dot > stem ? (size_t)(dot - stem) : strlen(stem);
+    return stem;
+}
+
+static bool names_fit(const struct list *list)
+{
+    size_t length;
+    for (int64_t i = 0; i < list->count; i++) {
+        stem_of(list->entries[i].path, &length);
+        if (length >= sizeof((struct frame *)NULL)->name)
+            return false;
+    }
+    return true;
+}
+
+// ------------------------------------------------------------- the kind
+
+static void folder_close(void *self)
+{
+    struct folder *f = self;
+    if (!f)
+        return;
+    free(f->color.text);
+    free(f->color.entries);
+    free(f->depth.text);
+    free(f->depth.entries);
+    free(f->color_of);
+    free(f->to_mm);
+    free(f->rgb);
+    free(f->mm);
+    free(f->jpeg);
+    free(f->dir);
+    free(f);
+}
+
+static enum status read_lists(struct folder *f, enum source_wanted wanted)
+{
+    enum status status = read_list(&f->color, f->dir, "rgb.txt");
+    bool has_color = status == OK;
+    if (status == ERR_MISSING && wanted == SOURCE_CAMERA)
+        return fail(ERR_MISSING, "%s/rgb.txt is missing: no list of colour pictures, no camera", f->dir);
+    if (status != OK && status != ERR_MISSING)
+        return status;
+    f->lead = &f->color;
+    if (wanted == SOURCE_CAMERA)
+        return OK;
+    f->lead = &f->depth;
+    status = read_list(&f->depth, f->dir, "depth.txt");
+    if (status == ERR_MISSING)
+        return has_color ? fail(ERR_INPUT,
+                                "%s has colour but no depth (depth.txt is missing), so it is no depth sensor", f->dir)
+                         : fail(ERR_MISSING, "%s has neither rgb.txt nor depth.txt: no pictures", f->dir);
+    return status;
+}
+
+// Leaves in the calibration only the pictures that come; each that comes must be in it.
+static enum status match_calibration(const struct folder *f, struct calibration *c)
+{
+    if (f->color.count && !c->color.width)
+        return fail(ERR_INPUT, "%s/calibration.json: 'color' is missing, but there is an rgb.txt", f->dir);
+    if (f->depth.count && !c->depth.width)
+        return fail(ERR_INPUT, "%s/calibration.json: 'depth' is missing, but there is a depth.txt", f->dir);
+    if (!f->color.count)
+        c->color = (struct lens){0};
+    if (!f->depth.count)
+        c->depth = (struct lens){0};
+    return OK;
+}
+
+static enum status make_room(struct folder *f, const struct calibration *c, double unit_m)
+{
+    f->rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
+    f->mm = malloc((size_t)c->depth.width * (size_t)c->depth.height * sizeof *f->mm + 1);
+    bool convert = c->depth.width && fabs(unit_m - 0.001) > 1e-12;
+    if (convert && (f->to_mm = malloc(65536 * sizeof *f->to_mm)))
+        for (int raw = 0; raw < 65536; raw++) {
+            double mm = round(raw * (unit_m / 0.001));
+            f->to_mm[raw] = mm <= 65535 ? (uint16_t)mm : 0;
+        }
+    if (!f->rgb || !f->mm || (convert && !f->to_mm))
+        return fail(ERR_MEMORY, "no memory for the pictures of %s", f->dir);
+    return OK;
+}
+
+static enum status open_steps(struct folder *f, enum source_wanted wanted)
+{
+    struct calibration *c = &f->facts->calibration;
+    char path[PATH_BYTES];
+    double unit_m;
+    if (!file_exists(f->dir))
+        return fail(ERR_MISSING, "there is no folder %s", f->dir);
+    if (snprintf(path, sizeof path, "%s/calibration.json", f->dir) >= (int)sizeof path)
+        return fail(ERR_INPUT, "the path %.60s… is too long", f->dir);
+    enum status status = calibration_read_with_unit(path, c, &unit_m);
+    if (status == OK)
+        status = read_lists(f, wanted);
+    if (status == OK)
+        status = match_calibration(f, c);
+    if (status == OK && wanted == SOURCE_SENSOR)
+        status = pair(f);
+    if (status == OK)
+        status = check_first(f, &f->color, &c->color, "color");
+    if (status == OK)
+        status = check_first(f, &f->depth, &c->depth, "depth");
+    if (status == OK)
+        status = make_room(f, c, unit_m);
+    return status;
+}
+
+enum status folder_open(void **self, const char *where, enum source_wanted wanted, struct source_facts *facts)
+{
+    *self = NULL;
+    struct folder *f = calloc(1, sizeof *f);
+    if (!f || !(f->dir = strdup(where))) {
+        folder_close(f);
+        return fail(ERR_MEMORY, "no memory to open the folder %s", where);
+    }
+    for (size_t n = strlen(f->dir); n > 1 && f->dir[n - 1] == '/'; n--)
+        f->dir[n - 1] = 0;
+    f->facts = facts;
+    enum status status = open_steps(f, wanted);
+    if (status != OK) {
+        folder_close(f);
+        return status;
+    }
+    f->numbered = !names_fit(f->lead);
+    facts->live = false;
+    facts->remaining = f->lead->count;
+    facts->dropped = f->lead->skipped;
+    *self = f;
+    return OK;
+}
+
+static enum status folder_next(void *self, struct frame *out)
+{
+    struct folder *f = self;
+    free(f->jpeg);
+    f->jpeg = NULL;
+    if (f->at >= f->lead->count)
+        return NOTHING;
+    int64_t index = f->at++;
+    f->facts->remaining = f->lead->count - f->at;
+    const struct entry *entry = &f->lead->entries[index];
+    out->time_ns = entry->time_ns;
+    size_t length;
+    const char *stem = stem_of(entry->path, &length);
+    if (f->numbered)
+        snprintf(out->name, sizeof out->name, "%04lld", (long long)index);
+    else
+        snprintf(out->name, sizeof out->name, "%.*s", (int)length, stem);
+    const struct entry *color = entry;
+    enum status status = OK;
+    if (f->lead == &f->depth) {
+        color = f->color_of[index] < 0 ? NULL : &f->color.entries[f->color_of[index]];
+        status = read_depth(f, entry, out);
+    }
+    if (status == OK && color)
+        status = read_color(f, color, out);
+    return status;
+}
+
+const struct source_kind folder_kind = {folder_next, folder_close};

@@ -1,0 +1,425 @@
+// Depth sensors and .oni files through OpenNI2's C API.
+//
+//   openni, openni:N   the first, the N-th (from 0) connected sensor; live
+//   oni:FILE           a recording made by OpenNI2; every frame comes out, as
+//                      fast as it is asked for, and NOTHING at its end
+//
+// Depth is asked for in millimetres (100 µm is converted, rounded to the
+// nearest), colour in RGB; the sensor registers depth to colour where it can.
+// Pictures are never mirrored: what the device or the file mirrors is turned
+// back here.
+//
+// A frame is a depth picture with the colour picture nearest in time, at most
+// half a frame apart. Times are the sensor's own (OpenNI2's recorder lets each
+// stream of a file begin at 0). Frames are counted as dropped where the depth
+// stream's frame numbers have gaps, or where time does not rise.
+//
+// The calibration comes from the fields of view that the sensor states; OpenNI2
+// tells neither the lens's centre, so the picture's centre is taken, nor its
+// distortion, so none is. Registered depth has the colour camera's lens. Whether
+// a file's depth is registered is written nowhere; it is taken to be. A sensor
+// that cannot register is said to be not registered, with its two cameras in
+// one place, for OpenNI2 does not say how far they are apart.
+#include "platform/clock.h"
+#include "platform/file.h"
+#include "platform/openni_sensor.h"
+
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// OpenNI2 counts its users without a lock, and opening changes the working
+// folder for a moment; so only one thread at a time opens or closes.
+static pthread_mutex_t opening = PTHREAD_MUTEX_INITIALIZER;
+
+// ------------------------------------------------------------- sentences
+
+// What OpenNI2 last complained of, on one line.
+static const char *complaint(char text[200])
+{
+    snprintf(text, 200, "%s", oniGetExtendedError());
+    for (char *at = text; *at; at++)
+        if (*at == '\n' || *at == '\t' || *at == '\r')
+            *at = ' ';
+    char *begin = text + strspn(text, " ");
+    for (size_t n = strlen(begin); n && begin[n - 1] == ' '; n--)
+        begin[n - 1] = 0;
+    return *begin ? begin : "OpenNI2 gives no reason";
+}
+
+// Where OpenNI2 looks for its drivers: beside its own library, unless /etc/openni2/OpenNI.ini says otherwise.
+static void drivers_folder(char *out, size_t size)
+{
+    Dl_info info;
+    // A function's address as an object's: what dladdr wants and POSIX allows.
+    void *address;
+    OniStatus (*initialize)(int) = oniInitialize;
+    memcpy(&address, &initialize, sizeof address);
+    snprintf(out, size, "OpenNI2/Drivers");
+    if (!dladdr(address, &info) || !info.dli_fname)
+        return;
+    const char *slash = strrchr(info.dli_fname, '/');
+    if (slash)
+        snprintf(out, size, "%.*s/OpenNI2/Drivers", (int)(slash - info.dli_fname), info.dli_fname);
+}
+
+static enum status no_sensor(int index, int count)
+{
+    char folder[200];
+    drivers_folder(folder, sizeof folder);
+    if (count)
+        return fail(ERR_MISSING, "there is no depth sensor number %d: %d connected, counted from 0", index, count);
+    return fail(ERR_MISSING,
+                "no depth sensor is connected: plug one in, and see that you may use it (udev) and that its driver is "
+                "in %s",
+                folder);
+}
+
+// ------------------------------------------------------------- news from OpenNI2's threads
+
+static void on_disconnected(const OniDeviceInfo *info, void *cookie)
+{
+    struct sensor *s = cookie;
+    if (!strcmp(info->uri, s->uri))
+        atomic_store(&s->gone, true);
+}
+
+static void on_state(const OniDeviceInfo *info, OniDeviceState state, void *cookie)
+{
+    struct sensor *s = cookie;
+    if (strcmp(info->uri, s->uri))
+        return;
+    if (state == ONI_DEVICE_STATE_EOF)
+        atomic_store(&s->ended, true);
+    else if (state == ONI_DEVICE_STATE_ERROR)
+        atomic_store(&s->gone, true);
+}
+
+// ------------------------------------------------------------- opening
+
+// How well a mode serves: the nearer to 640 x 480 at 30 Hz the better; -1 not at all.
+static int mode_worth(const OniVideoMode *mode, OniSensorType type)
+{
+    int worth = 0;
+    if (type == ONI_SENSOR_DEPTH && mode->pixelFormat == ONI_PIXEL_FORMAT_DEPTH_1_MM)
+        worth = 2000000;
+    else if (type == ONI_SENSOR_DEPTH && mode->pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM)
+        worth = 1000000;
+    else if (type == ONI_SENSOR_COLOR && mode->pixelFormat == ONI_PIXEL_FORMAT_RGB888)
+        worth = 2000000;
+    else
+        return -1;
+    if (mode->resolutionX < 1 || mode->resolutionY < 1 || mode->resolutionX > 4096 || mode->resolutionY > 4096)
+        return -1;
+    int away = abs(mode->resolutionX - 640) + abs(mode->resolutionY - 480), slow = abs(mode->fps - 30);
+    return worth - 100 * (away < 9000 ? away : 9000) - (slow < 99 ? slow : 99);
+}
+
+// NOTHING: the device has no such stream. Leaves the stream made, in its best mode, not started.
+static enum status make_stream(struct sensor *s, struct lane *lane, OniSensorType type)
+{
+    const char *what = type == ONI_SENSOR_DEPTH ? "depth" : "colour";
+    const OniSensorInfo *info = oniDeviceGetSensorInfo(s->device, type);
+    if (!info)
+        return NOTHING;
+    const OniVideoMode *best = NULL;
+    for (int i = 0; i < info->numSupportedVideoModes; i++) {
+        const OniVideoMode *mode = &info->pSupportedVideoModes[i];
+        if (mode_worth(mode, type) >= 0 && (!best || mode_worth(mode, type) > mode_worth(best, type)))
+            best = mode;
+    }
+    if (!best)
+        return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s gives its %s pictures in no format that can be used", s->name,
+                    what);
+    lane->mode = *best;
+    char why[200];
+    if (oniDeviceCreateStream(s->device, type, &lane->stream) != ONI_STATUS_OK) {
+        lane->stream = NULL;
+        return fail(ERR_DEVICE, "%s gives no %s stream: %s", s->name, what, complaint(why));
+    }
+    if (!s->file && oniStreamSetProperty(lane->stream, ONI_STREAM_PROPERTY_VIDEO_MODE, &lane->mode,
+                                         sizeof lane->mode) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels: %s", s->name, what, lane->mode.resolutionX,
+                    lane->mode.resolutionY, complaint(why));
+    OniBool mirrored = FALSE;
+    int size = sizeof mirrored;
+    if (!s->file)
+        oniStreamSetProperty(lane->stream, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
+    if (oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
+        lane->mirrored = mirrored; // some cannot be told not to, and no file can
+    if (s->file && oniStreamSetFrameBuffersAllocator(lane->stream, gate_alloc, gate_free, lane) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture: %s", s->name, what, complaint(why));
+    return OK;
+}
+
+static enum status read_lens(const struct sensor *s, const struct lane *lane, const char *what, struct lens *lens)
+{
+    float h = 0, v = 0;
+    int h_size = sizeof h, v_size = sizeof v;
+    if (oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &h, &h_size) != ONI_STATUS_OK ||
+        oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_VERTICAL_FOV, &v, &v_size) != ONI_STATUS_OK ||
+        !(h > 0.1f && h < 3.0f) || !(v > 0.1f && v < 3.0f))
+        return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s does not say how wide its %s camera sees", s->name, what);
+    int w = lane->mode.resolutionX, height = lane->mode.resolutionY;
+    *lens = (struct lens){.width = w,
+                          .height = height,
+                          .fx = w / (2 * tan(0.5 * (double)h)),
+                          .fy = height / (2 * tan(0.5 * (double)v)),
+                          .cx = 0.5 * (w - 1),
+                          .cy = 0.5 * (height - 1)};
+    return OK;
+}
+
+static enum status calibrate(struct sensor *s)
+{
+    struct calibration *c = &s->facts->calibration;
+    *c = (struct calibration){.registered = true, .color_from_depth = POSE_IDENTITY};
+    enum status status = read_lens(s, &s->depth, "depth", &c->depth);
+    if (status != OK || !s->color.stream)
+        return status;
+    if ((status = read_lens(s, &s->color, "colour", &c->color)) != OK)
+        return status;
+    if (!s->file) {
+        OniImageRegistrationMode mode = ONI_IMAGE_REGISTRATION_DEPTH_TO_COLOR;
+        c->registered = oniDeviceIsImageRegistrationModeSupported(s->device, mode) &&
+                        oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION, &mode, sizeof mode) ==
+                            ONI_STATUS_OK;
+    }
+    if (c->registered) { // the colour camera's lens, at the depth picture's size
+        double scale = (double)c->depth.width / c->color.width;
+        c->depth.fx = c->color.fx * scale;
+        c->depth.fy = c->color.fy * scale;
+    }
+    return OK;
+}
+
+static enum status make_streams(struct sensor *s)
+{
+    enum status status = make_stream(s, &s->depth, ONI_SENSOR_DEPTH);
+    if (status == NOTHING)
+        return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s has no depth", s->name);
+    if (status == OK && (status = make_stream(s, &s->color, ONI_SENSOR_COLOR)) == NOTHING)
+        status = OK;
+    if (status == OK)
+        status = calibrate(s);
+    if (status != OK)
+        return status;
+    const OniVideoMode *d = &s->depth.mode, *c = &s->color.mode;
+    s->mm = malloc((size_t)d->resolutionX * (size_t)d->resolutionY * sizeof *s->mm);
+    s->rgb = malloc((size_t)c->resolutionX * (size_t)c->resolutionY * 3 + 1);
+    if (!s->mm || !s->rgb)
+        return fail(ERR_MEMORY, "no memory for the pictures of %s", s->name);
+    s->half_frame_ns = 500000000 / (d->fps > 0 ? d->fps : 30);
+    if (s->file) {
+        int count = -1, size = sizeof count;
+        if (oniStreamGetProperty(s->depth.stream, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
+                ONI_STATUS_OK &&
+            count >= 0)
+            s->facts->remaining = count;
+    }
+    return OK;
+}
+
+// A file's player runs as soon as one stream is started and would throw away the other's first
+// pictures; at speed -1 it waits to be asked, so both streams are started before anything moves.
+static enum status start(struct sensor *s)
+{
+    char why[200];
+    float by_hand = -1, no_waiting = 0;
+    OniBool repeat = FALSE;
+    if (s->file && (oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED, &repeat,
+                                         sizeof repeat) != ONI_STATUS_OK ||
+                    oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &by_hand, sizeof by_hand) !=
+                        ONI_STATUS_OK))
+        return fail(ERR_DEVICE, "%s cannot be played picture by picture: %s", s->name, complaint(why));
+    if (oniStreamStart(s->depth.stream) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, complaint(why));
+    if (s->color.stream && oniStreamStart(s->color.stream) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, complaint(why));
+    if (s->file)
+        oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &no_waiting, sizeof no_waiting);
+    else if (s->color.stream)
+        oniDeviceEnableDepthColorSync(s->device); // nice to have; pairs are made by time anyway
+    return OK;
+}
+
+static void openni_close(void *self)
+{
+    struct sensor *s = self;
+    if (!s)
+        return;
+    pthread_mutex_lock(&opening);
+    gate_open(&s->gate);
+    lane_release_all(&s->depth);
+    lane_release_all(&s->color);
+    if (s->callbacks)
+        oniUnregisterDeviceCallbacks(s->callbacks);
+    if (s->color.stream)
+        oniStreamStop(s->color.stream);
+    if (s->depth.stream)
+        oniStreamStop(s->depth.stream);
+    if (s->color.stream)
+        oniStreamDestroy(s->color.stream);
+    if (s->depth.stream)
+        oniStreamDestroy(s->depth.stream);
+    if (s->device)
+        oniDeviceClose(s->device);
+    if (s->initialized)
+        oniShutdown();
+    pthread_mutex_unlock(&opening);
+    pthread_cond_destroy(&s->gate.changed);
+    pthread_mutex_destroy(&s->gate.lock);
+    free(s->mm);
+    free(s->rgb);
+    free(s->name);
+    free(s);
+}
+
+// OpenNI2 up and running; ERR_DEVICE with its reason.
+static enum status initialize(void)
+{
+    char why[200];
+    if (oniInitialize(ONI_API_VERSION) == ONI_STATUS_OK)
+        return OK;
+    enum status status = fail(ERR_DEVICE, "OpenNI2 does not start: %s", complaint(why));
+    oniShutdown(); // it counts failed starts too
+    return status;
+}
+
+// Learns the URI and the name of the device with that number.
+static enum status find_device(struct sensor *s, int index)
+{
+    OniDeviceInfo *list = NULL;
+    int count = 0;
+    if (oniGetDeviceList(&list, &count) != ONI_STATUS_OK)
+        count = 0;
+    enum status status = index < count ? OK : no_sensor(index, count);
+    if (status == OK) {
+        snprintf(s->uri, sizeof s->uri, "%s", list[index].uri);
+        char name[2 * ONI_MAX_STR + 20];
+        snprintf(name, sizeof name, "the sensor %s %s", list[index].vendor, list[index].name);
+        char *named = strdup(name);
+        if (named) {
+            free(s->name);
+            s->name = named;
+        }
+    }
+    if (list)
+        oniReleaseDeviceList(list);
+    return status;
+}
+
+static enum status open_device(struct sensor *s)
+{
+    OniDeviceCallbacks callbacks = {NULL, on_disconnected, on_state};
+    if (oniRegisterDeviceCallbacks(&callbacks, s, &s->callbacks) != ONI_STATUS_OK)
+        s->callbacks = NULL;
+    char why[200];
+    if (oniDeviceOpen(s->uri, &s->device) != ONI_STATUS_OK) {
+        s->device = NULL;
+        return s->file ? fail(ERR_INPUT, "%s is no recording that OpenNI2 can play", s->name)
+                       : fail(ERR_DEVICE, "%s does not open: %s", s->name, complaint(why));
+    }
+    enum status status = make_streams(s);
+    return status == OK ? start(s) : status;
+}
+
+static struct sensor *new_sensor(bool file, const char *name, struct source_facts *facts)
+{
+    struct sensor *s = calloc(1, sizeof *s);
+    if (!s)
+        return NULL;
+    pthread_mutex_init(&s->gate.lock, NULL);
+    pthread_cond_init(&s->gate.changed, NULL);
+    s->depth.gate = s->color.gate = &s->gate;
+    s->file = file;
+    s->last_time_ns = INT64_MIN;
+    s->last_index = -1;
+    s->facts = facts;
+    facts->live = !file;
+    s->name = strdup(name);
+    if (!s->name) {
+        openni_close(s);
+        return NULL;
+    }
+    return s;
+}
+
+// Takes over `s`; closes it on error. index: of the device; -1 for a file, whose URI is known.
+static enum status finish_open(struct sensor *s, int index, void **self)
+{
+    pthread_mutex_lock(&opening);
+    enum status status = initialize();
+    s->initialized = status == OK;
+    if (status == OK && index >= 0)
+        status = find_device(s, index);
+    if (status == OK)
+        status = open_device(s);
+    pthread_mutex_unlock(&opening);
+    if (status == OK)
+        *self = s;
+    else
+        openni_close(s);
+    return status;
+}
+
+enum status openni_open(void **self, const char *where, enum source_wanted wanted, struct source_facts *facts)
+{
+    (void)wanted;
+    *self = NULL;
+    char *end = NULL;
+    long index = *where ? strtol(where, &end, 10) : 0;
+    if (*where && (*end || end == where || index < 0 || index > 999))
+        return fail(ERR_INPUT, "'openni:%s' does not say which sensor; write openni:0 for the first", where);
+    struct sensor *s = new_sensor(false, "the sensor", facts);
+    return s ? finish_open(s, (int)index, self) : fail(ERR_MEMORY, "no memory to open a depth sensor");
+}
+
+enum status oni_open(void **self, const char *where, enum source_wanted wanted, struct source_facts *facts)
+{
+    (void)wanted;
+    *self = NULL;
+    if (!file_exists(where))
+        return fail(ERR_MISSING, "there is no file %s", where);
+    char *path = realpath(where, NULL); // OpenNI2 changes the working folder while it opens
+    if (!path)
+        return fail(ERR_IO, "%s cannot be found by its full path", where);
+    if (strlen(path) >= ONI_MAX_STR) {
+        free(path);
+        return fail(ERR_INPUT, "the full path of %s is longer than the %d letters OpenNI2 takes", where,
+                    ONI_MAX_STR - 1);
+    }
+    struct sensor *s = new_sensor(true, where, facts);
+    if (s)
+        snprintf(s->uri, sizeof s->uri, "%s", path);
+    free(path);
+    return s ? finish_open(s, -1, self) : fail(ERR_MEMORY, "no memory to open %s", where);
+}
+
+const struct source_kind openni_kind = {openni_next, openni_close};
+
+// ------------------------------------------------------------- the list
+
+enum status openni_devices(struct source_device *out, int capacity, int *count)
+{
+    *count = 0;
+    pthread_mutex_lock(&opening);
+    enum status status = initialize();
+    if (status == OK) {
+        OniDeviceInfo *list = NULL;
+        int found = 0;
+        if (oniGetDeviceList(&list, &found) != ONI_STATUS_OK)
+            found = 0;
+        for (int i = 0; i < found && i < capacity; i++) {
+            snprintf(out[i].uri, sizeof out[i].uri, "openni:%d", i);
+            snprintf(out[i].name, sizeof out[i].name, "%.60s %.60s", list[i].vendor, list[i].name);
+        }
+        *count = found;
+        if (list)
+            oniReleaseDeviceList(list);
+        oniShutdown();
+    }
+    pthread_mutex_unlock(&opening);
+    return status;
+}

@@ -1,0 +1,278 @@
+// Reading from OpenNI2: holding a file's player back, pairing depth and colour,
+// turning pictures round. See openni.c for what comes out.
+#include "platform/clock.h"
+#include "platform/openni_sensor.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { SLICE_MS = 50 };                            // how long to wait before looking whether the sensor is still there
+static const int64_t LIVE_SILENCE_NS = 5000000000; // a sensor silent for so long is gone
+static const int64_t FILE_SILENCE_NS = 3000000000; // a file's next picture takes milliseconds
+
+// Goes before the pixels in memory that the gate hands out.
+struct block {
+    struct lane *lane;
+    bool taken;
+};
+enum { BLOCK_BYTES = 64 }; // keeps the pixels aligned
+
+// ------------------------------------------------------------- the gate
+
+void *gate_alloc(int size, void *cookie)
+{
+    struct lane *lane = cookie;
+    struct gate *gate = lane->gate;
+    pthread_mutex_lock(&gate->lock);
+    while (lane->untaken && !gate->open)
+        pthread_cond_wait(&gate->changed, &gate->lock);
+    lane->untaken = true;
+    pthread_mutex_unlock(&gate->lock);
+    size_t rounded = (BLOCK_BYTES + (size_t)size + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
+    uint8_t *memory = aligned_alloc(BLOCK_BYTES, rounded);
+    if (!memory)
+        return NULL;
+    *(struct block *)memory = (struct block){lane, false};
+    return memory + BLOCK_BYTES;
+}
+
+static void gate_taken(struct lane *lane, struct block *block)
+{
+    struct gate *gate = lane->gate;
+    pthread_mutex_lock(&gate->lock);
+    if (!block->taken) {
+        block->taken = true;
+        lane->untaken = false;
+        pthread_cond_broadcast(&gate->changed);
+    }
+    pthread_mutex_unlock(&gate->lock);
+}
+
+void gate_free(void *data, void *cookie)
+{
+    (void)cookie;
+    if (!data)
+        return;
+    struct block *block = (struct block *)((uint8_t *)data - BLOCK_BYTES);
+    gate_taken(block->lane, block); // thrown away unread: the next may come
+    free(block);
+}
+
+void gate_open(struct gate *gate)
+{
+    pthread_mutex_lock(&gate->lock);
+    gate->open = true;
+    pthread_cond_broadcast(&gate->changed);
+    pthread_mutex_unlock(&gate->lock);
+}
+
+// ------------------------------------------------------------- frames
+
+void lane_release_all(struct lane *lane)
+{
+    for (int i = 0; i < lane->count; i++)
+        oniFrameRelease(lane->queue[i]);
+    lane->count = 0;
+}
+
+static int64_t time_of(const OniFrame *frame)
+{
+    return (int64_t)frame->timestamp * 1000; // microseconds
+}
+
+static void drop_oldest(struct lane *lane, int how_many)
+{
+    for (int i = 0; i < how_many; i++)
+        oniFrameRelease(lane->queue[i]);
+    lane->count -= how_many;
+    memmove(lane->queue, lane->queue + how_many, (size_t)lane->count * sizeof *lane->queue);
+}
+
+// Waits at most `wait_ms` for a picture and puts it into its queue. NOTHING: none came.
+static enum status take_picture(struct sensor *s, int wait_ms)
+{
+    struct lane *lanes[2] = {&s->depth, &s->color};
+    OniStreamHandle streams[2] = {s->depth.stream, s->color.stream};
+    int index = 0;
+    OniFrame *frame = NULL;
+    if (oniWaitForAnyStream(streams, s->color.stream ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
+        oniStreamReadFrame(streams[index], &frame) != ONI_STATUS_OK || !frame)
+        return NOTHING;
+    struct lane *lane = lanes[index];
+    if (s->file)
+        gate_taken(lane, (struct block *)((uint8_t *)frame->data - BLOCK_BYTES));
+    if (lane->count == LANE_QUEUE)
+        drop_oldest(lane, 1);
+    lane->queue[lane->count++] = frame;
+    return OK;
+}
+
+// Is it known which colour picture, if any, belongs to the oldest depth picture? For a file
+// this depends on the pictures' order alone, never on how fast they come.
+static bool decided(const struct sensor *s, bool over)
+{
+    if (!s->depth.count)
+        return false;
+    if (over || !s->color.stream)
+        return true;
+    if (s->color.count && time_of(s->color.queue[s->color.count - 1]) >= time_of(s->depth.queue[0]))
+        return true; // whatever comes later is further away
+    return s->depth.count >= (s->file ? LANE_QUEUE : 2);
+}
+
+static enum status check_picture(const struct sensor *s, const struct lane *lane, const OniFrame *frame,
+                                 int pixel_bytes, const char *what)
+{
+    int w = lane->mode.resolutionX, h = lane->mode.resolutionY;
+    if (frame->width != w || frame->height != h)
+        return fail(ERR_INPUT, "%s: %s picture %d has %d x %d pixels where %d x %d were announced", s->name, what,
+                    frame->frameIndex, frame->width, frame->height, w, h);
+    if (frame->stride < w * pixel_bytes || frame->dataSize < frame->stride * (h - 1) + w * pixel_bytes)
+        return fail(ERR_INPUT, "%s: %s picture %d is damaged", s->name, what, frame->frameIndex);
+    return OK;
+}
+
+static enum status copy_depth(struct sensor *s, const OniFrame *frame)
+{
+    int w = s->depth.mode.resolutionX, h = s->depth.mode.resolutionY;
+    enum status status = check_picture(s, &s->depth, frame, 2, "depth");
+    if (status != OK)
+        return status;
+    bool tenths = s->depth.mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
+    for (int y = 0; y < h; y++) {
+        const uint16_t *in =
+            (const uint16_t *)(const void *)((const uint8_t *)frame->data + (size_t)y * (size_t)frame->stride);
+        uint16_t *out = s->mm + (size_t)y * (size_t)w;
+        for (int x = 0; x < w; x++) {
+            int value = in[s->depth.mirrored ? w - 1 - x : x];
+            out[x] = (uint16_t)(tenths ? (value + 5) / 10 : value);
+        }
+    }
+    return OK;
+}
+
+static enum status copy_color(struct sensor *s, const OniFrame *frame)
+{
+    int w = s->color.mode.resolutionX, h = s->color.mode.resolutionY;
+    enum status status = check_picture(s, &s->color, frame, 3, "colour");
+    if (status != OK)
+        return status;
+    for (int y = 0; y < h; y++) {
+        const uint8_t *in = (const uint8_t *)frame->data + (size_t)y * (size_t)frame->stride;
+        uint8_t *out = s->rgb + (size_t)y * (size_t)w * 3;
+        if (!s->color.mirrored)
+            memcpy(out, in, (size_t)w * 3);
+        else
+            for (int x = 0; x < w; x++)
+                memcpy(out + 3 * x, in + 3 * (w - 1 - x), 3);
+    }
+    return OK;
+}
+
+// Counts what is missing between the last depth picture handed out and the oldest in the queue. A sensor
+// drops; a file's missing pictures are damage, which is said once, before the picture behind it.
+static enum status count_gap(struct sensor *s)
+{
+    int index = s->depth.queue[0]->frameIndex, gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
+    if (gap <= 0)
+        return OK;
+    s->facts->dropped += gap;
+    s->last_index = index - 1;
+    if (!s->file)
+        return OK;
+    s->facts->remaining = s->facts->remaining > gap ? s->facts->remaining - gap : s->facts->remaining;
+    return fail(ERR_INPUT, "%s: the %d pictures before number %d are damaged and left out", s->name, gap, index);
+}
+
+// The colour picture nearest in time, at most half a frame away; -1: none.
+static int color_for(const struct sensor *s, int64_t time_ns)
+{
+    int best = -1;
+    int64_t best_ns = s->half_frame_ns + 1;
+    for (int i = 0; i < s->color.count; i++) {
+        int64_t away_ns = llabs(time_of(s->color.queue[i]) - time_ns);
+        if (away_ns < best_ns) {
+            best = i;
+            best_ns = away_ns;
+        }
+    }
+    return best;
+}
+
+// Makes a frame of the oldest depth picture and its colour. NOTHING: its time does not rise, it was dropped.
+static enum status hand_out(struct sensor *s, struct frame *out)
+{
+    enum status status = count_gap(s);
+    if (status != OK)
+        return status;
+    const OniFrame *depth = s->depth.queue[0];
+    int64_t time_ns = time_of(depth);
+    s->last_index = depth->frameIndex;
+    if (s->facts->remaining > 0)
+        s->facts->remaining--;
+    if (time_ns <= s->last_time_ns) {
+        s->facts->dropped++;
+        drop_oldest(&s->depth, 1);
+        return NOTHING;
+    }
+    s->last_time_ns = time_ns;
+    out->time_ns = time_ns;
+    snprintf(out->name, sizeof out->name, "%04lld", (long long)s->handed_out++);
+    int color = color_for(s, time_ns);
+    status = copy_depth(s, depth);
+    if (status == OK && color >= 0)
+        status = copy_color(s, s->color.queue[color]);
+    out->depth = s->mm;
+    out->color = color >= 0 ? s->rgb : NULL;
+    drop_oldest(&s->depth, 1);
+    int used = color + 1; // and those before it; what is older than half a frame serves no later picture
+    while (used < s->color.count && time_of(s->color.queue[used]) < time_ns - s->half_frame_ns)
+        used++;
+    drop_oldest(&s->color, used);
+    return status;
+}
+
+// A file that ends before the number of pictures it announced says so, once.
+static enum status at_end(struct sensor *s)
+{
+    int64_t lost = s->facts->remaining;
+    s->facts->remaining = 0;
+    if (lost > 0)
+        return fail(ERR_INPUT, "%s breaks off %lld pictures before its end: it is damaged", s->name, (long long)lost);
+    return NOTHING;
+}
+
+enum status openni_next(void *self, struct frame *out)
+{
+    struct sensor *s = self;
+    int64_t since_ns = clock_now_ns();
+    for (;;) {
+        while (s->depth.count < LANE_QUEUE && !(s->file && decided(s, false)) && take_picture(s, 0) == OK)
+            since_ns = clock_now_ns();
+        // Asked before the queues are filled a last time: what came before the end is then in them.
+        bool gone = atomic_load(&s->gone), over = gone || atomic_load(&s->ended);
+        if (over)
+            while (s->depth.count < LANE_QUEUE && take_picture(s, 0) == OK)
+                ;
+        if (!s->file && s->depth.count > 2)
+            drop_oldest(&s->depth, s->depth.count - 2); // late: the newest is wanted; the gap is counted
+        if (decided(s, over)) {
+            enum status status = hand_out(s, out);
+            if (status != NOTHING)
+                return status;
+            continue;
+        }
+        if (gone)
+            return fail(ERR_DEVICE, "%s was unplugged", s->name);
+        if (over)
+            return at_end(s);
+        if (take_picture(s, SLICE_MS) == OK)
+            since_ns = clock_now_ns();
+        else if (s->file && clock_now_ns() - since_ns > FILE_SILENCE_NS)
+            atomic_store(&s->ended, true);
+        else if (!s->file && clock_now_ns() - since_ns > LIVE_SILENCE_NS)
+            return fail(ERR_DEVICE, "%s has sent no picture for %d seconds; is it still plugged in?", s->name,
+                        (int)(LIVE_SILENCE_NS / 1000000000));
+    }
+}

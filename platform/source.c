@@ -1,0 +1,102 @@
+#include "platform/source.h"
+
+#include "platform/source_kinds.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct source {
+    const struct source_kind *kind;
+    void *self;
+    struct source_facts facts;
+};
+
+// How a URI begins, and who takes what stands behind the colon.
+struct scheme {
+    const char *name;
+    bool sensor, camera; // what it can be opened as
+    enum { NEEDS_REST, MAY_HAVE_REST } rest;
+    const char *example;
+    source_opener *open;
+    const struct source_kind *kind;
+};
+
+static const struct scheme schemes[] = {
+    {"openni", true, false, MAY_HAVE_REST, "openni:0", openni_open, &openni_kind},
+    {"oni", true, false, NEEDS_REST, "oni:FILE", oni_open, &openni_kind},
+    {"folder", true, true, NEEDS_REST, "folder:DIR", folder_open, &folder_kind},
+};
+
+// The part of `uri` behind "NAME:", "" where the URI is NAME alone; NULL: another scheme.
+static const char *rest_of(const char *uri, const char *name)
+{
+    size_t length = strlen(name);
+    if (strncmp(uri, name, length))
+        return NULL;
+    if (uri[length] == ':')
+        return uri + length + 1;
+    return uri[length] ? NULL : uri + length;
+}
+
+enum status source_open(struct source **out, const char *uri, enum source_wanted wanted)
+{
+    assert(out && uri);
+    *out = NULL;
+    const char *what = wanted == SOURCE_SENSOR ? "sensor" : "camera";
+    const char *choice =
+        wanted == SOURCE_SENSOR ? "openni, openni:N, oni:FILE or folder:DIR" : "libcamera, libcamera:N or folder:DIR";
+    for (size_t i = 0; i < COUNT_OF(schemes); i++) {
+        const struct scheme *scheme = &schemes[i];
+        const char *rest = rest_of(uri, scheme->name);
+        if (!rest)
+            continue;
+        if (!(wanted == SOURCE_SENSOR ? scheme->sensor : scheme->camera))
+            return fail(ERR_INPUT, "'%s' is no %s; a %s is %s", uri, what, what, choice);
+        if (scheme->rest == NEEDS_REST && !*rest)
+            return fail(ERR_INPUT, "'%s' names nothing to open; write %s", uri, scheme->example);
+        struct source *s = calloc(1, sizeof *s);
+        if (!s)
+            return fail(ERR_MEMORY, "no memory to open %s", uri);
+        s->kind = scheme->kind;
+        s->facts.remaining = -1;
+        enum status status = scheme->open(&s->self, rest, wanted, &s->facts);
+        if (status != OK) {
+            free(s);
+            return status;
+        }
+        *out = s;
+        return OK;
+    }
+    return fail(ERR_INPUT, "'%s' names no %s; a %s is %s", uri, what, what, choice);
+}
+
+const struct calibration *source_calibration(const struct source *s) { return &s->facts.calibration; }
+
+bool source_is_live(const struct source *s) { return s->facts.live; }
+
+int64_t source_remaining(const struct source *s) { return s->facts.remaining; }
+
+int64_t source_dropped(const struct source *s) { return s->facts.dropped; }
+
+enum status source_next(struct source *s, struct frame *out)
+{
+    *out = (struct frame){0};
+    enum status status = s->kind->next(s->self, out);
+    if (status != OK)
+        *out = (struct frame){0}; // half a frame must not look like one
+    return status;
+}
+
+void source_close(struct source **s)
+{
+    if (!*s)
+        return;
+    (*s)->kind->close((*s)->self);
+    free(*s);
+    *s = NULL;
+}
+
+enum status source_devices(struct source_device *out, int capacity, int *count)
+{
+    return openni_devices(out, capacity, count);
+}

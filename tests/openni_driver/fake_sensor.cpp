@@ -1,0 +1,428 @@
+// A depth sensor that is not there: a driver for the real OpenNI2, which shows
+// it the pictures of a folder (TUM layout, see platform/folder.c) as a device
+// with a depth and a colour stream. So everything in front of the driver is
+// what runs with a real sensor. OpenNI2 loads it as lib*.so.0 from the folder
+// OpenNI2/Drivers beside its own library; see CMakeLists.txt here.
+//
+// Set in the environment before OpenNI2 starts:
+//   REENACT_FAKE_SENSOR=DIR[:DIR…]        a device for each folder; unset: none
+//   REENACT_FAKE_SENSOR_FPS=30            pictures per second; 0: as fast as they can be read
+//   REENACT_FAKE_SENSOR_AT_END=unplug     or stop (stay silent), or loop (time goes on)
+//   REENACT_FAKE_SENSOR_UNPLUG_AFTER=N    goes away after N pictures
+//   REENACT_FAKE_SENSOR_DEPTH=1mm         or 100um: the only unit it offers
+//   REENACT_FAKE_SENSOR_MIRROR=settable   or fixed: mirrored and cannot be told otherwise
+//
+// Like real sensors it mirrors until it is told not to. Times are those of
+// the folder's list in microseconds; frame numbers count from 1.
+#define XN_NEW(type, ...)  new type(__VA_ARGS__)
+#define XN_DELETE(pointer) delete (pointer)
+#include <Driver/OniDriverAPI.h>
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic" // a C header: compound literals
+#include "platform/source_kinds.h"
+#pragma GCC diagnostic pop
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace
+{
+
+std::string setting(const char *name, const char *otherwise)
+{
+    const char *value = std::getenv(name);
+    return value ? value : otherwise;
+}
+
+// OpenNI2's properties come as untyped memory.
+template <typename T> OniStatus give(const T &value, void *data, int *size)
+{
+    if (*size < static_cast<int>(sizeof value))
+        return ONI_STATUS_BAD_PARAMETER;
+    std::memcpy(data, &value, sizeof value);
+    *size = sizeof value;
+    return ONI_STATUS_OK;
+}
+
+template <typename T> OniStatus take(T &value, const void *data, int size)
+{
+    if (size != static_cast<int>(sizeof value))
+        return ONI_STATUS_BAD_PARAMETER;
+    std::memcpy(&value, data, sizeof value);
+    return ONI_STATUS_OK;
+}
+
+class Stream : public oni::driver::StreamBase
+{
+  public:
+    Stream(const OniVideoMode &mode, OniSensorType sensor, const lens &camera, std::function<void()> changed)
+        : mode_(mode), sensor_(sensor), lens_(camera), changed_(std::move(changed))
+    {
+    }
+
+    OniStatus start() override
+    {
+        started_ = true;
+        changed_();
+        return ONI_STATUS_OK;
+    }
+
+    void stop() override
+    {
+        // A picture on its way is let through first: OpenNI2 takes its side down next.
+        std::lock_guard<std::mutex> guard(sending_);
+        started_ = false;
+    }
+
+    bool started() const { return started_; }
+    OniSensorType sensor() const { return sensor_; }
+
+    OniBool isPropertySupported(int id) override
+    {
+        return id == ONI_STREAM_PROPERTY_VIDEO_MODE || id == ONI_STREAM_PROPERTY_HORIZONTAL_FOV ||
+               id == ONI_STREAM_PROPERTY_VERTICAL_FOV || id == ONI_STREAM_PROPERTY_MIRRORING ||
+               id == ONI_STREAM_PROPERTY_STRIDE || id == ONI_STREAM_PROPERTY_CROPPING ||
+               id == ONI_STREAM_PROPERTY_MAX_VALUE || id == ONI_STREAM_PROPERTY_MIN_VALUE;
+    }
+
+    OniStatus getProperty(int id, void *data, int *size) override
+    {
+        switch (id) {
+        case ONI_STREAM_PROPERTY_VIDEO_MODE:
+            return give(mode_, data, size);
+        case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
+            return give(static_cast<float>(2 * std::atan(0.5 * lens_.width / lens_.fx)), data, size);
+        case ONI_STREAM_PROPERTY_VERTICAL_FOV:
+            return give(static_cast<float>(2 * std::atan(0.5 * lens_.height / lens_.fy)), data, size);
+        case ONI_STREAM_PROPERTY_MIRRORING:
+            return give(OniBool(mirrored_ ? TRUE : FALSE), data, size);
+        case ONI_STREAM_PROPERTY_STRIDE:
+            return give(stride(), data, size);
+        case ONI_STREAM_PROPERTY_CROPPING:
+            return give(OniCropping{}, data, size); // recordings need it
+        case ONI_STREAM_PROPERTY_MAX_VALUE:
+            return give(65535, data, size);
+        case ONI_STREAM_PROPERTY_MIN_VALUE:
+            return give(0, data, size);
+        default:
+            return ONI_STATUS_NOT_SUPPORTED;
+        }
+    }
+
+    OniStatus setProperty(int id, const void *data, int size) override
+    {
+        if (id == ONI_STREAM_PROPERTY_VIDEO_MODE) {
+            OniVideoMode wanted;
+            OniStatus status = take(wanted, data, size);
+            if (status != ONI_STATUS_OK)
+                return status;
+            return std::memcmp(&wanted, &mode_, sizeof wanted) ? ONI_STATUS_NOT_SUPPORTED : ONI_STATUS_OK;
+        }
+        if (id == ONI_STREAM_PROPERTY_MIRRORING && setting("REENACT_FAKE_SENSOR_MIRROR", "settable") != "fixed") {
+            OniBool wanted;
+            OniStatus status = take(wanted, data, size);
+            if (status == ONI_STATUS_OK)
+                mirrored_ = wanted != FALSE;
+            return status;
+        }
+        return ONI_STATUS_NOT_SUPPORTED;
+    }
+
+    // Hands one picture to OpenNI2, as this stream is set; nothing while it is stopped.
+    void send(const void *pixels, int64_t time_ns, int index)
+    {
+        std::lock_guard<std::mutex> guard(sending_);
+        if (!started_ || !pixels)
+            return;
+        OniFrame *frame = getServices().acquireFrame();
+        if (!frame)
+            return;
+        frame->frameIndex = index;
+        frame->timestamp = static_cast<uint64_t>(time_ns / 1000);
+        frame->videoMode = mode_;
+        frame->sensorType = sensor_;
+        frame->width = mode_.resolutionX;
+        frame->height = mode_.resolutionY;
+        frame->stride = stride();
+        frame->dataSize = stride() * mode_.resolutionY;
+        frame->croppingEnabled = FALSE;
+        frame->cropOriginX = frame->cropOriginY = 0;
+        if (sensor_ == ONI_SENSOR_DEPTH)
+            copy(static_cast<const uint16_t *>(pixels), static_cast<uint16_t *>(frame->data), 1);
+        else
+            copy(static_cast<const uint8_t *>(pixels), static_cast<uint8_t *>(frame->data), 3);
+        raiseNewFrame(frame);
+        getServices().releaseFrame(frame);
+    }
+
+  private:
+    int stride() const { return mode_.resolutionX * (sensor_ == ONI_SENSOR_DEPTH ? 2 : 3); }
+
+    template <typename T> void copy(const T *in, T *out, int channels) const
+    {
+        int w = mode_.resolutionX, h = mode_.resolutionY;
+        bool tenths = mode_.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
+        for (int y = 0; y < h; y++, in += w * channels, out += w * channels)
+            for (int x = 0; x < w; x++)
+                for (int c = 0; c < channels; c++) {
+                    int value = in[(mirrored_ ? w - 1 - x : x) * channels + c];
+                    out[x * channels + c] = static_cast<T>(tenths ? std::min(value * 10, 65535) : value);
+                }
+    }
+
+    OniVideoMode mode_;
+    OniSensorType sensor_;
+    lens lens_;
+    std::function<void()> changed_;
+    std::mutex sending_;
+    std::atomic<bool> started_{false};
+    std::atomic<bool> mirrored_{true};
+};
+
+class Device : public oni::driver::DeviceBase
+{
+  public:
+    Device(std::string folder, std::function<void()> unplugged)
+        : folder_(std::move(folder)), unplugged_(std::move(unplugged))
+    {
+    }
+
+    ~Device() override
+    {
+        {
+            std::lock_guard<std::mutex> guard(lock_);
+            closing_ = true;
+        }
+        changed_.notify_all();
+        if (thread_.joinable())
+            thread_.join();
+        if (self_)
+            folder_kind.close(self_);
+    }
+
+    bool open()
+    {
+        if (folder_open(&self_, folder_.c_str(), SOURCE_SENSOR, &facts_) != OK)
+            return false;
+        int fps = std::atoi(setting("REENACT_FAKE_SENSOR_FPS", "30").c_str());
+        if (fps < 1)
+            fps = 30; // only what it says it does
+        const calibration &c = facts_.calibration;
+        bool tenths = setting("REENACT_FAKE_SENSOR_DEPTH", "1mm") == "100um";
+        modes_[0] = {tenths ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM, c.depth.width,
+                     c.depth.height, fps};
+        modes_[1] = {ONI_PIXEL_FORMAT_RGB888, c.color.width, c.color.height, fps};
+        sensors_[0] = {ONI_SENSOR_DEPTH, 1, &modes_[0]};
+        sensors_[1] = {ONI_SENSOR_COLOR, 1, &modes_[1]};
+        thread_ = std::thread([this] { run(); });
+        return true;
+    }
+
+    OniStatus getSensorInfoList(OniSensorInfo **sensors, int *count) override
+    {
+        *sensors = sensors_;
+        *count = facts_.calibration.color.width ? 2 : 1;
+        return ONI_STATUS_OK;
+    }
+
+    oni::driver::StreamBase *createStream(OniSensorType sensor) override
+    {
+        int which = sensor == ONI_SENSOR_DEPTH ? 0 : 1;
+        const calibration &c = facts_.calibration;
+        auto *stream = new Stream(modes_[which], sensor, which ? c.color : c.depth, [this] {
+            std::lock_guard<std::mutex> guard(lock_);
+            changed_.notify_all();
+        });
+        std::lock_guard<std::mutex> guard(lock_);
+        streams_.push_back(stream);
+        return stream;
+    }
+
+    void destroyStream(oni::driver::StreamBase *stream) override
+    {
+        std::lock_guard<std::mutex> guard(lock_);
+        for (size_t i = 0; i < streams_.size(); i++)
+            if (streams_[i] == stream) {
+                streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i));
+                break;
+            }
+        delete stream;
+    }
+
+    OniBool isImageRegistrationModeSupported(OniImageRegistrationMode mode) override
+    {
+        return mode == ONI_IMAGE_REGISTRATION_OFF || facts_.calibration.registered;
+    }
+
+    OniBool isPropertySupported(int id) override { return id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION; }
+
+    OniStatus getProperty(int id, void *data, int *size) override
+    {
+        return id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION ? give(registration_, data, size)
+                                                            : ONI_STATUS_NOT_SUPPORTED;
+    }
+
+    OniStatus setProperty(int id, const void *data, int size) override
+    {
+        OniImageRegistrationMode wanted;
+        if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION || take(wanted, data, size) != ONI_STATUS_OK ||
+            !isImageRegistrationModeSupported(wanted))
+            return ONI_STATUS_NOT_SUPPORTED;
+        registration_ = wanted;
+        return ONI_STATUS_OK;
+    }
+
+  private:
+    bool all_started() const
+    {
+        for (const Stream *stream : streams_)
+            if (!stream->started())
+                return false;
+        return !streams_.empty();
+    }
+
+    bool any_started() const
+    {
+        for (const Stream *stream : streams_)
+            if (stream->started())
+                return true;
+        return false;
+    }
+
+    void run()
+    {
+        using clock = std::chrono::steady_clock;
+        int fps = std::atoi(setting("REENACT_FAKE_SENSOR_FPS", "30").c_str());
+        int unplug_after = std::atoi(setting("REENACT_FAKE_SENSOR_UNPLUG_AFTER", "-1").c_str());
+        std::string at_end = setting("REENACT_FAKE_SENSOR_AT_END", "unplug");
+        std::unique_lock<std::mutex> guard(lock_);
+        changed_.wait(guard, [this] { return closing_ || any_started(); });
+        // Both streams begin with the first picture, however slowly they are started.
+        changed_.wait_for(guard, std::chrono::milliseconds(500), [this] { return closing_ || all_started(); });
+        // OpenNI2 counts a stream as started only after start() returned and takes no picture before; no real
+        // sensor is that quick.
+        if (changed_.wait_for(guard, std::chrono::milliseconds(100), [this] { return closing_; }))
+            return;
+        int64_t first_ns = 0, last_ns = 0, added_ns = 0;
+        auto due = clock::now();
+        for (int index = 1; !closing_; index++) {
+            if (fps > 0) {
+                due += std::chrono::nanoseconds(1000000000 / fps);
+                if (changed_.wait_until(guard, due, [this] { return closing_; }))
+                    return;
+            }
+            frame picture = {};
+            enum status status = NOTHING;
+            if (index - 1 != unplug_after) {
+                status = folder_kind.next(self_, &picture);
+                if (status == NOTHING && at_end == "loop") {
+                    folder_kind.close(self_);
+                    added_ns = last_ns - first_ns + 33333000;
+                    if (folder_open(&self_, folder_.c_str(), SOURCE_SENSOR, &facts_) == OK)
+                        status = folder_kind.next(self_, &picture);
+                }
+            }
+            if (status != OK) {
+                guard.unlock();
+                if (at_end != "stop" || index - 1 == unplug_after)
+                    unplugged_();
+                return;
+            }
+            int64_t time_ns = picture.time_ns + added_ns;
+            if (index == 1)
+                first_ns = time_ns;
+            last_ns = time_ns;
+            for (Stream *stream : streams_)
+                stream->send(stream->sensor() == ONI_SENSOR_DEPTH ? static_cast<const void *>(picture.depth)
+                                                                  : picture.color,
+                             time_ns, index);
+        }
+    }
+
+    std::string folder_;
+    std::function<void()> unplugged_;
+    void *self_ = nullptr; // the folder
+    source_facts facts_ = {};
+    OniVideoMode modes_[2];
+    OniSensorInfo sensors_[2];
+    OniImageRegistrationMode registration_ = ONI_IMAGE_REGISTRATION_OFF;
+    std::mutex lock_; // guards streams_ and closing_; held while pictures are sent
+    std::condition_variable changed_;
+    std::vector<Stream *> streams_;
+    bool closing_ = false;
+    std::thread thread_;
+};
+
+class Driver : public oni::driver::DriverBase
+{
+  public:
+    explicit Driver(OniDriverServices *services) : DriverBase(services) {}
+
+    OniStatus initialize(oni::driver::DeviceConnectedCallback connected,
+                         oni::driver::DeviceDisconnectedCallback disconnected,
+                         oni::driver::DeviceStateChangedCallback changed, void *cookie) override
+    {
+        DriverBase::initialize(connected, disconnected, changed, cookie);
+        std::string list = setting("REENACT_FAKE_SENSOR", "");
+        for (size_t begin = 0; begin < list.size();) {
+            size_t end = std::min(list.find(':', begin), list.size());
+            if (end > begin)
+                folders_.push_back(list.substr(begin, end - begin));
+            begin = end + 1;
+        }
+        for (size_t i = 0; i < folders_.size(); i++) {
+            OniDeviceInfo info = about(i);
+            deviceConnected(&info);
+        }
+        return ONI_STATUS_OK;
+    }
+
+    oni::driver::DeviceBase *deviceOpen(const char *uri, const char *) override
+    {
+        for (size_t i = 0; i < folders_.size(); i++)
+            if (about(i).uri == std::string(uri)) {
+                auto device = std::make_unique<Device>(folders_[i], [this, i] {
+                    OniDeviceInfo info = about(i);
+                    deviceDisconnected(&info);
+                });
+                return device->open() ? device.release() : nullptr;
+            }
+        return nullptr;
+    }
+
+    void deviceClose(oni::driver::DeviceBase *device) override { delete device; }
+
+    void shutdown() override {}
+
+    void *enableFrameSync(oni::driver::StreamBase **, int) override { return this; } // pictures go out in pairs anyway
+    void disableFrameSync(void *) override {}
+
+  private:
+    static OniDeviceInfo about(size_t index)
+    {
+        OniDeviceInfo info = {};
+        std::snprintf(info.uri, sizeof info.uri, "reenact-fake-sensor/%zu", index);
+        std::snprintf(info.vendor, sizeof info.vendor, "Reenact");
+        std::snprintf(info.name, sizeof info.name, "fake sensor");
+        return info;
+    }
+
+    std::vector<std::string> folders_;
+};
+
+} // namespace
+
+ONI_EXPORT_DRIVER(Driver)

@@ -1,0 +1,189 @@
+// make-oni --from FOLDER --out FILE.oni: turns a folder of pictures into a
+// recording, with OpenNI2's own recorder and without loss. OpenNI2 sees the
+// folder as a sensor (fake_sensor.cpp), so the file is what a real recording is.
+#include "platform/clock.h"
+#include "platform/file.h"
+#include "platform/source.h"
+
+#include <argp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+typedef struct _OniDevice _OniDevice;
+typedef struct _OniStream _OniStream;
+typedef struct _OniRecorder _OniRecorder;
+#include <OniCAPI.h>
+
+struct options {
+    const char *from, *out;
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct options *options = state->input;
+    if (key == 'f')
+        options->from = value;
+    else if (key == 'o')
+        options->out = value;
+    else if (key == ARGP_KEY_END && (!options->from || !options->out))
+        argp_error(state, "--from and --out are needed");
+    else
+        return key == ARGP_KEY_END ? 0 : ARGP_ERR_UNKNOWN;
+    return 0;
+}
+
+struct recording {
+    OniDeviceHandle device;
+    OniStreamHandle streams[2]; // depth, colour; NULL where there is none
+    OniRecorderHandle recorder;
+};
+
+static enum status oni_failed(const char *what)
+{
+    return fail(ERR_DEVICE, "OpenNI2 %s: %s", what, oniGetExtendedError());
+}
+
+static int64_t size_of(const char *path)
+{
+    struct stat about;
+    return stat(path, &about) ? -1 : (int64_t)about.st_size;
+}
+
+// The recorder works on a thread of its own and says to nobody when it is ready; what it
+// writes to the file shows it. Waits until the file has been still for a while.
+static void wait_until_still(const char *path)
+{
+    int64_t size = -1, until_ns = clock_now_ns() + 5000000000;
+    for (int still = 0; still < 10 && clock_now_ns() < until_ns; still++) {
+        int64_t now = size_of(path);
+        if (now != size || now <= 0)
+            still = 0;
+        size = now;
+        clock_sleep_until_ns(clock_now_ns() + 20000000);
+    }
+}
+
+static enum status open_streams(struct recording *r)
+{
+    static const OniSensorType types[] = {ONI_SENSOR_DEPTH, ONI_SENSOR_COLOR};
+    OniBool off = FALSE; // as real recordings may be; a sensor that insists on mirroring is recorded so
+    if (oniDeviceOpen("reenact-fake-sensor/0", &r->device) != ONI_STATUS_OK)
+        return oni_failed("does not find the fake sensor");
+    for (int i = 0; i < 2; i++) {
+        if (!oniDeviceGetSensorInfo(r->device, types[i]))
+            continue;
+        if (oniDeviceCreateStream(r->device, types[i], &r->streams[i]) != ONI_STATUS_OK)
+            return oni_failed("makes no stream");
+        oniStreamSetProperty(r->streams[i], ONI_STREAM_PROPERTY_MIRRORING, &off, sizeof off);
+    }
+    return OK;
+}
+
+// Records until `frames` depth pictures have gone by.
+static enum status record(struct recording *r, const char *path, int frames)
+{
+    if (oniCreateRecorder(path, &r->recorder) != ONI_STATUS_OK)
+        return fail(ERR_IO, "OpenNI2 cannot write %s", path);
+    for (int i = 0; i < 2; i++)
+        if (r->streams[i] && oniRecorderAttachStream(r->recorder, r->streams[i], FALSE) != ONI_STATUS_OK)
+            return oni_failed("does not record a stream");
+    if (oniRecorderStart(r->recorder) != ONI_STATUS_OK)
+        return oni_failed("does not record");
+    wait_until_still(path);
+    for (int i = 0; i < 2; i++)
+        if (r->streams[i] && oniStreamStart(r->streams[i]) != ONI_STATUS_OK)
+            return oni_failed("does not start a stream");
+    // The recorder gets every picture; only the last one matters here.
+    int64_t heard_ns = clock_now_ns();
+    for (int last = 0; last < frames;) {
+        int index;
+        OniFrame *frame;
+        if (oniWaitForAnyStream(r->streams, 1, &index, 100) == ONI_STATUS_OK &&
+            oniStreamReadFrame(r->streams[0], &frame) == ONI_STATUS_OK && frame) {
+            last = frame->frameIndex;
+            oniFrameRelease(frame);
+            heard_ns = clock_now_ns();
+        } else if (clock_now_ns() - heard_ns > 10000000000) {
+            return fail(ERR_DEVICE, "no picture came for 10 s, after %d of %d", last, frames);
+        }
+    }
+    // Colour goes out after depth.
+    clock_sleep_until_ns(clock_now_ns() + 200000000);
+    return OK;
+}
+
+static void close_all(struct recording *r)
+{
+    if (r->recorder)
+        oniRecorderDestroy(&r->recorder); // writes what is still waiting
+    for (int i = 0; i < 2; i++)
+        if (r->streams[i])
+            oniStreamDestroy(r->streams[i]);
+    if (r->device)
+        oniDeviceClose(r->device);
+    oniShutdown();
+}
+
+// How many pictures the recording says it holds.
+static enum status check(const char *path, int64_t frames)
+{
+    char uri[4096];
+    struct source *s;
+    snprintf(uri, sizeof uri, "oni:%s", path);
+    enum status status = source_open(&s, uri, SOURCE_SENSOR);
+    if (status != OK)
+        return status;
+    int64_t held = source_remaining(s);
+    source_close(&s);
+    return held == frames
+               ? OK
+               : fail(ERR_DEVICE, "%s holds %lld of %lld pictures", path, (long long)held, (long long)frames);
+}
+
+static enum status make(const struct options *options)
+{
+    char uri[4096];
+    struct source *folder;
+    snprintf(uri, sizeof uri, "folder:%s", options->from);
+    enum status status = source_open(&folder, uri, SOURCE_SENSOR);
+    if (status != OK)
+        return status;
+    int64_t frames = source_remaining(folder);
+    source_close(&folder);
+    char *from = realpath(options->from, NULL);
+    setenv("REENACT_FAKE_SENSOR", from ? from : options->from, 1);
+    setenv("REENACT_FAKE_SENSOR_FPS", "0", 1);
+    setenv("REENACT_FAKE_SENSOR_AT_END", "stop", 1);
+    free(from);
+    struct recording r = {0};
+    if (oniInitialize(ONI_API_VERSION) != ONI_STATUS_OK)
+        return oni_failed("does not start");
+    status = open_streams(&r);
+    if (status == OK)
+        status = record(&r, options->out, (int)frames);
+    close_all(&r);
+    return status == OK ? check(options->out, frames) : status;
+}
+
+int main(int argc, char **argv)
+{
+    static const struct argp_option known[] = {
+        {"from", 'f', "FOLDER", 0, "pictures in the TUM layout with a calibration.json", 0},
+        {"out", 'o', "FILE.oni", 0, "the recording to make", 0},
+        {0},
+    };
+    static const struct argp argp = {.options = known,
+                                     .parser = parse,
+                                     .doc = "Turns a folder of pictures into an OpenNI2 recording, without loss."};
+    struct options options = {0};
+    argp_err_exit_status = 2;
+    argp_parse(&argp, argc, argv, 0, NULL, &options);
+    if (make(&options) != OK) {
+        fprintf(stderr, "make-oni: %s\n", status_sentence());
+        return 1;
+    }
+    return 0;
+}
