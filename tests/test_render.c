@@ -40,8 +40,12 @@ static void stage_open(struct stage *s, const struct lens *color, const struct o
     EXPECT_STATUS(recording_create(&w, s->path), OK);
     EXPECT_STATUS(recording_begin_take(w, "made", &c), OK);
     for (int i = 0; i < count; i++) {
-        struct take_frame f = {.time_ns = 5000000000 + i * 40000000ll, .world_from_camera = POSE_IDENTITY, .located = true,
-                               .depth = frames[i].depth, .mask = frames[i].mask, .has_skeleton = true,
+        struct take_frame f = {.time_ns = 5000000000 + i * 40000000ll,
+                               .world_from_camera = POSE_IDENTITY,
+                               .located = true,
+                               .depth = frames[i].depth,
+                               .mask = frames[i].mask,
+                               .has_skeleton = true,
                                .skeleton = frames[i].skeleton};
         uint8_t *jpeg = NULL;
         if (frames[i].rgb) {
@@ -178,14 +182,22 @@ static void cylinders_fall_where_the_reference_says(void **state)
 static struct skeleton whole_body(double arm)
 {
     static const double at[JOINT_COUNT][3] = {
-        [JOINT_HEAD] = {0, -0.68, 0},            [JOINT_NECK] = {0, -0.45, 0},
-        [JOINT_LEFT_SHOULDER] = {0.18, -0.42, 0}, [JOINT_LEFT_ELBOW] = {0.32, -0.2, 0},
-        [JOINT_LEFT_HAND] = {0.45, 0, 0},         [JOINT_RIGHT_SHOULDER] = {-0.18, -0.42, 0},
-        [JOINT_RIGHT_ELBOW] = {-0.32, -0.2, 0},   [JOINT_RIGHT_HAND] = {-0.45, 0, 0},
-        [JOINT_TORSO] = {0, -0.15, 0},            [JOINT_WAIST] = {0, 0.08, 0},
-        [JOINT_LEFT_HIP] = {0.1, 0.12, 0},        [JOINT_LEFT_KNEE] = {0.14, 0.5, 0},
-        [JOINT_LEFT_FOOT] = {0.16, 0.9, 0},       [JOINT_RIGHT_HIP] = {-0.1, 0.12, 0},
-        [JOINT_RIGHT_KNEE] = {-0.14, 0.5, 0},     [JOINT_RIGHT_FOOT] = {-0.16, 0.9, 0},
+        [JOINT_HEAD] = {0, -0.68, 0},
+        [JOINT_NECK] = {0, -0.45, 0},
+        [JOINT_LEFT_SHOULDER] = {0.18, -0.42, 0},
+        [JOINT_LEFT_ELBOW] = {0.32, -0.2, 0},
+        [JOINT_LEFT_HAND] = {0.45, 0, 0},
+        [JOINT_RIGHT_SHOULDER] = {-0.18, -0.42, 0},
+        [JOINT_RIGHT_ELBOW] = {-0.32, -0.2, 0},
+        [JOINT_RIGHT_HAND] = {-0.45, 0, 0},
+        [JOINT_TORSO] = {0, -0.15, 0},
+        [JOINT_WAIST] = {0, 0.08, 0},
+        [JOINT_LEFT_HIP] = {0.1, 0.12, 0},
+        [JOINT_LEFT_KNEE] = {0.14, 0.5, 0},
+        [JOINT_LEFT_FOOT] = {0.16, 0.9, 0},
+        [JOINT_RIGHT_HIP] = {-0.1, 0.12, 0},
+        [JOINT_RIGHT_KNEE] = {-0.14, 0.5, 0},
+        [JOINT_RIGHT_FOOT] = {-0.16, 0.9, 0},
     };
     struct skeleton s;
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -263,7 +275,8 @@ static void the_film_is_given_back(void **state)
             }
         }
         double psnr = 10 * log10(255.0 * 255.0 / (sum / (double)count));
-        print_message("%s: %ld pixels of %ld, psnr %.1f dB\n", detail == DETAIL_PAPER ? "paper" : "full", drawn, person, psnr);
+        print_message("%s: %ld pixels of %ld, psnr %.1f dB\n", detail == DETAIL_PAPER ? "paper" : "full", drawn, person,
+                      psnr);
         EXPECT_AT_LEAST(count / 3.0, 0.5 * (double)person);
         EXPECT_AT_LEAST(psnr, 38);
         painter_close(&p);
