@@ -36,6 +36,14 @@ static inline uint8_t *put_f64(uint8_t *at, double value)
     memcpy(&bits, &value, sizeof bits);
     return put_u64(at, bits);
 }
+// 7 bits a byte, low ones first, the top bit set in all but the last: at most 5 bytes.
+static inline uint8_t *put_varint(uint8_t *at, uint32_t value)
+{
+    for (; value > 127; value >>= 7)
+        *at++ = (uint8_t)(value | 128);
+    *at++ = (uint8_t)value;
+    return at;
+}
 
 // ---- reading: the caller has checked that the bytes are there
 static inline uint16_t get_u16(const uint8_t **at)
@@ -67,4 +75,18 @@ static inline double get_f64(const uint8_t **at)
     double value;
     memcpy(&value, &bits, sizeof value);
     return value;
+}
+// This one checks itself: false when the bytes end first or hold more than 32 bits.
+static inline bool get_varint(const uint8_t **at, const uint8_t *end, uint32_t *value)
+{
+    *value = 0;
+    for (int shift = 0; shift < 35 && *at < end; shift += 7) {
+        uint8_t byte = *(*at)++;
+        if (shift == 28 && byte > 15)
+            return false;
+        *value |= (uint32_t)(byte & 127) << shift;
+        if (byte < 128)
+            return true;
+    }
+    return false;
 }

@@ -217,7 +217,9 @@ class Device : public oni::driver::DeviceBase
     {
         if (folder_open(&self_, folder_.c_str(), SOURCE_SENSOR, &facts_) != OK)
             return false;
-        int fps = std::max(1, std::atoi(setting("REENACT_FAKE_SENSOR_FPS", "30").c_str()));
+        int fps = std::atoi(setting("REENACT_FAKE_SENSOR_FPS", "30").c_str());
+        if (fps < 1)
+            fps = 30; // only what it says it does
         const calibration &c = facts_.calibration;
         bool tenths = setting("REENACT_FAKE_SENSOR_DEPTH", "1mm") == "100um";
         modes_[0] = {tenths ? ONI_PIXEL_FORMAT_DEPTH_100_UM : ONI_PIXEL_FORMAT_DEPTH_1_MM, c.depth.width,
@@ -310,6 +312,10 @@ class Device : public oni::driver::DeviceBase
         changed_.wait(guard, [this] { return closing_ || any_started(); });
         // Both streams begin with the first picture, however slowly they are started.
         changed_.wait_for(guard, std::chrono::milliseconds(500), [this] { return closing_ || all_started(); });
+        // OpenNI2 counts a stream as started only after start() returned and takes no picture before; no real
+        // sensor is that quick.
+        if (changed_.wait_for(guard, std::chrono::milliseconds(100), [this] { return closing_; }))
+            return;
         int64_t first_ns = 0, last_ns = 0, added_ns = 0;
         auto due = clock::now();
         for (int index = 1; !closing_; index++) {

@@ -69,7 +69,7 @@ static void wait_until_still(const char *path)
 static enum status open_streams(struct recording *r)
 {
     static const OniSensorType types[] = {ONI_SENSOR_DEPTH, ONI_SENSOR_COLOR};
-    OniBool off = FALSE;
+    OniBool off = FALSE; // as real recordings may be; a sensor that insists on mirroring is recorded so
     if (oniDeviceOpen("reenact-fake-sensor/0", &r->device) != ONI_STATUS_OK)
         return oni_failed("does not find the fake sensor");
     for (int i = 0; i < 2; i++) {

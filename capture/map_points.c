@@ -1,0 +1,261 @@
+#include "capture/map_internal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const double AGAIN_PX = 4;      // how near a point is looked for in an adjusted map
+static const double SAME_M = 0.03;     // two points this near that look alike are one
+enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2 };
+
+// What is needed for one frame at a time.
+struct desk {
+    struct feature features[MAP_FEATURES];
+    double depth[MAP_FEATURES];
+    struct feature_index index;
+    struct point_match matches[MAP_FEATURES];
+};
+
+static void lay_out(struct desk *d, const struct map *m, const struct map_frame *f)
+{
+    for (int32_t i = 0; i < f->feature_count; i++) {
+        d->features[i] = f->features[i].feature;
+        d->depth[i] = f->features[i].depth;
+    }
+    feature_index_build(&d->index, d->features, f->feature_count, &m->calibration.color);
+}
+
+static void assign(struct map_frame *f, const struct desk *d, int count)
+{
+    for (int32_t i = 0; i < f->feature_count; i++)
+        f->features[i].point = -1;
+    for (int i = 0; i < count; i++)
+        f->features[d->matches[i].feature].point = d->matches[i].point;
+}
+
+// Features with depth that show no point of the map yet become points.
+static void add_new(struct map *m, struct map_frame *f)
+{
+    struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    for (int32_t i = 0; i < f->feature_count && m->point_count < MAP_MOST_CANDIDATES; i++) {
+        struct map_feature *s = &f->features[i];
+        if (s->point >= 0 || !(s->depth > 0))
+            continue;
+        struct vec3 ray = lens_ray(&m->calibration.color, s->feature.at);
+        struct place_point *p = &m->points[m->point_count];
+        p->world = pose_apply(world_from_camera, v3_scale(ray, s->depth));
+        memcpy(p->descriptor, s->feature.descriptor, sizeof p->descriptor);
+        s->point = m->point_count++;
+    }
+}
+
+// Finds the map's points in one frame, sharpens its pose by them, adds new ones.
+static void visit(struct map *m, struct desk *d, struct map_frame *f)
+{
+    struct fit_tag tags[FIT_MAX_TAGS];
+    int count = 0, tag_count = map_fit_tags(m, f, tags), with_depth = 0;
+    lay_out(d, m, f);
+    bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
+                               &f->camera_from_world, d->matches, MAP_FEATURES, &count);
+    assign(f, d, known ? count : 0);
+    for (int32_t i = 0; i < f->feature_count; i++)
+        with_depth += f->features[i].depth > 0;
+    // A frame placed by one tag alone is too crooked to add points by itself.
+    if ((known || tag_count > 1) && 2 * count < with_depth)
+        add_new(m, f);
+}
+
+// Points that are near and look alike become one.
+static void merge_twins(struct map *m)
+{
+    int32_t *instead = malloc((size_t)(m->point_count + 1) * sizeof *instead);
+    if (!instead)
+        return; // twins do no harm
+    for (int32_t i = 0; i < m->point_count; i++) {
+        instead[i] = i;
+        for (int32_t k = 0; k < i; k++) {
+            struct vec3 d = v3_sub(m->points[i].world, m->points[k].world);
+            if (instead[k] == k && fabs(d.x) < SAME_M && fabs(d.y) < SAME_M && fabs(d.z) < SAME_M &&
+                feature_distance(m->points[i].descriptor, m->points[k].descriptor) < SAME_BITS) {
+                instead[i] = k;
+                break;
+            }
+        }
+    }
+    int32_t kept = 0;
+    for (int32_t i = 0; i < m->point_count; i++) {
+        if (instead[i] == i) {
+            m->points[kept] = m->points[i];
+            instead[i] = kept++;
+        } else {
+            instead[i] = instead[instead[i]]; // k < i, so already final
+        }
+    }
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                m->frames[i].features[k].point = instead[m->frames[i].features[k].point];
+    m->point_count = kept;
+    free(instead);
+}
+
+// Looks for every point in every frame again, near where it must be.
+static void look_again(struct map *m, struct desk *d)
+{
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        if (!f->placed)
+            continue;
+        lay_out(d, m, f);
+        int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, &f->camera_from_world,
+                                 AGAIN_PX, d->matches, MAP_FEATURES);
+        assign(f, d, count);
+    }
+}
+
+static void count_sightings(struct map *m)
+{
+    memset(m->point_sightings, 0, (size_t)m->point_count * sizeof *m->point_sightings);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                m->point_sightings[m->frames[i].features[k].point]++;
+}
+
+// Sightings far from where the adjusted map has their point say nothing; a point
+// seen too seldom says nothing either.
+static void forget_bad(struct map *m)
+{
+    const struct lens *lens = &m->calibration.color;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; k < f->feature_count; k++) {
+            struct map_feature *s = &f->features[k];
+            if (s->point < 0)
+                continue;
+            struct vec3 ray = lens_ray(lens, s->feature.at);
+            struct fit_point p = {m->points[s->point].world, ray.x, ray.y, feature_sigma(&s->feature), 0};
+            if (!f->placed || fit_point_error(&p, &f->camera_from_world, lens->fx, lens->fy) > 4)
+                s->point = -1;
+        }
+    }
+    count_sightings(m);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
+            struct map_feature *s = &m->frames[i].features[k];
+            if (s->point >= 0 && m->point_sightings[s->point] < LEAST_SIGHTINGS)
+                s->point = -1;
+        }
+    count_sightings(m);
+}
+
+// Where to begin: the frame that its tags hold best.
+static int32_t best_frame(const struct map *m)
+{
+    int32_t best = -1;
+    int most = 0;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct fit_tag tags[FIT_MAX_TAGS];
+        int count = m->frames[i].placed ? map_fit_tags(m, &m->frames[i], tags) : 0;
+        if (count > most) {
+            most = count;
+            best = i;
+        }
+    }
+    return best;
+}
+
+enum status map_add_points(struct map *m)
+{
+    struct desk *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    int32_t start = best_frame(m);
+    enum status status = OK;
+    for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
+        if (m->frames[i].placed)
+            visit(m, d, &m->frames[i]);
+    for (int32_t i = start - 1; i >= 0; i--)
+        if (m->frames[i].placed)
+            visit(m, d, &m->frames[i]);
+    for (int round = 0; round < 2 && status == OK; round++) {
+        forget_bad(m);
+        status = map_adjust(m, 8);
+        if (round == 0)
+            merge_twins(m);
+        look_again(m, d);
+    }
+    if (status == OK) {
+        forget_bad(m);
+        status = map_adjust(m, 8);
+        forget_bad(m);
+    }
+    free(d);
+    return status;
+}
+
+struct ranked {
+    int32_t point, sightings;
+};
+
+static int most_sightings_first(const void *left, const void *right)
+{
+    const struct ranked *a = left, *b = right;
+    if (a->sightings != b->sightings)
+        return a->sightings > b->sightings ? -1 : 1;
+    return (a->point > b->point) - (a->point < b->point);
+}
+
+// Gives each kept point the descriptor that differs least from its other sightings'.
+static void typical_descriptors(struct map *m, struct ranked *order, int32_t kept)
+{
+    enum { MOST = 16 };
+    for (int32_t n = 0; n < kept; n++) {
+        const uint8_t *seen[MOST];
+        int count = 0, least = 1 << 30;
+        for (int32_t i = 0; i < m->frame_count && count < MOST; i++)
+            for (int32_t k = 0; k < m->frames[i].feature_count && count < MOST; k++)
+                if (m->frames[i].features[k].point == order[n].point)
+                    seen[count++] = m->frames[i].features[k].feature.descriptor;
+        uint8_t best[32];
+        memcpy(best, m->points[order[n].point].descriptor, sizeof best);
+        for (int a = 0; a < count; a++) {
+            int sum = 0;
+            for (int b = 0; b < count; b++)
+                sum += feature_distance(seen[a], seen[b]);
+            if (sum < least) {
+                least = sum;
+                memcpy(best, seen[a], sizeof best);
+            }
+        }
+        memcpy(m->points[order[n].point].descriptor, best, sizeof best);
+    }
+}
+
+enum status map_choose_points(struct map *m, int32_t most)
+{
+    struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
+    struct place_point *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
+    if (!order || !chosen) {
+        free(order);
+        free(chosen);
+        return fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
+    }
+    count_sightings(m);
+    int32_t count = 0;
+    for (int32_t i = 0; i < m->point_count; i++)
+        if (m->point_sightings[i] >= LEAST_SIGHTINGS && v3_finite(m->points[i].world))
+            order[count++] = (struct ranked){i, m->point_sightings[i]};
+    qsort(order, (size_t)count, sizeof *order, most_sightings_first);
+    int32_t kept = count < most ? count : most;
+    typical_descriptors(m, order, kept);
+    for (int32_t n = 0; n < kept; n++)
+        chosen[n] = m->points[order[n].point];
+    memcpy(m->points, chosen, (size_t)kept * sizeof *chosen);
+    m->point_count = kept;
+    for (int32_t i = 0; i < m->frame_count; i++) // their numbers mean nothing any more
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+            m->frames[i].features[k].point = -1;
+    free(order);
+    free(chosen);
+    return OK;
+}
