@@ -4,6 +4,7 @@
 
 #include "platform/jpeg.h"
 #include "reenact/painter.h"
+#include "reenact/shape.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -258,11 +259,12 @@ static void the_film_is_given_back(void **state)
         draw(p, POSE_IDENTITY, 0, green, &got);
         EXPECT_INT(got.result.parts, PART_COUNT);
         double sum = 0;
-        long count = 0, drawn = 0, person = 0;
+        long count = 0, drawn = 0, person = 0, overlap = 0;
         for (int i = 0; i < PIXELS; i++) {
             bool solid = got.actor[4 * i + 3] == 255;
             drawn += solid;
             person += film.mask[i];
+            overlap += solid && film.mask[i];
             // A person's pixel whose neighbours are the person's too: JPEG halves colour at edges.
             bool inside = film.mask[i] && i > 2 * W && i < PIXELS - 2 * W;
             for (int dy = -2; inside && dy <= 2; dy++)
@@ -279,8 +281,46 @@ static void the_film_is_given_back(void **state)
                       psnr);
         EXPECT_AT_LEAST(count / 3.0, 0.5 * (double)person);
         EXPECT_AT_LEAST(psnr, 38);
+        if (detail == DETAIL_FULL) // round ends and all
+            EXPECT_AT_LEAST((double)overlap / (double)(drawn + person - overlap), 0.93);
         painter_close(&p);
     }
+    stage_close(&stage);
+}
+
+// The side that was filmed has the shape it was painted with; the other is closed over.
+static void shapes_are_measured(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static struct shape shape;
+    struct skeleton s = whole_body(0);
+    paint(&film, &ideal, &s, &whole_measures);
+    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
+    struct stage stage;
+    stage_open(&stage, &ideal, &frame, 1, &whole_measures);
+    struct source_rays *rays;
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(shape_measure(&shape, stage.take, rays, 10), OK);
+    const enum part large[] = {PART_LEFT_THIGH, PART_RIGHT_THIGH, PART_LEFT_SHIN, PART_LOWER_TORSO};
+    for (size_t i = 0; i < COUNT_OF(large); i++) {
+        const struct part_shape *part = &shape.parts[large[i]];
+        EXPECT_TRUE(part->known);
+        for (int ring = part->first; ring <= part->last; ring++)
+            for (int k = 0; k < SHAPE_AROUND; k++) {
+                EXPECT_TRUE(part->radius[ring][k] > 0 && part->radius[ring][k] < 2);
+                // y is the front: a quarter turn from x, an eighth to either side.
+                bool front = abs(k - SHAPE_AROUND / 4) <= SHAPE_AROUND / 8;
+                if (front && shape_height(ring) > 0.3 && shape_height(ring) < 0.7)
+                    EXPECT_NEAR(part->radius[ring][k], 1, 0.1);
+            }
+        struct cylinder_mesh mesh;
+        EXPECT_STATUS(shape_mesh(part, &mesh), OK);
+        for (int v = 0; v < 3 * mesh.vertex_count; v++)
+            EXPECT_TRUE(isfinite(mesh.vertices[v]));
+        cylinder_mesh_free(&mesh);
+    }
+    source_rays_close(&rays);
     stage_close(&stage);
 }
 
@@ -452,6 +492,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cylinders_fall_where_the_reference_says),
         cmocka_unit_test(the_film_is_given_back),
+        cmocka_unit_test(shapes_are_measured),
         cmocka_unit_test(the_wall_behind_never_comes_along),
         cmocka_unit_test(the_nearer_part_hides_the_farther),
         cmocka_unit_test(the_same_again_is_the_same),
