@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SLICE_MS = 50 }; // how long to wait before looking whether the sensor is still there
 // Goes before the pixels in memory that the gate hands out.
 struct block {
     struct lane *lane;
