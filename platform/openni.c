@@ -33,6 +33,11 @@
 // folder for a moment; so only one thread at a time opens or closes.
 static pthread_mutex_t opening = PTHREAD_MUTEX_INITIALIZER;
 
+// OpenNI2's player of files walks its list of streams without a lock, every 10 ms while no stream
+// runs, and crashes when it meets a stream coming or going. So streams are made right after it has
+// looked for the first time, and destroyed when it has had time to finish a picture and rest.
+static const int64_t PLAYER_RESTS_NS = 25000000;
+
 // ------------------------------------------------------------- sentences
 
 // What OpenNI2 last complained of, on one line.
@@ -265,6 +270,8 @@ static void openni_close(void *self)
         oniStreamStop(s->color.stream);
     if (s->depth.stream)
         oniStreamStop(s->depth.stream);
+    if (s->file && s->device)
+        clock_sleep_until_ns(clock_now_ns() + PLAYER_RESTS_NS);
     if (s->color.stream)
         oniStreamDestroy(s->color.stream);
     if (s->depth.stream)
@@ -327,6 +334,8 @@ static enum status open_device(struct sensor *s)
         return s->file ? fail(ERR_INPUT, "%s is no recording that OpenNI2 can play", s->name)
                        : fail(ERR_DEVICE, "%s does not open: %s", s->name, complaint(why));
     }
+    if (s->file)
+        clock_sleep_until_ns(clock_now_ns() + PLAYER_RESTS_NS / 5);
     enum status status = make_streams(s);
     return status == OK ? start(s) : status;
 }
