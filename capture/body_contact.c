@@ -8,28 +8,35 @@ double body_floor(const struct fit_task *task, const struct body_build *build, s
     if (!task->have_floor)
         return 0;
     double lowest = 1e9;
-    int sole = -1;
+    int standing = -1;
     for (int i = 0; i < SOLID_COUNT; i++) {
         const struct body_solid *s = &build->solid[i];
+        bool foot = s->segment == SEG_LEFT_FOOT || s->segment == SEG_RIGHT_FOOT;
+        double sum = 0;
         for (int end = 0; end < 2; end++) {
             struct vec3 c = end ? s->b : s->a;
             double over = v3_dot(task->up, c) + task->floor_m - (end ? s->radius_b : s->radius_a);
-            if (over < lowest && (s->segment == SEG_LEFT_FOOT || s->segment == SEG_RIGHT_FOOT)) {
-                lowest = over;
-                sole = 2 * i + end;
-            }
+            sum += over;
             if (over >= 0)
                 continue;
             double weight = 1 / (0.02 * 0.02);
             energy += 0.5 * weight * fmin(over * over, 0.04);
             fit_system_pull(system, build, s->segment, c, task->up, -over, weight);
         }
+        if (foot && sum < lowest) {
+            lowest = sum;
+            standing = i;
+        }
     }
-    if (lowest > 0 && lowest < 0.5) {
-        const struct body_solid *s = &build->solid[sole / 2];
-        double c2 = 0.06 * 0.06, fade = c2 / (c2 + lowest * lowest), weight = 1 / (0.02 * 0.02);
-        energy += 0.5 * weight * lowest * lowest * fade;
-        fit_system_pull(system, build, s->segment, sole % 2 ? s->b : s->a, task->up, -lowest, weight * fade * fade);
+    const struct body_solid *s = &build->solid[standing];
+    for (int end = 0; end < 2; end++) { // heel and toe of the lower foot, unless it is well off the floor
+        struct vec3 c = end ? s->b : s->a;
+        double over = v3_dot(task->up, c) + task->floor_m - (end ? s->radius_b : s->radius_a);
+        if (over <= 0 || over > 0.5)
+            continue;
+        double c2 = 0.06 * 0.06, fade = c2 / (c2 + over * over), weight = 1 / (0.02 * 0.02);
+        energy += 0.5 * weight * over * over * fade;
+        fit_system_pull(system, build, s->segment, c, task->up, -over, weight * fade * fade);
     }
     return energy;
 }

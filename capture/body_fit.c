@@ -8,7 +8,7 @@
 
 // Neighbouring points err together (cloth, shape), so that a picture's points
 // say no more than this many independent ones.
-#define INDEPENDENT_POINTS 220.0
+#define INDEPENDENT_POINTS 150.0
 #define FREE_SIGMA_M 0.020 // of the silhouette, a sample of the model
 #define FREE_REACH_M 0.25  // beyond this a sample's pull fades
 
@@ -159,6 +159,9 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     const struct body_evidence *e = task->evidence;
     if (c.z < 0.2)
         return 0;
+    // The mask ends a little over the floor; a sole under its rim is no fault.
+    if (task->have_floor && v3_dot(task->up, c) + task->floor_m < 0.07)
+        return 0;
     struct pixel px = lens_project(&e->lens, c);
     double measured, dx, dy, front = c.z - radius;
     enum evidence_kind kind = evidence_at(e, px, c.z, &measured, &dx, &dy);
@@ -294,7 +297,7 @@ struct shape_belief shape_belief_start(void)
     // Standard deviations of an adult population around the proportions (5 to 8 %)
     // and of its height (8 %).
     static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04, 0.04,
-                                              0.06, 0.10, 0.10, 0.10, 0.12, 0.10};
+                                              0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
     struct shape_belief belief;
     memset(&belief, 0, sizeof belief);
     for (int k = 0; k < SHAPE_COUNT; k++)

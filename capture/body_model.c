@@ -11,19 +11,19 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
     [SEG_PELVIS] = {-1, {0, 0, 0}, SHAPE_HIPS, SHAPE_TORSO},
     [SEG_ABDOMEN] = {SEG_PELVIS, {0, 0, 0}, SHAPE_HIPS, SHAPE_TORSO},
     [SEG_CHEST] = {SEG_ABDOMEN, {0, 0.125, 0}, SHAPE_HIPS, SHAPE_TORSO},
-    [SEG_HEAD] = {SEG_CHEST, {0, 0.150, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
-    [SEG_LEFT_CLAVICLE] = {SEG_CHEST, {0, 0.150, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
-    [SEG_LEFT_UPPER_ARM] = {SEG_LEFT_CLAVICLE, {0.103, -0.024, 0}, SHAPE_SHOULDERS, SHAPE_SHOULDERS},
+    [SEG_HEAD] = {SEG_CHEST, {0, 0.159, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
+    [SEG_LEFT_CLAVICLE] = {SEG_CHEST, {0, 0.159, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
+    [SEG_LEFT_UPPER_ARM] = {SEG_LEFT_CLAVICLE, {0.103, -0.035, 0.006}, SHAPE_SHOULDERS, SHAPE_SHOULDERS},
     [SEG_LEFT_FOREARM] = {SEG_LEFT_UPPER_ARM, {0, -0.165, 0}, SHAPE_UPPER_ARM, SHAPE_UPPER_ARM},
     [SEG_LEFT_HAND] = {SEG_LEFT_FOREARM, {0, -0.148, 0}, SHAPE_FOREARM, SHAPE_FOREARM},
-    [SEG_RIGHT_CLAVICLE] = {SEG_CHEST, {0, 0.150, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
-    [SEG_RIGHT_UPPER_ARM] = {SEG_RIGHT_CLAVICLE, {-0.103, -0.024, 0}, SHAPE_SHOULDERS, SHAPE_SHOULDERS},
+    [SEG_RIGHT_CLAVICLE] = {SEG_CHEST, {0, 0.159, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
+    [SEG_RIGHT_UPPER_ARM] = {SEG_RIGHT_CLAVICLE, {-0.103, -0.035, 0.006}, SHAPE_SHOULDERS, SHAPE_SHOULDERS},
     [SEG_RIGHT_FOREARM] = {SEG_RIGHT_UPPER_ARM, {0, -0.165, 0}, SHAPE_UPPER_ARM, SHAPE_UPPER_ARM},
     [SEG_RIGHT_HAND] = {SEG_RIGHT_FOREARM, {0, -0.148, 0}, SHAPE_FOREARM, SHAPE_FOREARM},
-    [SEG_LEFT_THIGH] = {SEG_PELVIS, {0.051, -0.038, 0}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_LEFT_THIGH] = {SEG_PELVIS, {0.055, -0.038, 0.004}, SHAPE_HIPS, SHAPE_TORSO},
     [SEG_LEFT_SHIN] = {SEG_LEFT_THIGH, {0, -0.245, 0}, SHAPE_THIGH, SHAPE_THIGH},
     [SEG_LEFT_FOOT] = {SEG_LEFT_SHIN, {0, -0.243, 0}, SHAPE_SHIN, SHAPE_SHIN},
-    [SEG_RIGHT_THIGH] = {SEG_PELVIS, {-0.051, -0.038, 0}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_RIGHT_THIGH] = {SEG_PELVIS, {-0.055, -0.038, 0.004}, SHAPE_HIPS, SHAPE_TORSO},
     [SEG_RIGHT_SHIN] = {SEG_RIGHT_THIGH, {0, -0.245, 0}, SHAPE_THIGH, SHAPE_THIGH},
     [SEG_RIGHT_FOOT] = {SEG_RIGHT_SHIN, {0, -0.243, 0}, SHAPE_SHIN, SHAPE_SHIN},
 };
@@ -38,14 +38,14 @@ struct solid_rule {
 };
 
 #define ARM(side, sign)                                                                                                \
-    {SEG_##side##_CLAVICLE, {sign * 0.015, -0.012, 0}, {sign * 0.098, -0.024, 0}, 0, 0, 0.036, 0.033,                   \
+    {SEG_##side##_CLAVICLE, {sign * 0.015, -0.020, 0.008}, {sign * 0.098, -0.035, 0.006}, 0, 0, 0.036, 0.033,                   \
      SHAPE_SHOULDERS, SHAPE_SHOULDERS, SHAPE_ARM_GIRTH},                                                               \
     {SEG_##side##_UPPER_ARM, {0, 0, 0}, {0, -0.165, 0}, 0, 0, 0.030, 0.0235, SHAPE_SHOULDERS, SHAPE_UPPER_ARM,          \
      SHAPE_ARM_GIRTH},                                                                                                 \
     {SEG_##side##_FOREARM, {0, 0, 0}, {0, -0.148, 0}, 0, 0, 0.0245, 0.0165, SHAPE_SHOULDERS, SHAPE_FOREARM,             \
      SHAPE_ARM_GIRTH},                                                                                                 \
-    {SEG_##side##_HAND, {0, -0.010, 0}, {0, -0.075, 0}, 0, 0, 0.0175, 0.0150, SHAPE_SHOULDERS, SHAPE_FOREARM,           \
-     SHAPE_ARM_GIRTH}
+    {SEG_##side##_HAND, {0, -0.010, 0}, {0, -0.075, 0}, 0, 0, 0.0190, 0.0160, SHAPE_SHOULDERS, SHAPE_FOREARM,           \
+     SHAPE_FOREARM}
 #define LEG(side)                                                                                                      \
     {SEG_##side##_THIGH, {0, 0, 0}, {0, -0.245, 0}, 0, 0, 0.050, 0.034, SHAPE_HIPS, SHAPE_THIGH, SHAPE_LEG_GIRTH},      \
     {SEG_##side##_SHIN, {0, 0, 0}, {0, -0.243, 0}, 0, 0, 0.0335, 0.0215, SHAPE_HIPS, SHAPE_SHIN, SHAPE_LEG_GIRTH},      \
@@ -53,18 +53,18 @@ struct solid_rule {
      SHAPE_LEG_GIRTH}
 
 static const struct solid_rule solid_rule[SOLID_COUNT] = {
-    {SEG_PELVIS, {0, -0.050, 0.010}, {0, 0.012, 0.014}, 0.033, 0.026, 0.065, 0.062, SHAPE_HIPS, SHAPE_TORSO, SHAPE_HIP_GIRTH},
-    {SEG_ABDOMEN, {0, 0.020, 0.016}, {0, 0.115, 0.020}, 0.019, 0.015, 0.060, 0.063, SHAPE_HIPS, SHAPE_TORSO, SHAPE_WAIST_GIRTH},
-    {SEG_CHEST, {0, 0.0, 0.020}, {0, 0.088, 0.018}, 0.015, 0.034, 0.067, 0.062, SHAPE_SHOULDERS, SHAPE_TORSO, SHAPE_CHEST_GIRTH},
-    {SEG_HEAD, {0, -0.010, 0}, {0, 0.060, 0.004}, 0, 0, 0.036, 0.033, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
-    {SEG_HEAD, {0, 0.065, 0.020}, {0, 0.104, 0.014}, 0, 0, 0.046, 0.051, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
+    {SEG_PELVIS, {0, -0.050, 0.016}, {0, 0.012, 0.022}, 0.026, 0.020, 0.072, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_HIP_GIRTH},
+    {SEG_ABDOMEN, {0, 0.020, 0.026}, {0, 0.115, 0.028}, 0.012, 0.010, 0.067, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_WAIST_GIRTH},
+    {SEG_CHEST, {0, 0.0, 0.028}, {0, 0.094, 0.026}, 0.010, 0.028, 0.072, 0.067, SHAPE_SHOULDERS, SHAPE_TORSO, SHAPE_CHEST_GIRTH},
+    {SEG_HEAD, {0, -0.010, 0.004}, {0, 0.055, 0.008}, 0, 0, 0.036, 0.034, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
+    {SEG_HEAD, {0, 0.060, 0.024}, {0, 0.094, 0.018}, 0, 0, 0.046, 0.052, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
     ARM(LEFT, 1),
     ARM(RIGHT, -1),
     LEG(LEFT),
     LEG(RIGHT),
 };
 
-#define HEAD_CENTRE_RATE 0.092 // of body height over the neck joint
+#define HEAD_CENTRE_RATE 0.089 // of body height over the neck joint, which is at the seventh vertebra
 
 int body_parent(enum segment s) { return segment_rule[s].parent; }
 

@@ -224,8 +224,10 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     t->poor_frames = explained < 0.7 ? t->poor_frames + 1 : 0;
     if (explained < 0.35 || t->poor_frames > 12)
         return false;
-    if (task->learn_shape)
+    if (task->learn_shape && explained_share(t->evidence, best, 0.06) > 0.985)
         learn_shape(t, task, best, passed_s);
+    else
+        t->learned_s += passed_s;
     return true;
 }
 

@@ -117,7 +117,7 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     task->learn_shape = false;
     // The waist joint: 0.571 of the height up, behind the trunk's surface.
     double waist = s.top - 0.429 * s.height - task->floor_m;
-    struct vec3 root = v3(s.trunk.x, 0, s.trunk.z + 0.055 * s.height);
+    struct vec3 root = v3(s.trunk.x, 0, s.trunk.z + 0.085 * s.height);
     double rise = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
     root.y = rise;
     static const double arms[3] = {0.12, 0.8, 1.5};
@@ -134,7 +134,7 @@ bool start_search(struct fit_task *task, struct fit_room *room)
         best_away = fit_start(task, &pose, room, away, best_away);
     }
     // Somebody who starts a recording faces the sensor: the back must fit clearly better, feet and all.
-    if (!s.cut && best_away < 0.75 * best)
+    if (!s.cut && best_away < 0.6 * best)
         room->best = *away;
     free(away);
     task->expected = room->best.pose;
