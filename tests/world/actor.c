@@ -56,9 +56,9 @@ static void light_chunk(void *context, int chunk)
         // The floor gives warm light back, less of it where one is close and looks down.
         float near_floor = minf(1, 0.45f + (float)a->at[i].z);
         float low = (1 - up) * near_floor;
-        out[0] += open * (0.34f * up + 0.30f * low);
-        out[1] += open * (0.34f * up + 0.26f * low);
-        out[2] += open * (0.34f * up + 0.22f * low);
+        out[0] += open * (0.43f * up + 0.38f * low);
+        out[1] += open * (0.43f * up + 0.33f * low);
+        out[2] += open * (0.43f * up + 0.28f * low);
     }
 }
 

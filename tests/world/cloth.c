@@ -154,17 +154,18 @@ static struct rgb trunk(struct wear *w)
             cloth = mix(cloth, hex(c->accent), in(fabsf(z + 0.20f) - 0.022f)); // a half-belt
         }
     } else if (front) {
-        cloth = mix(cloth, hex(c->accent), in(fabsf(z + 0.070f) - 0.016f));
-        cloth = mix(cloth, hex(c->number), in(number_distance(w->p->figure.number, p.x, z - 0.085f, 0.115f)));
+        cloth = mix(cloth, hex(c->accent), in(fabsf(z + 0.075f) - 0.015f));
+        cloth = mix(cloth, hex(c->number), in(number_distance(w->p->figure.number, p.x, z - 0.060f, 0.110f)));
     } else {
-        cloth = mix(cloth, hex(c->number), in(number_distance((w->p->figure.number + 10) % 100, -p.x, z - 0.015f, 0.185f)));
+        cloth = mix(cloth, hex(c->number), in(number_distance((w->p->figure.number + 10) % 100, -p.x, z - 0.000f, 0.175f)));
         float s = 0.0062f;
-        cloth = mix(cloth, hex(c->accent), in(s * (text_distance("REENACT", -p.x / s + text_width("REENACT") / 2, (z - 0.148f) / s) - 0.75f)));
+        cloth = mix(cloth, hex(c->accent), in(s * (text_distance("REENACT", -p.x / s + text_width("REENACT") / 2, (z - 0.128f) / s) - 0.75f)));
     }
     cloth = dim(cloth, weave(w, 240, 31));
     // the neck's opening
-    float collar = hypotf(p.x * 0.92f, p.y - neck.y) * (front ? 0.78f : 1) - 0.062f - 0.35f * maxf(0, neck.z + 0.02f - p.z);
-    if (!coat && p.z > neck.z - 0.09f) {
+    float collar = hypotf(p.x * 0.92f, p.y - neck.y) * (front ? 0.92f : 1) - 0.070f - 0.10f * maxf(0, neck.z + 0.02f - p.z);
+    collar = maxf(collar, neck.z - (front ? 0.085f : 0.006f) - p.z);
+    if (!coat && p.z > neck.z - 0.11f) {
         struct rgb skin = hex(c->skin);
         cloth = mix(cloth, dim(hex(c->accent), 0.9f), in(collar - 0.012f));
         cloth = mix(cloth, skin, in(collar));
@@ -221,7 +222,7 @@ static struct rgb legs(struct wear *w)
         cloth = dim(cloth, 1 - 0.45f * in(fabsf(pocket) - 0.002f));
         cloth = dim(cloth, 1 - 0.4f * in(maxf(fabsf(p.x) - 0.0015f, waist.z - 0.2f - p.z)));
     }
-    float hem = waist.z + 0.012f; // belt
+    float hem = waist.z - 0.024f; // belt
     cloth = mix(cloth, hex(0x3b2416), in(fabsf(p.z - hem) - 0.018f));
     return mix(cloth, hex(0xd8c06a), front ? in(maxf(fabsf(p.x) - 0.024f, fabsf(p.z - hem) - 0.014f)) : 0);
 }

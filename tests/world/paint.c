@@ -203,6 +203,8 @@ static struct rgb rug(const struct spot *s)
         c = hash_unit((uint32_t)(s->y * 160), 3, 1) < 0.5f ? hex(0xe9dcc0) : hex(0xc9b38c);
     } else if (in < 0.09f) {
         c = hex(0x27364f);
+    } else if (in < 0.22f && fabsf(a) > s->w / 2 - 0.22f && fabsf(b) > s->h / 2 - 0.22f) {
+        c = in > 0.13f && in < 0.18f ? hex(0xd9a441) : hex(0x27364f); // its corners
     } else if (in < 0.22f) { // a border of lozenges
         float p = fmodf(fabsf(fabsf(a) > s->w / 2 - 0.22f ? b : a), 0.13f) / 0.13f - 0.5f, q = (in - 0.155f) / 0.13f;
         c = fabsf(p) + fabsf(q) < 0.26f ? hex(0xd9a441) : fabsf(p) + fabsf(q) < 0.42f ? hex(0xe9dcc0) : hex(0x7d2e34);

@@ -164,8 +164,8 @@ static void add_trunk(struct maker *m)
     struct vec3f neck = m->joint[JOINT_NECK];
     for (int side = -1; side <= 1; side += 2) {
         struct vec3f shoulder = side > 0 ? l : r;
-        add(m, SHAPE_ROUND_CONE, BONE_CHEST, beside(m, neck, 0.03 * side, 0.006, 0.012), beside(m, shoulder, -0.03 * side, 0, 0.012), 0.040,
-            0.040, 0.05);
+        add(m, SHAPE_ROUND_CONE, BONE_CHEST, beside(m, neck, 0.022 * side, 0.010, 0.030), beside(m, shoulder, -0.025 * side, 0.004, 0.012), 0.043,
+            0.044, 0.045)->cloth = false;
         if (woman)
             blob(m, BONE_CHEST, torso, 0.068 * side, -0.082 * g, 0.035, 0.062, 0.050 * g, 0.060, 0.05)->cloth = true;
         else
@@ -185,7 +185,7 @@ static void add_head(struct maker *m)
     // Heads vary less than heights: a child's is larger for its height.
     float k = m->s, big = 1 + 0.28f * maxf(0, 1 - m->s);
     m->s *= big;
-    double thick = (woman ? 0.047 : 0.054) * (0.6 + 0.4 * (double)m->g);
+    double thick = (woman ? 0.049 : 0.057) * (0.6 + 0.4 * (double)m->g);
     add(m, SHAPE_ROUND_CONE, BONE_NECK, beside(m, neck, 0, 0.006, -0.03), beside(m, skull, 0, 0.006, 0.01), thick * 1.12, thick, 0.035);
     const struct ellipsoid *e = &head_skull;
     blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y, (double)e->radii.z, 0.03);

@@ -18,7 +18,7 @@ uint8_t linear_to_srgb(float linear)
     uint32_t bits;
     memcpy(&bits, &linear, sizeof bits);
     int level = level_start[(bits >> 18) - (FIRST_OCTAVE << 5)];
-    while (linear >= level_end[level])
+    while (level < 255 && linear >= level_end[level])
         level++;
     return (uint8_t)level;
 }
