@@ -9,10 +9,27 @@
 
 // What we take from the file; of the pairs the left one comes first.
 enum role {
-    ROLE_PELVIS, ROLE_SPINE, ROLE_NECK, ROLE_HEAD, ROLE_LEFT_EYE, ROLE_RIGHT_EYE,
-    ROLE_LEFT_UPPER_ARM, ROLE_RIGHT_UPPER_ARM, ROLE_LEFT_FOREARM, ROLE_RIGHT_FOREARM, ROLE_LEFT_HAND, ROLE_RIGHT_HAND,
-    ROLE_LEFT_THIGH, ROLE_RIGHT_THIGH, ROLE_LEFT_SHIN, ROLE_RIGHT_SHIN, ROLE_LEFT_FOOT, ROLE_RIGHT_FOOT,
-    ROLE_LEFT_TOE, ROLE_RIGHT_TOE, ROLE_COUNT
+    ROLE_PELVIS,
+    ROLE_SPINE,
+    ROLE_NECK,
+    ROLE_HEAD,
+    ROLE_LEFT_EYE,
+    ROLE_RIGHT_EYE,
+    ROLE_LEFT_UPPER_ARM,
+    ROLE_RIGHT_UPPER_ARM,
+    ROLE_LEFT_FOREARM,
+    ROLE_RIGHT_FOREARM,
+    ROLE_LEFT_HAND,
+    ROLE_RIGHT_HAND,
+    ROLE_LEFT_THIGH,
+    ROLE_RIGHT_THIGH,
+    ROLE_LEFT_SHIN,
+    ROLE_RIGHT_SHIN,
+    ROLE_LEFT_FOOT,
+    ROLE_RIGHT_FOOT,
+    ROLE_LEFT_TOE,
+    ROLE_RIGHT_TOE,
+    ROLE_COUNT
 };
 
 // The names in use: Character Creator, CMU as MotionBuilder exports it, Daz.
@@ -240,7 +257,8 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
         struct quat foot = upright(across, v3_cross(toes, across));
         s.foot[side] = r->toes ? quat_multiply(foot, quat_from_rotation_vector(v3(-0.56, 0, 0))) : foot;
         double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->rest[JOINT_LEFT_FOOT].z;
-        double tip = least(quat_rotate(s.foot[side], v3(0, -toe, -sole)).z, quat_rotate(s.foot[side], v3(0, heel, -sole)).z);
+        double tip =
+            least(quat_rotate(s.foot[side], v3(0, -toe, -sole)).z, quat_rotate(s.foot[side], v3(0, heel, -sole)).z);
         s.ankle[side].z = most(s.ankle[side].z, -tip);
     }
     return s;

@@ -47,7 +47,8 @@ static float openness(const struct scene *s, struct vec3 at, struct vec3 normal)
     double lost = 0;
     for (int k = 0; k < RAYS; k++) { // cosine-weighted spiral
         double r2 = (k + 0.5) / RAYS, r = sqrt(r2), a = k * 2.399963229728653;
-        struct vec3 d = v3_add(v3_scale(normal, sqrt(1 - r2)), v3_add(v3_scale(x, r * cos(a)), v3_scale(y, r * sin(a))));
+        struct vec3 d =
+            v3_add(v3_scale(normal, sqrt(1 - r2)), v3_add(v3_scale(x, r * cos(a)), v3_scale(y, r * sin(a))));
         struct hit h = scene_hit(s, at, d, (1u << s->box_count) - 1);
         if (h.distance < reach)
             lost += (1 - h.distance / reach) * (h.surface < 6 ? 0.45 : 0.85);

@@ -39,8 +39,8 @@ struct world_figure {
     double build;    // 0 thin .. 1 heavy
     bool woman;      // hips, shoulders and hair
     enum world_clothes clothes;
-    int palette;     // 0 .. 4: the colours it wears
-    int number;      // 0 .. 99, on the chest; the back has a bigger one, number + 10 (mod 100)
+    int palette; // 0 .. 4: the colours it wears
+    int number;  // 0 .. 99, on the chest; the back has a bigger one, number + 10 (mod 100)
 };
 
 // "woman" (1.70 m), "man" (1.82), "child" (1.25), "heavy" (1.75), "skirt" (1.65),
@@ -87,7 +87,7 @@ struct skeleton world_joints_in_camera(const struct world *w, double time_s, str
 // skin is in front of it. Metres.
 double world_joint_radius(const struct world *w, enum joint j);
 
-// The tags: squares of tag36h11 on walls and floor, two of the floor's larger.
+// The tags: 15 squares of tag36h11 on walls and floor, those on the floor larger.
 // rms_px and sightings are 0. *count entries, valid until world_close.
 const struct place_tag *world_tags(const struct world *w, int32_t *count);
 
