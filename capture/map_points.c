@@ -53,6 +53,7 @@ static void visit(struct map *m, struct desk *d, struct map_frame *f)
 {
     struct fit_tag tags[FIT_MAX_TAGS];
     int count = 0, tag_count = map_fit_tags(m, f, tags), with_depth = 0;
+    f->visited = true;
     lay_out(d, m, f);
     bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
                                &f->camera_from_world, d->matches, MAP_FEATURES, &count);
@@ -170,25 +171,64 @@ enum status map_add_points(struct map *m)
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     int32_t start = best_frame(m);
-    enum status status = OK;
     for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
-        if (m->frames[i].placed)
+        if (m->frames[i].placed && !m->frames[i].visited)
             visit(m, d, &m->frames[i]);
     for (int32_t i = start - 1; i >= 0; i--)
-        if (m->frames[i].placed)
+        if (m->frames[i].placed && !m->frames[i].visited)
             visit(m, d, &m->frames[i]);
+    forget_bad(m);
+    free(d);
+    return map_adjust(m, 8, NULL);
+}
+
+enum status map_place_by_points(struct map *m, int *placed)
+{
+    struct desk *d = malloc(sizeof *d);
+    const struct lens *lens = &m->calibration.color;
+    *placed = 0;
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        struct fit_tag tags[FIT_MAX_TAGS];
+        struct camera_fit fit;
+        if (f->placed)
+            continue;
+        int count = map_fit_tags(m, f, tags), agree[2] = {0, 0};
+        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, &fit) != AMBIGUOUS)
+            continue;
+        struct pose pose[2] = {fit.camera_from_world, fit.other};
+        lay_out(d, m, f);
+        for (int k = 0; k < 2; k++)
+            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, &pose[k], d->matches,
+                               MAP_FEATURES, &agree[k]))
+                agree[k] = 0;
+        int best = agree[1] > agree[0];
+        // Both may lead to the same pose: the search reaches far.
+        if (!agree[best] || (2 * agree[best] < 3 * agree[!best] && pose_angle(pose[0], pose[1]) > 0.02))
+            continue;
+        f->camera_from_world = pose[best];
+        f->placed = true;
+        ++*placed;
+    }
+    free(d);
+    return OK;
+}
+
+enum status map_polish_points(struct map *m)
+{
+    struct desk *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    merge_twins(m);
+    enum status status = OK;
     for (int round = 0; round < 2 && status == OK; round++) {
-        forget_bad(m);
-        status = map_adjust(m, 8);
-        if (round == 0)
-            merge_twins(m);
         look_again(m, d);
-    }
-    if (status == OK) {
         forget_bad(m);
-        status = map_adjust(m, 8);
-        forget_bad(m);
+        status = map_adjust(m, 40, NULL);
     }
+    forget_bad(m);
     free(d);
     return status;
 }

@@ -14,7 +14,6 @@ static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not thr
 namespace {
 
 constexpr double ROBUST = 3;         // standard deviations
-constexpr double DEPTH_SHARE = 0.25; // neighbouring readings of one tag err together
 constexpr double NEAREST_M = 1e-3;
 
 template <typename T> void turn(const T *q, const T *p, T *out) // q: x, y, z, w
@@ -100,7 +99,7 @@ void add_errors(const adjust_problem &in, std::vector<adjust_camera> &cameras, s
     auto pose_of_camera = [&](int32_t i) { return &cameras[(size_t)i].camera_from_world.rotation.x; };
     auto pose_of_square = [&](int32_t i) { return &squares[(size_t)i].world_from_square.rotation.x; };
     auto *corner_loss = new ceres::CauchyLoss(ROBUST * std::sqrt(8.0)); // of all eight numbers
-    auto *depth_loss = new ceres::ScaledLoss(new ceres::CauchyLoss(ROBUST), DEPTH_SHARE, ceres::TAKE_OWNERSHIP);
+    auto *depth_loss = new ceres::CauchyLoss(ROBUST);
     auto *point_loss = new ceres::CauchyLoss(ROBUST);
     std::vector<std::unique_ptr<ceres::LossFunction>> owner; // the problem owns what it uses
     if (!in.corner_count)
@@ -164,14 +163,16 @@ enum status solve(const adjust_problem &in)
     options.linear_solver_type = ceres::DENSE_SCHUR;
     options.num_threads = 1;
     options.max_num_iterations = in.most_rounds;
-    options.function_tolerance = 1e-5;
+    options.function_tolerance = 1e-7;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
+    ceres::Solve(options, &problem, &summary);if(getenv("DBG"))fprintf(stderr,"%s\n",summary.BriefReport().c_str());
     if (!manifold_used)
         delete manifold;
     if (!summary.IsSolutionUsable())
         return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
+    if (in.cost)
+        *in.cost = summary.final_cost;
     for (int32_t i = 0; i < in.camera_count; i++)
         in.cameras[i] = cameras[(size_t)i];
     for (int32_t i = 0; i < in.square_count; i++)

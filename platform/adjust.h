@@ -51,6 +51,7 @@ struct adjust_problem {
     int32_t corner_count, plane_depth_count, sighting_count;
     int32_t held_square; // stays where it is
     int32_t most_rounds; // of Ceres
+    double *cost;        // out: the robust cost in the end; or NULL
 };
 
 // ERR_SOLVER: no usable solution, everything stays as it was. ERR_MEMORY.
