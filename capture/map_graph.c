@@ -21,7 +21,8 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 
 // Wider than for a finished map: the tags' poses are first ideas.
 static const double GROWING_RMS_PX = 6, GUESS_PX = 1;
-enum { ROUNDS = 15 };
+enum { ROUNDS = 15, FEW_ROUNDS = 5 };
+static const double CLEAR_COST = 100; // by which one of two poses must be worse to be out of the question
 
 // Places frames that see a mapped tag. Of poses that may be mirrored only where
 // `bold`. How many were placed.
@@ -141,17 +142,19 @@ static void restore(struct map *m, const struct state *s)
 // together fits better.
 static enum status add_tag(struct map *m, int32_t tag, const struct guess *g)
 {
+    m->tags[tag].mapped = true;
+    m->tags[tag].world_from_tag = g->pose[0];
+    if (g->count < 2 || g->cost[1] > 2 * g->cost[0] + CLEAR_COST)
+        return OK;
     size_t frames = (size_t)m->frame_count, tags = (size_t)m->tag_count;
     struct pose *room = malloc((frames + tags) * 2 * sizeof *room);
     if (!room)
         return fail(ERR_MEMORY, "no memory to add a tag to the map");
     struct state before = {room, room + frames}, first = {room + frames + tags, room + 2 * frames + tags};
     double cost[2] = {0, 0};
-    m->tags[tag].mapped = true;
-    m->tags[tag].world_from_tag = g->pose[0];
     save(m, &before);
     enum status status = map_adjust(m, ROUNDS, &cost[0]);
-    if (status == OK && g->count == 2) {
+    if (status == OK) {
         save(m, &first);
         restore(m, &before);
         m->tags[tag].world_from_tag = g->pose[1];
@@ -184,7 +187,7 @@ static enum status grow_sure(struct map *m)
 {
     for (;;) {
         place_frames(m, false);
-        enum status status = map_adjust(m, ROUNDS, NULL);
+        enum status status = map_adjust(m, m->point_count ? FEW_ROUNDS : ROUNDS, NULL);
         struct guess best = {.count = 0};
         int32_t next = -1;
         for (int32_t t = 0; t < m->tag_count && status == OK; t++) {

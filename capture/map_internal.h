@@ -76,10 +76,9 @@ void map_measure(struct map *m);
 MUST_CHECK enum status map_add_points(struct map *m);
 // Places frames of two possible poses by the points they show. How many.
 MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);
-// Looks for all points in all frames again and adjusts everything, twice.
-MUST_CHECK enum status map_polish_points(struct map *m);
-// Leaves the `most` best points, and their descriptors the most typical ones.
-MUST_CHECK enum status map_choose_points(struct map *m, int32_t most);
+// Looks for all points in all frames again and adjusts everything, twice. The `most`
+// best points stay, with their most typical descriptors.
+MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
 
 // ---- map_world.c
 // Turns and shifts everything so that z is up, z = 0 the floor, x as the lowest

@@ -163,10 +163,10 @@ enum status solve(const adjust_problem &in)
     options.linear_solver_type = ceres::DENSE_SCHUR;
     options.num_threads = 1;
     options.max_num_iterations = in.most_rounds;
-    options.function_tolerance = 1e-7;
+    options.function_tolerance = 1e-6;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);if(getenv("DBG"))fprintf(stderr,"%s\n",summary.BriefReport().c_str());
+    ceres::Solve(options, &problem, &summary);
     if (!manifold_used)
         delete manifold;
     if (!summary.IsSolutionUsable())
