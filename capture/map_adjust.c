@@ -92,7 +92,7 @@ static void take_over(struct map *m, const struct adjust_problem *p)
         m->points[i].world = p->points[i];
 }
 
-enum status map_adjust(struct map *m, int rounds, double *cost)
+enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
 {
     struct sizes n = count_all(m), filled = {0};
     struct adjust_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
@@ -117,8 +117,8 @@ enum status map_adjust(struct map *m, int rounds, double *cost)
             .cameras = cameras, .squares = squares, .points = points,
             .corners = corners, .plane_depths = depths, .sightings = sightings,
             .camera_count = m->frame_count, .square_count = m->tag_count, .point_count = m->point_count,
-            .corner_count = filled.corners, .plane_depth_count = filled.depths, .sighting_count = filled.sightings,
-            .held_square = m->reference, .most_rounds = rounds, .cost = cost,
+            .corner_count = filled.corners, .plane_depth_count = filled.depths, .sighting_count = hold_frames ? 0 : filled.sightings,
+            .held_square = m->reference, .hold_cameras = hold_frames, .most_rounds = rounds, .cost = cost,
         };
         status = adjust(&problem);
         if (status == OK)

@@ -21,7 +21,7 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 
 // Wider than for a finished map: the tags' poses are first ideas.
 static const double GROWING_RMS_PX = 6, GUESS_PX = 1;
-enum { ROUNDS = 15, FEW_ROUNDS = 5 };
+enum { ROUNDS = 15 };
 static const double CLEAR_COST = 100; // by which one of two poses must be worse to be out of the question
 
 // Places frames that see a mapped tag. Of poses that may be mirrored only where
@@ -153,12 +153,12 @@ static enum status add_tag(struct map *m, int32_t tag, const struct guess *g)
     struct state before = {room, room + frames}, first = {room + frames + tags, room + 2 * frames + tags};
     double cost[2] = {0, 0};
     save(m, &before);
-    enum status status = map_adjust(m, ROUNDS, &cost[0]);
+    enum status status = map_adjust(m, ROUNDS, m->point_count > 0, &cost[0]);
     if (status == OK) {
         save(m, &first);
         restore(m, &before);
         m->tags[tag].world_from_tag = g->pose[1];
-        if (map_adjust(m, ROUNDS, &cost[1]) != OK || !(cost[1] < cost[0]))
+        if (map_adjust(m, ROUNDS, m->point_count > 0, &cost[1]) != OK || !(cost[1] < cost[0]))
             restore(m, &first);
     }
     free(room);
@@ -182,12 +182,13 @@ static int32_t most_seen(const struct map *m)
     return best;
 }
 
-// Frames and tags in turn, as far as poses are beyond doubt.
+// Frames and tags in turn, as far as poses are beyond doubt. Once points hold the
+// frames, tags are fitted to them.
 static enum status grow_sure(struct map *m)
 {
     for (;;) {
         place_frames(m, false);
-        enum status status = map_adjust(m, m->point_count ? FEW_ROUNDS : ROUNDS, NULL);
+        enum status status = map_adjust(m, ROUNDS, m->point_count > 0, NULL);
         struct guess best = {.count = 0};
         int32_t next = -1;
         for (int32_t t = 0; t < m->tag_count && status == OK; t++) {
@@ -224,6 +225,6 @@ enum status map_grow(struct map *m, bool use_points)
             return status;
         // The better of two mirrored poses is taken only when there is no other way on.
         if (!placed && !place_frames(m, true))
-            return map_adjust(m, ROUNDS, NULL);
+            return map_adjust(m, ROUNDS, false, NULL);
     }
 }

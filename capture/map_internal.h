@@ -66,8 +66,8 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 
 // ---- map_adjust.c
 // All frames, tags and points at once; sightings that fit badly lose their weight.
-// *cost: the robust cost left; or NULL.
-MUST_CHECK enum status map_adjust(struct map *m, int rounds, double *cost);
+// hold_frames: only the tags move, and points have no say. *cost: the robust cost left; or NULL.
+MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
 

@@ -179,7 +179,7 @@ enum status map_add_points(struct map *m)
             visit(m, d, &m->frames[i]);
     forget_bad(m);
     free(d);
-    return map_adjust(m, ROUNDS, NULL);
+    return map_adjust(m, ROUNDS, false, NULL);
 }
 
 enum status map_place_by_points(struct map *m, int *placed)
@@ -304,7 +304,7 @@ enum status map_polish_points(struct map *m, int32_t most)
         forget_bad(m);
         status = keep_best(m, most);
         if (status == OK)
-            status = map_adjust(m, POLISH_ROUNDS, NULL);
+            status = map_adjust(m, POLISH_ROUNDS, false, NULL);
     }
     forget_bad(m);
     if (status == OK)
