@@ -37,7 +37,9 @@ static enum status refuse(const struct database *db, int code)
     case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
     case SQLITE_CANTOPEN: return fail(ERR_IO, "%s cannot be opened: %s", path, system_errno ? strerror(system_errno) : why);
     case SQLITE_IOERR:
-        if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT)
+        // SQLite looks at errno late, and may find it overwritten with 0.
+        if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
+            (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)))
             return fail(ERR_IO, "%s cannot grow: the disk is full", path);
         return fail(ERR_IO, "%s: %s%s%s", path, why, system_errno ? ": " : "",
                     system_errno ? strerror(system_errno) : "");
@@ -265,6 +267,19 @@ enum status database_settle(struct database *db)
     sqlite3_busy_timeout(db->handle, 0);
     int code = sqlite3_exec(db->handle, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
     return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : refuse(db, code);
+}
+
+bool database_is_settled(const char *path)
+{
+    static const char *const endings[] = {"-wal", "-shm", "-journal"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        struct stat about;
+        snprintf(name, sizeof name, "%s%s", path, endings[i]);
+        if (!stat(name, &about))
+            return false;
+    }
+    return true;
 }
 
 enum status database_checkpoint(struct database *db, int64_t *left)

@@ -43,6 +43,9 @@ MUST_CHECK enum status database_claim(struct database *db);
 // alone. While readers have it open, the log stays beside it until the next writer.
 MUST_CHECK enum status database_settle(struct database *db);
 
+// Nothing lies beside the file: no log, no journal.
+bool database_is_settled(const char *path);
+
 // Moves what the write-ahead log holds into the file itself and syncs both.
 // *left is how many pages had to stay in the log (readers, a writer at work).
 MUST_CHECK enum status database_checkpoint(struct database *db, int64_t *left);

@@ -20,7 +20,7 @@
 // a file's depth is registered is written nowhere; it is taken to be. A sensor
 // that cannot register is said to be not registered, with its two cameras in
 // one place, for OpenNI2 does not say how far they are apart.
-#define _GNU_SOURCE // dladdr
+#include "platform/clock.h"
 #include "platform/file.h"
 #include "platform/openni_sensor.h"
 
@@ -237,10 +237,13 @@ static enum status start(struct sensor *s)
         return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, complaint(why));
     if (s->color.stream && oniStreamStart(s->color.stream) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, complaint(why));
-    if (s->file)
+    if (s->file) {
         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &no_waiting, sizeof no_waiting);
-    else if (s->color.stream)
+        for (int ms = 0; !s->heard && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
+            (void)!take_picture(s, SLICE_MS); // the first one waits for openni_next
+    } else if (s->color.stream) {
         oniDeviceEnableDepthColorSync(s->device); // nice to have; pairs are made by time anyway
+    }
     return OK;
 }
 
@@ -250,6 +253,9 @@ static void openni_close(void *self)
     if (!s)
         return;
     pthread_mutex_lock(&opening);
+    // A player closed before its thread has begun never ends: OpenNI2 waits 3 s and then shoots it.
+    if (s->file && s->device && !s->heard)
+        clock_sleep_until_ns(clock_now_ns() + 100000000);
     gate_open(&s->gate);
     lane_release_all(&s->depth);
     lane_release_all(&s->color);

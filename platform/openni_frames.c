@@ -7,10 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SLICE_MS = 50 };                            // how long to wait before looking whether the sensor is still there
-static const int64_t LIVE_SILENCE_NS = 5000000000; // a sensor silent for so long is gone
-static const int64_t FILE_SILENCE_NS = 3000000000; // a file's next picture takes milliseconds
-
 // Goes before the pixels in memory that the gate hands out.
 struct block {
     struct lane *lane;
@@ -89,8 +85,7 @@ static void drop_oldest(struct lane *lane, int how_many)
     memmove(lane->queue, lane->queue + how_many, (size_t)lane->count * sizeof *lane->queue);
 }
 
-// Waits at most `wait_ms` for a picture and puts it into its queue. NOTHING: none came.
-static enum status take_picture(struct sensor *s, int wait_ms)
+enum status take_picture(struct sensor *s, int wait_ms)
 {
     struct lane *lanes[2] = {&s->depth, &s->color};
     OniStreamHandle streams[2] = {s->depth.stream, s->color.stream};
@@ -105,6 +100,7 @@ static enum status take_picture(struct sensor *s, int wait_ms)
     if (lane->count == LANE_QUEUE)
         drop_oldest(lane, 1);
     lane->queue[lane->count++] = frame;
+    s->heard = true;
     return OK;
 }
 
@@ -121,13 +117,24 @@ static bool decided(const struct sensor *s, bool over)
     return s->depth.count >= (s->file ? LANE_QUEUE : 2);
 }
 
+static enum status check_picture(const struct sensor *s, const struct lane *lane, const OniFrame *frame,
+                                 int pixel_bytes, const char *what)
+{
+    int w = lane->mode.resolutionX, h = lane->mode.resolutionY;
+    if (frame->width != w || frame->height != h)
+        return fail(ERR_INPUT, "%s: %s picture %d has %d x %d pixels where %d x %d were announced", s->name, what,
+                    frame->frameIndex, frame->width, frame->height, w, h);
+    if (frame->stride < w * pixel_bytes || frame->dataSize < frame->stride * (h - 1) + w * pixel_bytes)
+        return fail(ERR_INPUT, "%s: %s picture %d is damaged", s->name, what, frame->frameIndex);
+    return OK;
+}
+
 static enum status copy_depth(struct sensor *s, const OniFrame *frame)
 {
     int w = s->depth.mode.resolutionX, h = s->depth.mode.resolutionY;
-    if (frame->width != w || frame->height != h || frame->stride < w * 2 ||
-        frame->dataSize < frame->stride * (h - 1) + w * 2)
-        return fail(ERR_INPUT, "%s: depth picture %d has %d x %d pixels where %d x %d were announced", s->name,
-                    frame->frameIndex, frame->width, frame->height, w, h);
+    enum status status = check_picture(s, &s->depth, frame, 2, "depth");
+    if (status != OK)
+        return status;
     bool tenths = s->depth.mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
     for (int y = 0; y < h; y++) {
         const uint16_t *in =
@@ -144,10 +151,9 @@ static enum status copy_depth(struct sensor *s, const OniFrame *frame)
 static enum status copy_color(struct sensor *s, const OniFrame *frame)
 {
     int w = s->color.mode.resolutionX, h = s->color.mode.resolutionY;
-    if (frame->width != w || frame->height != h || frame->stride < w * 3 ||
-        frame->dataSize < frame->stride * (h - 1) + w * 3)
-        return fail(ERR_INPUT, "%s: colour picture %d has %d x %d pixels where %d x %d were announced", s->name,
-                    frame->frameIndex, frame->width, frame->height, w, h);
+    enum status status = check_picture(s, &s->color, frame, 3, "colour");
+    if (status != OK)
+        return status;
     for (int y = 0; y < h; y++) {
         const uint8_t *in = (const uint8_t *)frame->data + (size_t)y * (size_t)frame->stride;
         uint8_t *out = s->rgb + (size_t)y * (size_t)w * 3;
@@ -160,42 +166,77 @@ static enum status copy_color(struct sensor *s, const OniFrame *frame)
     return OK;
 }
 
+// Counts what is missing between the last depth picture handed out and the oldest in the queue. A sensor
+// drops; a file's missing pictures are damage, which is said once, before the picture behind it.
+static enum status count_gap(struct sensor *s)
+{
+    int index = s->depth.queue[0]->frameIndex, gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
+    if (gap <= 0)
+        return OK;
+    s->facts->dropped += gap;
+    s->last_index = index - 1;
+    if (!s->file)
+        return OK;
+    s->facts->remaining = s->facts->remaining > gap ? s->facts->remaining - gap : s->facts->remaining;
+    return fail(ERR_INPUT, "%s: the %d pictures before number %d are damaged and left out", s->name, gap, index);
+}
+
+// The colour picture nearest in time, at most half a frame away; -1: none.
+static int color_for(const struct sensor *s, int64_t time_ns)
+{
+    int best = -1;
+    int64_t best_ns = s->half_frame_ns + 1;
+    for (int i = 0; i < s->color.count; i++) {
+        int64_t away_ns = llabs(time_of(s->color.queue[i]) - time_ns);
+        if (away_ns < best_ns) {
+            best = i;
+            best_ns = away_ns;
+        }
+    }
+    return best;
+}
+
 // Makes a frame of the oldest depth picture and its colour. NOTHING: its time does not rise, it was dropped.
 static enum status hand_out(struct sensor *s, struct frame *out)
 {
+    enum status status = count_gap(s);
+    if (status != OK)
+        return status;
     const OniFrame *depth = s->depth.queue[0];
     int64_t time_ns = time_of(depth);
-    int best = -1;
-    for (int i = 0; i < s->color.count; i++)
-        if (best < 0 || llabs(time_of(s->color.queue[i]) - time_ns) < llabs(time_of(s->color.queue[best]) - time_ns))
-            best = i;
-    if (best >= 0 && llabs(time_of(s->color.queue[best]) - time_ns) > s->half_frame_ns)
-        best = -1;
-    if (s->last_index >= 0 && depth->frameIndex > s->last_index + 1)
-        s->facts->dropped += depth->frameIndex - s->last_index - 1;
     s->last_index = depth->frameIndex;
     if (s->facts->remaining > 0)
         s->facts->remaining--;
-    enum status status = OK;
     if (time_ns <= s->last_time_ns) {
         s->facts->dropped++;
-        status = NOTHING;
-    } else {
-        s->last_time_ns = time_ns;
-        out->time_ns = time_ns;
-        snprintf(out->name, sizeof out->name, "%04lld", (long long)s->handed_out++);
-        status = copy_depth(s, depth);
-        if (status == OK && best >= 0)
-            status = copy_color(s, s->color.queue[best]);
-        out->depth = s->mm;
-        out->color = best >= 0 ? s->rgb : NULL;
-        int used = best + 1; // those before it are too old for what comes
-        while (used < s->color.count && time_of(s->color.queue[used]) < time_ns - s->half_frame_ns)
-            used++;
-        drop_oldest(&s->color, used);
+        drop_oldest(&s->depth, 1);
+        return NOTHING;
     }
+    s->last_time_ns = time_ns;
+    out->time_ns = time_ns;
+    snprintf(out->name, sizeof out->name, "%04lld", (long long)s->handed_out++);
+    int color = color_for(s, time_ns);
+    status = copy_depth(s, depth);
+    if (status == OK && color >= 0)
+        status = copy_color(s, s->color.queue[color]);
+    out->depth = s->mm;
+    out->color = color >= 0 ? s->rgb : NULL;
     drop_oldest(&s->depth, 1);
+    int used = color + 1; // and those before it; what is older than half a frame serves no later picture
+    while (used < s->color.count && time_of(s->color.queue[used]) < time_ns - s->half_frame_ns)
+        used++;
+    drop_oldest(&s->color, used);
     return status;
+}
+
+// A file that ends before the number of pictures it announced says so, once.
+static enum status at_end(struct sensor *s)
+{
+    int64_t lost = s->facts->remaining;
+    s->facts->remaining = 0;
+    if (lost > 0)
+        return fail(ERR_INPUT, "%s breaks off %lld pictures before its end: it is damaged", s->name, (long long)lost);
+    return NOTHING;
 }
 
 enum status openni_next(void *self, struct frame *out)
@@ -221,12 +262,13 @@ enum status openni_next(void *self, struct frame *out)
         if (gone)
             return fail(ERR_DEVICE, "%s was unplugged", s->name);
         if (over)
-            return NOTHING;
+            return at_end(s);
         if (take_picture(s, SLICE_MS) == OK)
             since_ns = clock_now_ns();
-        else if (clock_now_ns() - since_ns > (s->file ? FILE_SILENCE_NS : LIVE_SILENCE_NS))
-            return s->file ? fail(ERR_INPUT, "%s breaks off in the middle: it is damaged or was not finished", s->name)
-                           : fail(ERR_DEVICE, "%s has sent no picture for %d seconds; is it still plugged in?", s->name,
-                                  (int)(LIVE_SILENCE_NS / 1000000000));
+        else if (s->file && clock_now_ns() - since_ns > FILE_SILENCE_MS * INT64_C(1000000))
+            atomic_store(&s->ended, true);
+        else if (!s->file && clock_now_ns() - since_ns > LIVE_SILENCE_MS * INT64_C(1000000))
+            return fail(ERR_DEVICE, "%s has sent no picture for %d seconds; is it still plugged in?", s->name,
+                        LIVE_SILENCE_MS / 1000);
     }
 }

@@ -231,6 +231,32 @@ static enum status no_such_take(const struct recording *r, const char *name)
                 used >= sizeof list ? "…" : "");
 }
 
+enum status take_from_row(struct statement *s, struct take_row *out, bool *usable)
+{
+    const uint8_t *calibration = blob_of(s, 2, CALIBRATION_BYTES), *body = blob_of(s, 5, BODY_BYTES);
+    *out = (struct take_row){
+        .id = statement_number(s, 0),
+        .complete = statement_number(s, 3) == 1,
+        .dropped = statement_number(s, 4),
+        .body.representative_frame = -1,
+    };
+    bool whole = snprintf(out->name, sizeof out->name, "%s", statement_text(s, 1)) < (int)sizeof out->name;
+    *usable = false;
+    if (calibration) {
+        get_calibration(calibration, &out->calibration);
+        *usable = calibration_check(&out->calibration) == OK;
+    }
+    if (body) {
+        get_body(body, &out->body);
+        if (!body_is_finite(&out->body))
+            out->body = (struct body){.representative_frame = -1};
+    }
+    if (*usable && body && whole && body_is_finite(&out->body) &&
+        take_crc(out->name, calibration, out->complete, out->dropped, body) == statement_number(s, 6))
+        return OK;
+    return fail(ERR_CORRUPT, "a take cannot be read");
+}
+
 static enum status read_take_row(struct take *t, int64_t id)
 {
     struct recording *r = t->recording;
@@ -240,20 +266,16 @@ static enum status read_take_row(struct take *t, int64_t id)
         statement_bind_number(s, 1, id);
         status = statement_step(s);
     }
-    if (status == NOTHING)
-        status = damaged(r, "a take cannot be read");
-    if (status == OK) {
-        const uint8_t *calibration = blob_of(s, 2, CALIBRATION_BYTES), *body = blob_of(s, 5, BODY_BYTES);
-        t->complete = statement_number(s, 3) == 1;
-        t->dropped = statement_number(s, 4);
-        if (!calibration || !body ||
-            take_crc(statement_text(s, 1), calibration, t->complete, t->dropped, body) != statement_number(s, 6)) {
+    if (status == OK || status == NOTHING) {
+        struct take_row row;
+        bool usable;
+        if (status == NOTHING || take_from_row(s, &row, &usable) != OK) {
             status = damaged(r, "a take cannot be read");
         } else {
-            get_calibration(calibration, &t->calibration);
-            get_body(body, &t->body);
-            if (calibration_check(&t->calibration) != OK || !body_is_finite(&t->body))
-                status = damaged(r, "a take's calibration or body makes no sense");
+            t->calibration = row.calibration;
+            t->body = row.body;
+            t->complete = row.complete;
+            t->dropped = row.dropped;
         }
     }
     statement_close(&s);

@@ -30,6 +30,16 @@ extern const char *const recording_tables; // CREATE TABLE ...
 #define FRAME_COLUMNS "id, time_ns, located, world_from_camera, skeleton, pictures, crc"
 #define PICTURE_COLUMNS "id, mask_crc, depth_crc, color_crc, mask, depth, color"
 
+// One row of the table take.
+struct take_row {
+    int64_t id;
+    char name[TAKE_NAME_BYTES + 1];
+    struct calibration calibration;
+    bool complete;
+    int64_t dropped;
+    struct body body;
+};
+
 // CRC-32 as in PNG and zip. Begin with 0, feed on.
 uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
 uint32_t crc32_of_number(uint32_t crc, int64_t value); // its 8 bytes, little-endian

@@ -13,15 +13,6 @@ enum { BATCH_NS = 400000000 };
 
 struct scribe;
 
-struct take_row {
-    int64_t id;
-    char name[TAKE_NAME_BYTES + 1];
-    struct calibration calibration;
-    bool complete;
-    int64_t dropped;
-    struct body body;
-};
-
 struct frame_row {
     int64_t key, time_ns;
     bool located;

@@ -19,9 +19,6 @@ MUST_CHECK enum status actor_aim(struct actor *a, const struct lens *lens, struc
 // Draws into the rows [first, end), which only this call touches.
 void actor_draw_rows(struct actor *a, int first, int end);
 
-// The pixels that may hold something of the figure: [x0, x1) x [y0, y1).
-void actor_bounds(const struct actor *a, int *x0, int *y0, int *x1, int *y1);
-
 // z of what the centre of a pixel sees of the figure, metres; 0: nothing.
 double actor_depth(const struct actor *a, int x, int y);
 
@@ -32,7 +29,7 @@ int actor_cover(const struct actor *a, int x, int y, double *near, double *far);
 // than room_z[sample]; *count how many those are. room_z NULL: all of them.
 void actor_color(const struct actor *a, int x, int y, const double *room_z, float color[3], int *count);
 
-// What the figure takes of the light on the room's surface at a point: *out is
-// subtracted from irradiance / pi, *ambient multiplies what is left of the ambient share.
+// Whether the figure may take light from a point of a room's surface; and what it
+// takes: `lost` of irradiance / pi, and a share (1 - ambient) of what then remains.
 bool actor_shades(const struct actor *a, int surface, double u, double v);
-void actor_shadow(const struct actor *a, int surface, struct vec3 at, struct vec3 normal, float out[3], float *ambient);
+void actor_shadow(const struct actor *a, struct vec3 at, struct vec3 normal, float lost[3], float *ambient);

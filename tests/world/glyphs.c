@@ -1,4 +1,5 @@
 #include "tests/world/glyphs.h"
+#include "tests/world/numbers.h"
 
 #include <math.h>
 #include <string.h>
@@ -19,7 +20,7 @@ static float segment(float x, float y, float ax, float ay, float bx, float by)
 {
     float dx = bx - ax, dy = by - ay, l = dx * dx + dy * dy;
     float t = l > 0 ? ((x - ax) * dx + (y - ay) * dy) / l : 0;
-    t = fminf(1, fmaxf(0, t));
+    t = minf(1, maxf(0, t));
     float ex = x - ax - t * dx, ey = y - ay - t * dy;
     return sqrtf(ex * ex + ey * ey);
 }
@@ -40,7 +41,7 @@ float glyph_distance(char letter, float x, float y)
         }
         float qx = (float)(s[0] - '0'), qy = (float)(s[1] - '0');
         if (down)
-            nearest = fminf(nearest, segment(x, y, px, py, qx, qy));
+            nearest = minf(nearest, segment(x, y, px, py, qx, qy));
         px = qx, py = qy;
         down = true;
         s += 2;

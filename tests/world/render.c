@@ -1,5 +1,6 @@
 #include "tests/world/actor.h"
 #include "tests/world/parallel.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -47,14 +48,14 @@ static void mark_box(struct job *j, int box)
             break;
         }
         // Far outside the picture the lens's polynomial means nothing: stop before.
-        struct vec3 q = v3(fmin(fmax(p.x / p.z, -1.5), 1.5), fmin(fmax(p.y / p.z, -1.5), 1.5), 1);
+        struct vec3 q = v3(least(most(p.x / p.z, -1.5), 1.5), least(most(p.y / p.z, -1.5), 1.5), 1);
         struct pixel px = lens_project(l, q);
-        x0 = fmin(x0, px.x), x1 = fmax(x1, px.x);
-        y0 = fmin(y0, px.y), y1 = fmax(y1, px.y);
+        x0 = least(x0, px.x), x1 = most(x1, px.x);
+        y0 = least(y0, px.y), y1 = most(y1, px.y);
     }
     double margin = 2 + 0.02 * l->width; // edges bend a little
-    int tx0 = (int)fmax(0, (x0 - margin) / TILE), tx1 = (int)fmin(j->tiles_across - 1, (x1 + margin) / TILE);
-    int ty0 = (int)fmax(0, (y0 - margin) / TILE), ty1 = (int)fmin(j->bands - 1, (y1 + margin) / TILE);
+    int tx0 = (int)most(0, (x0 - margin) / TILE), tx1 = (int)least(j->tiles_across - 1, (x1 + margin) / TILE);
+    int ty0 = (int)most(0, (y0 - margin) / TILE), ty1 = (int)least(j->bands - 1, (y1 + margin) / TILE);
     for (int y = ty0; y <= ty1; y++)
         for (int x = tx0; x <= tx1; x++)
             j->boxes[y * j->tiles_across + x] |= 1u << box;
@@ -80,9 +81,9 @@ static void shade(const struct job *j, const struct hit *h, int decal, struct ve
     scene_light(f, h->u, h->v, light);
     if (j->actor && actor_shades(j->actor, h->surface, h->u, h->v)) {
         float lost[3], ambient;
-        actor_shadow(j->actor, h->surface, at, f->normal, lost, &ambient);
+        actor_shadow(j->actor, at, f->normal, lost, &ambient);
         for (int c = 0; c < 3; c++)
-            light[c] = fmaxf(light[c] - lost[c], 0.1f * light[c]) * ambient;
+            light[c] = maxf(light[c] - lost[c], 0.1f * light[c]) * ambient;
     }
     for (int c = 0; c < 3; c++)
         color[c] = albedo[c] * (glow > 0 ? glow : light[c]);
@@ -165,8 +166,8 @@ static void color_pixel(const struct job *j, int x, int y, const struct corner *
     double near, far;
     int cover = j->actor ? actor_cover(j->actor, x, y, &near, &far) : 0;
     if (cover) {
-        double room_z[ACTOR_SAMPLES], nearest = fmin(fmin(top[0].hit.distance, top[1].hit.distance),
-                                                     fmin(low[0].hit.distance, low[1].hit.distance));
+        double room_z[ACTOR_SAMPLES], nearest = least(least(top[0].hit.distance, top[1].hit.distance),
+                                                     least(low[0].hit.distance, low[1].hit.distance));
         bool clear = far < nearest - 0.05;
         for (int i = 0; i < ACTOR_SAMPLES && !clear; i++)
             room_z[i] = scene_hit(&j->w->scene, j->eye,

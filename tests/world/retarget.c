@@ -2,6 +2,7 @@
 
 #include "platform/file.h"
 #include "tests/world/bvh.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -89,9 +90,9 @@ static enum status settle(struct retarget *r, const struct physique *p, const ch
         for (int k = 0; k < ROLE_COUNT; k++)
             r->at[f][k] = v3_scale(quat_rotate(heading, r->at[f][k]), scale);
         struct vec3 w = r->at[f][ROLE_PELVIS];
-        low_x = fmin(low_x, w.x), high_x = fmax(high_x, w.x);
-        low_y = fmin(low_y, w.y), high_y = fmax(high_y, w.y);
-        heights[f] = fmin(r->at[f][ROLE_LEFT_FOOT].z, r->at[f][ROLE_RIGHT_FOOT].z);
+        low_x = least(low_x, w.x), high_x = most(high_x, w.x);
+        low_y = least(low_y, w.y), high_y = most(high_y, w.y);
+        heights[f] = least(r->at[f][ROLE_LEFT_FOOT].z, r->at[f][ROLE_RIGHT_FOOT].z);
     }
     // The floor is where the lower ankle mostly is when it is low: its 5th percentile.
     qsort(heights, (size_t)r->count, sizeof *heights, by_value);
@@ -176,10 +177,10 @@ static struct quat upright(struct vec3 left, struct vec3 up)
 struct stance retarget_at(const struct retarget *r, const struct physique *p, double time_s)
 {
     double at = time_s / r->frame_s;
-    int i = (int)fmin(fmax(floor(at), 0), r->count - 1), j = i + 1 < r->count ? i + 1 : i;
+    int i = (int)least(most(floor(at), 0), r->count - 1), j = i + 1 < r->count ? i + 1 : i;
     struct vec3 q[ROLE_COUNT];
     for (int k = 0; k < ROLE_COUNT; k++)
-        q[k] = v3_mix(r->at[i][k], r->at[j][k], fmin(1, at - i));
+        q[k] = v3_mix(r->at[i][k], r->at[j][k], least(1, at - i));
 
     struct stance s = {0};
     struct vec3 hips = v3_scale(v3_add(q[ROLE_LEFT_THIGH], q[ROLE_RIGHT_THIGH]), 0.5);
@@ -217,8 +218,8 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
         struct quat foot = upright(across, v3_cross(toes, across));
         s.foot[side] = r->toes ? quat_multiply(foot, quat_from_rotation_vector(v3(-0.56, 0, 0))) : foot;
         double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->rest[JOINT_LEFT_FOOT].z;
-        double tip = fmin(quat_rotate(s.foot[side], v3(0, -toe, -sole)).z, quat_rotate(s.foot[side], v3(0, heel, -sole)).z);
-        s.ankle[side].z = fmax(s.ankle[side].z, -tip);
+        double tip = least(quat_rotate(s.foot[side], v3(0, -toe, -sole)).z, quat_rotate(s.foot[side], v3(0, heel, -sole)).z);
+        s.ankle[side].z = most(s.ankle[side].z, -tip);
     }
     return s;
 }

@@ -2,6 +2,7 @@
 
 #include "tests/world/paint.h"
 #include "tests/world/tag_bitmap.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -106,7 +107,7 @@ static enum status add_painting(struct scene *s, int surface, double u, double v
             texture_set(&d->texture, 0, 0, (float[3]){0.3f, 0.3f, 0.3f});
         return status;
     }
-    return paint(&d->texture, kind, width, height, kind == PAINTING_RUG ? 0.005 : 0.003, seed);
+    return paint(&d->texture, kind, width, height, kind == PAINTING_RUG ? 0.006 : 0.0034, seed);
 }
 
 static enum status hang_pictures(struct scene *s, uint32_t seed)
@@ -285,11 +286,11 @@ int scene_decal(const struct scene *s, int surface, double u, double v)
 // The share of [x - w/2, x + w/2] that lies within half a line of a multiple of `period`.
 static float lines(double x, double period, double line, double w)
 {
-    w = fmax(w, 1e-4);
+    w = most(w, 1e-4);
     double low = (x - w / 2) / period, high = (x + w / 2) / period, share = line / period;
     // the integral of the pulse train, shifted so that pulses start at whole numbers
     low += share / 2, high += share / 2;
-    double a = floor(low) * share + fmin(low - floor(low), share), b = floor(high) * share + fmin(high - floor(high), share);
+    double a = floor(low) * share + least(low - floor(low), share), b = floor(high) * share + least(high - floor(high), share);
     return (float)((b - a) / (high - low));
 }
 
@@ -313,7 +314,7 @@ static void floor_albedo(const struct scene *s, const struct surface *f, double 
              (struct footprint){foot.dvdx, foot.dudx, foot.dvdy, foot.dudy}, grain);
     double wu = fabs((double)foot.dudx) + fabs((double)foot.dudy), wv = fabs((double)foot.dvdx) + fabs((double)foot.dvdy);
     float gap = lines(u, width, 0.004, wu) + lines(v + shift, length, 0.004, wv);
-    float tone = (0.72f + 0.50f * hash_unit(id, 1, 1)) * (1 - 0.75f * fminf(1, gap));
+    float tone = (0.72f + 0.50f * hash_unit(id, 1, 1)) * (1 - 0.75f * minf(1, gap));
     float warm = 0.06f * (hash_unit(id, 2, 2) - 0.5f);
     for (int c = 0; c < 3; c++)
         albedo[c] = f->tint[c] * tone * 2 * grain[c] * (1 + warm * (float)(1 - c));
@@ -329,10 +330,10 @@ static void wall_albedo(const struct scene *s, const struct surface *f, double u
     // From the floor up: skirting board, painted dado, rail, wall; edges as wide as a sample.
     static const double ends[] = {0.09, 0.095, 0.88, 0.885, 0.925, 0.93};
     const float *bands[] = {skirting, NULL, dado, NULL, rail, NULL, f->tint};
-    double w = fmax(1e-4, fabs((double)foot.dvdx) + fabs((double)foot.dvdy)), low = v - w / 2, high = v + w / 2, from = low;
+    double w = most(1e-4, fabs((double)foot.dvdx) + fabs((double)foot.dvdy)), low = v - w / 2, high = v + w / 2, from = low;
     albedo[0] = albedo[1] = albedo[2] = 0;
     for (int i = 0; i <= 6; i++) {
-        double to = i < 6 ? fmin(high, ends[i]) : high;
+        double to = i < 6 ? least(high, ends[i]) : high;
         if (to > from) {
             for (int c = 0; c < 3; c++)
                 albedo[c] += (float)((to - from) / w) * (bands[i] ? bands[i][c] : 0.12f);

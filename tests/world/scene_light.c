@@ -1,6 +1,7 @@
 // Light on the empty room: two lamps with soft shadows of the furniture, and an
 // ambient share that corners and furniture take part of.
 #include "tests/world/scene.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 
@@ -67,8 +68,8 @@ enum status scene_bake(struct scene *s)
         for (int y = 0; y < f->light_height; y++)
             for (int x = 0; x < f->light_width; x++) {
                 // a little inside the edges, and off the surface
-                double u = fmin(fmax(f->width * x / (f->light_width - 1), 0.004), f->width - 0.004);
-                double v = fmin(fmax(f->height * y / (f->light_height - 1), 0.004), f->height - 0.004);
+                double u = least(most(f->width * x / (f->light_width - 1), 0.004), f->width - 0.004);
+                double v = least(most(f->height * y / (f->light_height - 1), 0.004), f->height - 0.004);
                 struct vec3 at = v3_add(f->corner, v3_add(v3_scale(f->u, u), v3_scale(f->v, v)));
                 at = v3_add(at, v3_scale(f->normal, 0.004));
                 float *out = f->light[y * f->light_width + x];
@@ -86,8 +87,8 @@ enum status scene_bake(struct scene *s)
 void scene_light(const struct surface *f, double u, double v, float light[3])
 {
     double x = u / f->width * (f->light_width - 1), y = v / f->height * (f->light_height - 1);
-    x = fmin(fmax(x, 0), f->light_width - 1.000001);
-    y = fmin(fmax(y, 0), f->light_height - 1.000001);
+    x = least(most(x, 0), f->light_width - 1.000001);
+    y = least(most(y, 0), f->light_height - 1.000001);
     int i = (int)x, j = (int)y;
     float a = (float)(x - i), b = (float)(y - j);
     float(*at)[3] = f->light + (j * f->light_width + i);

@@ -12,7 +12,7 @@
 //     struct world *w;
 //     struct world_options o = world_default_options();
 //     o.motion = "kata";
-//     if (world_open(&w, &o)) ...                             // ~0.3 s
+//     if (world_open(&w, &o)) ...                             // about 0.5 s
 //     struct world_shot shot = {world_calibration(0.5).color, world_sensor_pose(w), 1.2, true};
 //     uint16_t *depth = malloc(...);                          // 320 x 240
 //     if (world_render(w, &shot, &(struct world_picture){.depth = depth})) ...
@@ -61,7 +61,7 @@ struct world_options {
     const char *motion;
     uint64_t seed; // of posters, shaking hands and the like; default 1
     int threads;   // for rendering, 1 .. 16; the bytes do not depend on it. Default 1
-    bool plain;    // no textures on the room: opens faster, for tests of depth alone
+    bool plain;    // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
 };
 struct world_options world_default_options(void);
 
