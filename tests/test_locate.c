@@ -293,7 +293,7 @@ static void a_mirrored_pose_is_said(void **state)
         // Depth of the tag's plane says which one, where the tag is near enough.
         struct pose near = tag_picture_view(1.2, 0.5, 0, 0);
         struct sighting seen_near = sight(&tag, &near, 1.5, &dice);
-        struct tag_depth plane = {0};
+        struct tag_depth plane = {.share = 0.25};
         for (int k = 0; k < TAG_DEPTH_SAMPLES; k++) {
             struct vec3 p = pose_apply(pose_inverse(near), v3((k % 6 - 2.5) * 0.033, (k / 6 - 2.5) * 0.033, 0));
             plane.sample[plane.count++] = (struct depth_sample){p.x / p.z, p.y / p.z, p.z + 0.002 * dice_normal(&dice)};
