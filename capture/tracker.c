@@ -1,1 +1,332 @@
-#include "platform/base.h"
+#include "capture/tracker.h"
+
+#include "capture/segment.h"
+#include "capture/tracker_start.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { BALLS_MAX = 4 * SOLID_COUNT };
+
+struct tracker {
+    struct tracker_options options;
+    struct calibration calibration;
+    struct segmenter *segmenter;
+    struct body_evidence *evidence;
+    struct fit_room *room;
+    uint8_t *mask;
+    bool following;
+    struct body_pose pose, before;   // of the last two frames
+    struct body_pose shown;          // what was reported last
+    int64_t time_ns, before_ns;      // their times
+    bool moving;                     // `before` is there
+    struct shape_belief shape;
+    double learned_s;
+    struct body_pose taught;         // the last one that taught much of the shape
+    int64_t lost_since_ns;           // 0: in sight
+    int poor_frames;
+    bool seen_ever[JOINT_COUNT];
+    float out_of_picture_s[JOINT_COUNT];
+};
+
+struct tracker_options tracker_default_options(void)
+{
+    return (struct tracker_options){.points = 1200, .iterations = 7, .learn_s = 10, .patience_s = 0.7};
+}
+
+enum status tracker_open(struct tracker **out, const struct calibration *calibration, const struct tracker_options *options)
+{
+    *out = NULL;
+    struct tracker_options o = options ? *options : tracker_default_options();
+    if (o.points < 100 || o.points > EVIDENCE_POINTS_MAX || o.iterations < 1 || o.iterations > 30 || !(o.learn_s >= 0) ||
+        !(o.patience_s >= 0))
+        return fail(ERR_INPUT, "tracking: points (%d) must be 100 to %d, iterations (%d) 1 to 30, times not negative",
+                    o.points, EVIDENCE_POINTS_MAX, o.iterations);
+    enum status status = lens_check(&calibration->depth, "depth");
+    if (status != OK)
+        return status;
+    struct tracker *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "not enough memory to track a person");
+    t->options = o;
+    t->calibration = *calibration;
+    t->room = calloc(1, sizeof *t->room);
+    t->mask = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
+    status = t->room && t->mask ? OK : fail(ERR_MEMORY, "not enough memory to track a person");
+    if (status == OK)
+        status = segmenter_open(&t->segmenter, &calibration->depth);
+    if (status == OK)
+        status = evidence_open(&t->evidence, &calibration->depth);
+    if (status != OK) {
+        tracker_close(&t);
+        return status;
+    }
+    *out = t;
+    return OK;
+}
+
+void tracker_close(struct tracker **t)
+{
+    if (!*t)
+        return;
+    if ((*t)->segmenter)
+        segmenter_close(&(*t)->segmenter);
+    if ((*t)->evidence)
+        evidence_close(&(*t)->evidence);
+    free((*t)->room);
+    free((*t)->mask);
+    free(*t);
+    *t = NULL;
+}
+
+void tracker_set_background(struct tracker *t, const uint16_t *depth) { segmenter_set_background(t->segmenter, depth); }
+
+void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m) { segmenter_set_floor(t->segmenter, up, height_m); }
+
+static void forget_person(struct tracker *t)
+{
+    t->following = t->moving = false;
+    t->poor_frames = 0;
+    t->lost_since_ns = 0;
+    memset(t->seen_ever, 0, sizeof t->seen_ever);
+    memset(t->out_of_picture_s, 0, sizeof t->out_of_picture_s);
+    segmenter_forget_person(t->segmenter);
+}
+
+void tracker_reset(struct tracker *t)
+{
+    forget_person(t);
+    segmenter_reset(t->segmenter);
+}
+
+// The pose a frame later when everything goes on as it did, a little slower:
+// limbs turn back more often than they speed up.
+static struct body_pose predicted(const struct tracker *t, int64_t time_ns)
+{
+    struct body_pose pose = t->pose;
+    double past = (double)(t->time_ns - t->before_ns), ahead = (double)(time_ns - t->time_ns);
+    if (!t->moving || past <= 0 || ahead <= 0 || ahead > 2e8)
+        return pose;
+    double rate = 0.8 * fmin(ahead / past, 3);
+    pose.root = v3_add(t->pose.root, v3_scale(v3_sub(t->pose.root, t->before.root), rate));
+    for (int s = 0; s < SEG_COUNT; s++) {
+        struct vec3 turn = quat_to_rotation_vector(quat_multiply(t->pose.turn[s], quat_conjugate(t->before.turn[s])));
+        pose.turn[s] = quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(turn, rate)), t->pose.turn[s]));
+    }
+    return pose;
+}
+
+static int body_balls(const struct body_build *build, struct ball balls[BALLS_MAX])
+{
+    int count = 0;
+    for (int i = 0; i < SOLID_COUNT; i++) {
+        const struct body_solid *s = &build->solid[i];
+        for (int k = 0; k < 4; k++) {
+            double t = k / 3.0;
+            balls[count++] = (struct ball){v3_mix(s->a, s->b, t), s->radius_a + (s->radius_b - s->radius_a) * t +
+                                                                      s->width_a + (s->width_b - s->width_a) * t};
+        }
+    }
+    return count;
+}
+
+// Seen: some pixel about the joint shows the person's surface where the body has it.
+static bool joint_seen(const struct tracker *t, struct vec3 c, double radius, bool *outside)
+{
+    const struct lens *l = &t->calibration.depth;
+    *outside = true;
+    for (int k = 0; k < 5; k++) {
+        struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
+                                     (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
+        if (p.z < 0.1)
+            continue;
+        double measured, dx, dy;
+        enum evidence_kind kind = evidence_at(t->evidence, lens_project(l, p), p.z, &measured, &dx, &dy);
+        *outside = *outside && kind == EVIDENCE_OUTSIDE;
+        if (kind == EVIDENCE_PERSON && measured > 0 &&
+            fabs(measured - (p.z - radius)) < 0.05 + radius + 2 * depth_sigma_m(measured))
+            return true;
+    }
+    return false;
+}
+
+// A limb found again elsewhere is reported on its way there, not faster than a
+// thrown punch (McGill et al. 2010 have 6 to 10 m/s), so that nothing jumps.
+static void move_shown(struct tracker *t, const struct body_shape *shape, double passed_s)
+{
+    static const enum segment limb[4][3] = {
+        {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND},
+        {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND},
+        {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT},
+        {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT},
+    };
+    struct body_build was, is;
+    struct body_pose next = t->pose;
+    body_build(shape, &t->shown, &was);
+    double limit = 6.5 * passed_s, share[4] = {1, 1, 1, 1};
+    for (int round = 0; round < 4; round++) { // turns and distances are not quite proportional
+        body_build(shape, &next, &is);
+        for (int k = 0; k < 4; k++) {
+            double far = fmax(v3_distance(was.origin[limb[k][1]], is.origin[limb[k][1]]),
+                              v3_distance(was.origin[limb[k][2]], is.origin[limb[k][2]]));
+            if (far <= limit)
+                continue;
+            share[k] *= 0.97 * limit / far;
+            for (int i = 0; i < 3; i++)
+                next.turn[limb[k][i]] = quat_slerp(t->shown.turn[limb[k][i]], t->pose.turn[limb[k][i]], share[k]);
+        }
+    }
+    t->shown = next;
+}
+
+static void report(struct tracker *t, const struct fit_result *fit, double passed_s, struct skeleton *out)
+{
+    struct body_build build;
+    body_build(&fit->shape, &t->shown, &build);
+    double size = exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    static const double radius[JOINT_COUNT] = {
+        [JOINT_HEAD] = 0.05, [JOINT_NECK] = 0.04, [JOINT_LEFT_SHOULDER] = 0.032, [JOINT_LEFT_ELBOW] = 0.024,
+        [JOINT_LEFT_HAND] = 0.017, [JOINT_RIGHT_SHOULDER] = 0.032, [JOINT_RIGHT_ELBOW] = 0.024,
+        [JOINT_RIGHT_HAND] = 0.017, [JOINT_TORSO] = 0.058, [JOINT_WAIST] = 0.058, [JOINT_LEFT_HIP] = 0.055,
+        [JOINT_LEFT_KNEE] = 0.034, [JOINT_LEFT_FOOT] = 0.024, [JOINT_RIGHT_HIP] = 0.055, [JOINT_RIGHT_KNEE] = 0.034,
+        [JOINT_RIGHT_FOOT] = 0.024,
+    };
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct vec3 p = build.joint[j];
+        bool outside, seen = joint_seen(t, p, radius[j] * size, &outside);
+        t->seen_ever[j] |= seen;
+        t->out_of_picture_s[j] = outside ? t->out_of_picture_s[j] + (float)passed_s : 0;
+        out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
+        out->confidence[j] = seen ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
+    }
+}
+
+// How much a picture may add to the shape: pictures of one pose err alike
+// (cloth, the model's own coarseness), a new pose tells something new.
+static double novelty(const struct tracker *t, const struct body_pose *pose)
+{
+    double sum = 0;
+    for (int s = 0; s < SEG_COUNT; s++) {
+        struct vec3 turn = quat_to_rotation_vector(quat_multiply(pose->turn[s], quat_conjugate(t->taught.turn[s])));
+        sum += v3_dot(turn, turn);
+    }
+    double angle = sqrt(sum / SEG_COUNT);
+    return 0.002 + 0.1 * fmin(1, angle / 0.25) * fmin(1, angle / 0.25);
+}
+
+static void learn_shape(struct tracker *t, const struct fit_task *task, const struct fit_result *fit, double passed_s)
+{
+    t->shape.mean = fit->shape;
+    for (int a = 0; a < SHAPE_COUNT; a++)
+        for (int b = 0; b < SHAPE_COUNT; b++)
+            t->shape.information[a][b] += task->learn_rate * fit->shape_information[a][b];
+    t->learned_s += passed_s;
+    if (task->learn_rate > 0.05)
+        t->taught = fit->pose;
+}
+
+// Lays the body into this frame from where it is expected. False: it is not there.
+static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
+{
+    struct fit_result *best = &t->room->best;
+    task->learn_shape = false;
+    task->expected_sigma = fmin(6, fmax(1, passed_s * 30));
+    int first = t->options.iterations / 2;
+    task->iterations = first;
+    task->reach_m = 0.12;
+    struct body_pose start = task->expected;
+    if (first > 0) {
+        body_fit(task, &start, best);
+        start = best->pose;
+    }
+    task->iterations = t->options.iterations - first;
+    task->reach_m = 0.06;
+    task->learn_shape = t->learned_s < t->options.learn_s;
+    task->learn_rate = novelty(t, &start);
+    body_fit(task, &start, best);
+    double explained = explained_share(t->evidence, best, 0.06);
+    task->move_cost = 20;
+    if (explained < 0.985 && limbs_search(task, t->room)) {
+        start = best->pose;
+        task->shape.mean = best->shape;
+        body_fit(task, &start, &t->room->trial);
+        *best = t->room->trial;
+    }
+    explained = explained_share(t->evidence, best, 0.10);
+    t->poor_frames = explained < 0.7 ? t->poor_frames + 1 : 0;
+    if (explained < 0.35 || t->poor_frames > 12)
+        return false;
+    if (task->learn_shape && explained_share(t->evidence, best, 0.06) > 0.985)
+        learn_shape(t, task, best, passed_s);
+    else
+        t->learned_s += passed_s;
+    return true;
+}
+
+static bool start(struct tracker *t, struct fit_task *task)
+{
+    if (!start_search(task, t->room))
+        return false;
+    t->shape = task->shape;
+    t->shape.mean = t->room->best.shape;
+    t->taught = t->room->best.pose;
+    t->learned_s = 0;
+    return true;
+}
+
+enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out, uint8_t *mask)
+{
+    memset(out, 0, sizeof *out);
+    size_t pixels = (size_t)t->calibration.depth.width * (size_t)t->calibration.depth.height;
+    if (mask)
+        memset(mask, 0, pixels);
+    if (t->following && (time_ns <= t->time_ns || (t->lost_since_ns && (double)(time_ns - t->lost_since_ns) > t->options.patience_s * 1e9))) {
+        if (time_ns > t->time_ns)
+            forget_person(t);
+        t->moving = false;
+    }
+    double passed_s = t->following && time_ns > t->time_ns ? fmin(1, (double)(time_ns - t->time_ns) * 1e-9) : 1.0 / 30;
+    struct body_pose expected = t->following ? predicted(t, time_ns) : t->pose;
+    struct ball balls[BALLS_MAX];
+    int ball_count = 0;
+    if (t->following) {
+        struct body_build build;
+        body_build(&t->shape.mean, &expected, &build);
+        ball_count = body_balls(&build, balls);
+    }
+    enum status status = segmenter_next(t->segmenter, depth, balls, ball_count, t->mask);
+    if (status < 0)
+        return status;
+    struct fit_task task = {.evidence = t->evidence, .expected = expected, .shape = t->shape};
+    task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
+    bool there = status == OK && evidence_read(t->evidence, depth, t->mask, t->options.points);
+    if (there && t->following && !follow(t, &task, passed_s)) {
+        forget_person(t);
+        there = segmenter_next(t->segmenter, depth, NULL, 0, t->mask) == OK &&
+                evidence_read(t->evidence, depth, t->mask, t->options.points);
+    }
+    bool fresh = !t->following;
+    if (there && fresh)
+        there = t->following = start(t, &task);
+    if (!there) {
+        if (t->following && !t->lost_since_ns)
+            t->lost_since_ns = time_ns;
+        t->moving = false;
+        return NOTHING;
+    }
+    t->lost_since_ns = 0;
+    t->before = t->pose;
+    t->before_ns = t->time_ns;
+    t->pose = t->room->best.pose;
+    t->moving = !fresh && time_ns > t->time_ns;
+    if (fresh || !t->moving)
+        t->shown = t->pose;
+    else
+        move_shown(t, &t->room->best.shape, passed_s);
+    t->time_ns = time_ns;
+    segmenter_learn(t->segmenter, t->mask);
+    report(t, &t->room->best, passed_s, out);
+    if (mask)
+        memcpy(mask, t->mask, pixels);
+    return OK;
+}

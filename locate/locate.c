@@ -1,1 +1,288 @@
 #include "locate/locate.h"
+
+#include "locate/points.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct locator {
+    struct lens lens;
+    struct locator_options options;
+    struct place_tag *tags;
+    struct tag_pattern *patterns; // of each tag
+    int32_t tag_count;
+    struct tag_finder *finder;
+    struct refiner *refiner;
+    struct place_point *points;
+    int32_t point_count;
+    uint8_t *gray;
+    // of the picture in hand
+    struct sighting sightings[FIT_MAX_TAGS];
+    struct tag_depth depths[FIT_MAX_TAGS];
+    int32_t which[FIT_MAX_TAGS]; // index into tags
+    int count;
+    struct feature features[FEATURES_MAX];
+    struct feature_index index;
+    struct point_match matches[FEATURES_MAX];
+};
+
+// Tags smaller than this many pixels along their shortest side are not searched
+// for by prediction: their pattern is a blur.
+static const double LEAST_PREDICTED_PX = 10;
+// A predicted tag must look the part: nothing has read its number.
+static const double PREDICTED_LIKENESS = 0.8;
+
+struct locator_options locator_default_options(void)
+{
+    return (struct locator_options){.quad_decimate = 1, .max_rms_px = 2.5};
+}
+
+static enum status check(const struct place *place, const struct lens *lens, const struct locator_options *options)
+{
+    enum status status = lens_check(lens, "color");
+    if (status != OK)
+        return status;
+    if (!(options->max_rms_px > 0))
+        return fail(ERR_INPUT, "max_rms_px must be greater than 0, not %g", options->max_rms_px);
+    if (place->tag_count <= 0)
+        return fail(ERR_INPUT, "the place holds no tag to find a camera by; map it again with tags on its walls");
+    for (int32_t i = 0; i < place->tag_count; i++) {
+        const struct place_tag *tag = &place->tags[i];
+        if (!(tag->side_m > 0) || !isfinite(tag->side_m) || !pose_finite(tag->world_from_tag))
+            return fail(ERR_INPUT, "tag %d of the place has no sensible size or pose", (int)tag->id);
+        for (int32_t k = 0; k < i; k++)
+            if (place->tags[k].id == tag->id)
+                return fail(ERR_INPUT, "the place holds two tags with the number %d; take one of them away and map it again",
+                            (int)tag->id);
+    }
+    return OK;
+}
+
+static enum status fill(struct locator *l, const struct place *place)
+{
+    size_t pixels = (size_t)l->lens.width * (size_t)l->lens.height, n = (size_t)place->tag_count;
+    l->gray = malloc(pixels);
+    l->tags = malloc(n * sizeof *l->tags);
+    l->patterns = malloc(n * sizeof *l->patterns);
+    if (!l->gray || !l->tags || !l->patterns)
+        return fail(ERR_MEMORY, "no memory to find a camera in the place");
+    if (place->point_count > 0) {
+        l->points = malloc((size_t)place->point_count * sizeof *l->points);
+        if (!l->points)
+            return fail(ERR_MEMORY, "no memory to find a camera in the place");
+        memcpy(l->points, place->points, (size_t)place->point_count * sizeof *l->points);
+        l->point_count = place->point_count;
+    }
+    l->tag_count = place->tag_count;
+    memcpy(l->tags, place->tags, n * sizeof *l->tags);
+    for (int32_t i = 0; i < l->tag_count; i++)
+        if (!tag_pattern(l->tags[i].id, &l->patterns[i]))
+            return fail(ERR_INPUT, "the place's tag %d is not of the family tag36h11, which ends at %d", (int)l->tags[i].id,
+                        TAG_NUMBERS - 1);
+    enum status status = refiner_open(&l->refiner, &l->lens);
+    return status == OK ? tag_finder_open(&l->finder, l->options.quad_decimate) : status;
+}
+
+enum status locator_open(struct locator **out, const struct place *place, const struct lens *lens,
+                         const struct locator_options *options)
+{
+    *out = NULL;
+    struct locator_options wanted = options ? *options : locator_default_options();
+    enum status status = check(place, lens, &wanted);
+    if (status != OK)
+        return status;
+    struct locator *l = calloc(1, sizeof *l);
+    if (!l)
+        return fail(ERR_MEMORY, "no memory to find a camera in the place");
+    l->lens = *lens;
+    l->options = wanted;
+    status = fill(l, place);
+    if (status != OK)
+        locator_close(&l);
+    *out = l;
+    return status;
+}
+
+void locator_close(struct locator **out)
+{
+    struct locator *l = *out;
+    if (!l)
+        return;
+    tag_finder_close(&l->finder);
+    refiner_close(&l->refiner);
+    free(l->gray);
+    free(l->tags);
+    free(l->patterns);
+    free(l->points);
+    free(l);
+    *out = NULL;
+}
+
+static void keep(struct locator *l, const struct sighting *seen, int32_t which, const uint16_t *depth)
+{
+    l->sightings[l->count] = *seen;
+    l->which[l->count] = which;
+    l->depths[l->count].count = 0;
+    if (depth)
+        tag_read_depth(seen, &l->lens, depth, &l->depths[l->count]);
+    l->count++;
+}
+
+static enum status look(struct locator *l, const uint8_t *color, const uint16_t *depth)
+{
+    struct tag_seen seen[FIT_MAX_TAGS];
+    int count;
+    l->count = 0;
+    gray_from_rgb(color, (size_t)l->lens.width * (size_t)l->lens.height, l->gray);
+    enum status status = tag_finder_find(l->finder, l->gray, l->lens.width, l->lens.height, seen, FIT_MAX_TAGS, &count);
+    if (status != OK)
+        return status;
+    for (int i = 0; i < count; i++) {
+        for (int32_t k = 0; k < l->tag_count; k++) {
+            struct sighting fine;
+            if (l->tags[k].id == seen[i].id &&
+                refine_tag(l->refiner, color, seen[i].id, &l->patterns[k], seen[i].corner, &fine))
+                keep(l, &fine, k, depth);
+        }
+    }
+    return OK;
+}
+
+static enum status fit(struct locator *l, struct fit_tag *tags, struct camera_fit *out)
+{
+    for (int i = 0; i < l->count; i++) {
+        const struct place_tag *tag = &l->tags[l->which[i]];
+        tags[i] = (struct fit_tag){
+            .seen = &l->sightings[i],
+            .depth = l->depths[i].count ? &l->depths[i] : NULL,
+            .world_from_tag = tag->world_from_tag,
+            .side_m = tag->side_m,
+        };
+    }
+    return fit_camera(tags, l->count, l->lens.fx, l->lens.fy, l->options.max_rms_px, out);
+}
+
+// Where a tag must appear; false: not wholly in the picture, from behind, too small.
+static bool predict(const struct locator *l, const struct place_tag *tag, const struct pose *camera_from_world,
+                    struct pixel corner[4])
+{
+    struct vec3 world[4];
+    place_tag_corners(tag, world);
+    struct vec3 centre = pose_apply(*camera_from_world, tag->world_from_tag.translation);
+    struct quat turn = quat_multiply(camera_from_world->rotation, tag->world_from_tag.rotation);
+    if (!(v3_dot(quat_rotate(turn, v3(0, 0, 1)), centre) < 0))
+        return false;
+    for (int k = 0; k < 4; k++) {
+        struct vec3 p = pose_apply(*camera_from_world, world[k]);
+        // A distortion polynomial means nothing far outside the picture.
+        if (!(p.z > 0.05) || fabs(p.x / p.z) > l->lens.width / l->lens.fx || fabs(p.y / p.z) > l->lens.height / l->lens.fy)
+            return false;
+        corner[k] = lens_project(&l->lens, p);
+        if (!(corner[k].x >= 1 && corner[k].y >= 1 && corner[k].x <= l->lens.width - 2 && corner[k].y <= l->lens.height - 2))
+            return false;
+    }
+    double shortest = 1e9;
+    for (int k = 0; k < 4; k++)
+        shortest = fmin(shortest, hypot(corner[k].x - corner[(k + 1) % 4].x, corner[k].y - corner[(k + 1) % 4].y));
+    return shortest >= LEAST_PREDICTED_PX;
+}
+
+// Tags that the finder missed but that the pose says must be there. How many were added.
+static int look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
+                                const struct pose *camera_from_world)
+{
+    int before = l->count;
+    for (int32_t k = 0; k < l->tag_count && l->count < FIT_MAX_TAGS; k++) {
+        bool there = false;
+        for (int i = 0; i < l->count; i++)
+            there = there || l->which[i] == k;
+        struct pixel corner[4];
+        struct sighting fine;
+        if (there || !predict(l, &l->tags[k], camera_from_world, corner))
+            continue;
+        if (refine_tag(l->refiner, color, l->tags[k].id, &l->patterns[k], corner, &fine) && fine.likeness > PREDICTED_LIKENESS)
+            keep(l, &fine, k, depth);
+    }
+    return l->count - before;
+}
+
+// Natural points hold the pose where tags hold it badly: one tag far off, several
+// in a row. Of two mirrored poses they tell the right one. How many agree; 0: too few.
+static int sharpen(struct locator *l, const struct fit_tag *tags, enum status *status, struct camera_fit *found)
+{
+    struct pose first = found->camera_from_world, second = found->other;
+    int agree = 0, agree_second = 0;
+    if (!points_refine(l->points, l->point_count, &l->index, NULL, &l->lens, tags, l->count, &first, l->matches,
+                       FEATURES_MAX, &agree))
+        agree = 0;
+    if (*status == AMBIGUOUS && points_refine(l->points, l->point_count, &l->index, NULL, &l->lens, tags, l->count,
+                                              &second, l->matches, FEATURES_MAX, &agree_second)) {
+        if (agree_second > agree) {
+            first = second;
+            agree = agree_second;
+        }
+    }
+    if (!agree)
+        return 0;
+    // Points that drag the pose off the tags are points of something that moved.
+    for (int i = 0; i < l->count; i++)
+        if (tags[i].used && !(fit_tag_rms(&tags[i], &first, l->lens.fx, l->lens.fy) < l->options.max_rms_px))
+            return 0;
+    found->camera_from_world = first;
+    *status = OK;
+    return agree;
+}
+
+// The rms over the corners of the tags that fit, for the pose as it is now.
+static void measure(struct locator *l, struct fit_tag *tags, struct camera_fit *found)
+{
+    double sum = 0;
+    int used = 0;
+    for (int i = 0; i < l->count; i++) {
+        if (!tags[i].used)
+            continue;
+        double rms = fit_tag_rms(&tags[i], &found->camera_from_world, l->lens.fx, l->lens.fy);
+        sum += rms * rms;
+        used++;
+    }
+    found->rms_px = used ? sqrt(sum / used) : 0;
+}
+
+enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
+{
+    struct fit_tag tags[FIT_MAX_TAGS];
+    struct camera_fit found;
+    enum status status = look(l, color, depth);
+    if (status != OK)
+        return status;
+    status = fit(l, tags, &found);
+    if (status == NOTHING)
+        return NOTHING;
+    int agree = 0;
+    if (l->point_count) {
+        int count;
+        enum status seen = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
+        if (seen != OK)
+            return seen;
+        feature_index_build(&l->index, l->features, count, &l->lens);
+        agree = sharpen(l, tags, &status, &found);
+    }
+    if (look_where_predicted(l, color, depth, &found.camera_from_world)) {
+        struct camera_fit again;
+        enum status more = fit(l, tags, &again);
+        if (more != NOTHING && again.used >= found.used) {
+            found = again;
+            status = more;
+        }
+        if (agree)
+            sharpen(l, tags, &status, &found);
+    }
+    measure(l, tags, &found);
+    *out = (struct location){
+        .world_from_camera = pose_inverse(found.camera_from_world),
+        .rms_px = found.rms_px,
+        .tags_used = found.used,
+        .tags_rejected = l->count - found.used,
+    };
+    return status;
+}

@@ -25,7 +25,12 @@ struct pose {
 
 #define POSE_IDENTITY ((struct pose){{0, 0, 0, 1}, {0, 0, 0}})
 
-static inline struct vec3 v3(double x, double y, double z) { return (struct vec3){x, y, z}; }
+// (Plain initialisers here: this header is also read by the C++ wrappers.)
+static inline struct vec3 v3(double x, double y, double z)
+{
+    struct vec3 v = {x, y, z};
+    return v;
+}
 static inline struct vec3 v3_add(struct vec3 a, struct vec3 b) { return v3(a.x + b.x, a.y + b.y, a.z + b.z); }
 static inline struct vec3 v3_sub(struct vec3 a, struct vec3 b) { return v3(a.x - b.x, a.y - b.y, a.z - b.z); }
 static inline struct vec3 v3_scale(struct vec3 a, double s) { return v3(a.x * s, a.y * s, a.z * s); }
@@ -59,7 +64,11 @@ struct quat quat_from_matrix(double m[3][3]);              // a rotation matrix,
 void quat_to_matrix(struct quat q, double m[3][3]);
 struct quat quat_between(struct vec3 a, struct vec3 b);    // shortest turn taking a's direction to b's
 struct quat quat_slerp(struct quat a, struct quat b, double t);
-static inline struct quat quat_conjugate(struct quat q) { return (struct quat){-q.x, -q.y, -q.z, q.w}; }
+static inline struct quat quat_conjugate(struct quat q)
+{
+    struct quat back = {-q.x, -q.y, -q.z, q.w};
+    return back;
+}
 
 static inline struct vec3 pose_apply(struct pose a_from_b, struct vec3 p_b)
 {

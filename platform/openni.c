@@ -20,7 +20,6 @@
 // a file's depth is registered is written nowhere; it is taken to be. A sensor
 // that cannot register is said to be not registered, with its two cameras in
 // one place, for OpenNI2 does not say how far they are apart.
-#define _GNU_SOURCE // dladdr
 #include "platform/clock.h"
 #include "platform/file.h"
 #include "platform/openni_sensor.h"

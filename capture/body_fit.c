@@ -1,0 +1,306 @@
+#include "capture/body_fit.h"
+
+#include "capture/body_prior.h"
+#include "capture/body_system.h"
+#include "capture/segment.h"
+
+#include <string.h>
+
+// Neighbouring points err together (cloth, shape), so that a picture's points
+// say no more than this many independent ones.
+#define INDEPENDENT_POINTS 150.0
+#define FREE_SIGMA_M 0.020 // of the silhouette, a sample of the model
+#define FREE_REACH_M 0.25  // beyond this a sample's pull fades
+
+// How the build changes with each factor of the shape.
+struct shape_slope {
+    struct vec3 a[SOLID_COUNT], b[SOLID_COUNT];
+    double width_a[SOLID_COUNT], width_b[SOLID_COUNT], radius_a[SOLID_COUNT], radius_b[SOLID_COUNT];
+};
+
+double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *normal, struct vec3 *on, double *t,
+                      double *side_m)
+{
+    struct vec3 axis = v3_sub(s->b, s->a), from_a = v3_sub(p, s->a);
+    double length2 = v3_dot(axis, axis), along = length2 > 1e-12 ? v3_dot(from_a, axis) / length2 : 0;
+    // A cone's nearest middle lies a little towards its thick end.
+    double length = sqrt(length2);
+    if (length > 1e-6) {
+        double slope = (s->radius_b - s->radius_a) / length;
+        struct vec3 off = v3_sub(from_a, v3_scale(axis, along));
+        double beside = v3_dot(off, s->side), width = s->width_a + (s->width_b - s->width_a) * along;
+        double rest = fabs(beside) > width && width > 0 ? fabs(beside) - width : width > 0 ? 0 : fabs(beside);
+        double away = sqrt(fmax(0, v3_dot(off, off) - beside * beside + rest * rest));
+        along += slope * away / length;
+    }
+    *t = along < 0 ? 0 : along > 1 ? 1 : along;
+    double width = s->width_a + (s->width_b - s->width_a) * *t, radius = s->radius_a + (s->radius_b - s->radius_a) * *t;
+    struct vec3 middle = v3_add(s->a, v3_scale(axis, *t));
+    double beside = width > 0 ? v3_dot(v3_sub(p, middle), s->side) : 0;
+    *side_m = beside < -width ? -width : beside > width ? width : beside;
+    *on = v3_add(middle, v3_scale(s->side, *side_m));
+    struct vec3 out = v3_sub(p, *on), view = v3_unit(p);
+    double deep = v3_dot(out, view);
+    if (deep > 0) { // the surface seen on this ray lies in front of the middle
+        struct vec3 flat = v3_sub(out, v3_scale(view, deep));
+        double s1 = v3_length(flat);
+        struct vec3 dir = v3_unit(flat);
+        double sine = s1 < radius ? s1 / fmax(radius, 1e-6) : 1;
+        *normal = v3_sub(v3_scale(dir, sine), v3_scale(view, sqrt(fmax(0, 1 - sine * sine))));
+    } else {
+        *normal = v3_unit(out);
+        if (v3_dot(*normal, *normal) < 0.5)
+            *normal = v3_scale(view, -1);
+    }
+    return v3_dot(*normal, out) - radius;
+}
+
+static void row_add_shape(struct fit_row *row, const struct shape_slope slope[SHAPE_COUNT], const struct body_solid *solid,
+                          int i, double t, double side_m, struct vec3 n)
+{
+    double width = solid->width_a + (solid->width_b - solid->width_a) * t;
+    double share = width > 1e-9 ? side_m / width : 0;
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        const struct shape_slope *s = &slope[k];
+        double radius = s->radius_a[i] + (s->radius_b[i] - s->radius_a[i]) * t,
+               wide = s->width_a[i] + (s->width_b[i] - s->width_a[i]) * t;
+        double value = v3_dot(n, v3_mix(s->a[i], s->b[i], t)) + radius + share * wide * v3_dot(n, solid->side);
+        row->index[row->count] = FIT_POSE_COUNT + k;
+        row->value[row->count++] = value;
+    }
+}
+
+static void find_slopes(const struct body_shape *shape, const struct body_pose *pose, const struct body_build *build,
+                        struct shape_slope slope[SHAPE_COUNT])
+{
+    const double d = 1e-4;
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        struct body_shape other = *shape;
+        struct body_build moved;
+        other.log[k] += d;
+        body_build(&other, pose, &moved);
+        for (int i = 0; i < SOLID_COUNT; i++) {
+            const struct body_solid *m = &moved.solid[i], *o = &build->solid[i];
+            slope[k].a[i] = v3_scale(v3_sub(m->a, o->a), 1 / d);
+            slope[k].b[i] = v3_scale(v3_sub(m->b, o->b), 1 / d);
+            slope[k].width_a[i] = (m->width_a - o->width_a) / d;
+            slope[k].width_b[i] = (m->width_b - o->width_b) / d;
+            slope[k].radius_a[i] = (m->radius_a - o->radius_a) / d;
+            slope[k].radius_b[i] = (m->radius_b - o->radius_b) / d;
+        }
+    }
+}
+
+// A middle sphere around each solid spares most of the distances.
+struct bound {
+    struct vec3 centre;
+    double radius;
+};
+
+static void find_bounds(const struct body_build *build, struct bound bound[SOLID_COUNT])
+{
+    for (int i = 0; i < SOLID_COUNT; i++) {
+        const struct body_solid *s = &build->solid[i];
+        bound[i].centre = v3_mix(s->a, s->b, 0.5);
+        bound[i].radius = 0.5 * v3_distance(s->a, s->b) + fmax(s->width_a, s->width_b) + fmax(s->radius_a, s->radius_b);
+    }
+}
+
+// Points against the nearest surface that the camera can see. With `system` NULL only judges.
+static double add_points(const struct fit_task *task, const struct body_build *build,
+                         const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
+{
+    const struct body_evidence *e = task->evidence;
+    struct bound bound[SOLID_COUNT];
+    find_bounds(build, bound);
+    double c2 = task->reach_m * task->reach_m, share = INDEPENDENT_POINTS / fmax(e->count, 1), energy = 0;
+    if (share > 1)
+        share = 1;
+    for (int i = 0; i < e->count; i++) {
+        struct vec3 p = e->point[i].p, best_n = v3(0, 0, 0), best_on = best_n;
+        double best = 1e9, best_t = 0, best_side = 0, best_distance = 0;
+        int solid = 0;
+        for (int k = 0; k < SOLID_COUNT; k++) {
+            struct vec3 off = v3_sub(p, bound[k].centre);
+            double least = sqrt(v3_dot(off, off)) - bound[k].radius;
+            if (least > best)
+                continue;
+            struct vec3 n, on;
+            double t, side_m, d = solid_distance(&build->solid[k], p, &n, &on, &t, &side_m);
+            if (fabs(d) < best) {
+                best = fabs(d);
+                best_distance = d;
+                best_n = n, best_on = on, best_t = t, best_side = side_m;
+                solid = k;
+            }
+        }
+        out->residual[i] = (float)best_distance;
+        out->solid[i] = (int8_t)solid;
+        double e2 = best_distance * best_distance, fade = c2 / (c2 + e2), weight = e->point[i].weight * share;
+        energy += 0.5 * weight * e2 * fade; // Geman and McClure
+        if (!system)
+            continue;
+        struct fit_row row;
+        const struct body_solid *s = &build->solid[solid];
+        double radius = s->radius_a + (s->radius_b - s->radius_a) * best_t;
+        fit_row_start(&row, build, s->segment, v3_add(best_on, v3_scale(best_n, radius)), best_n);
+        if (slope)
+            row_add_shape(&row, slope, s, solid, best_t, best_side, best_n);
+        fit_system_add(system, &row, best_distance, weight * fade * fade);
+    }
+    return energy;
+}
+
+// One sample of the model: it must not stand beside the person, nor in front of
+// what was measured.
+static double add_free_sample(const struct fit_task *task, const struct body_build *build, enum segment segment,
+                              struct vec3 c, double radius, double rate, struct fit_system *system)
+{
+    const struct body_evidence *e = task->evidence;
+    if (c.z < 0.2)
+        return 0;
+    // The mask ends a little over the floor; a sole under its rim is no fault.
+    if (task->have_floor && v3_dot(task->up, c) + task->floor_m < 0.07)
+        return 0;
+    struct pixel px = lens_project(&e->lens, c);
+    double measured, dx, dy, front = c.z - radius;
+    enum evidence_kind kind = evidence_at(e, px, c.z, &measured, &dx, &dy);
+    double off[3] = {0, 0, 0};
+    if (kind == EVIDENCE_BESIDE) {
+        double slack = 0.5 * e->step;
+        double length = hypot(dx, dy), rest = length > slack ? (length - slack) / length : 0;
+        off[0] = dx * rest * c.z / e->lens.fx;
+        off[1] = dy * rest * c.z / e->lens.fy;
+    } else if (kind == EVIDENCE_PERSON && measured > 0) {
+        double excess = measured - front - 0.04 - 2 * depth_sigma_m(measured);
+        off[2] = excess > 0 ? excess : 0;
+    } else {
+        return 0;
+    }
+    double e2 = off[0] * off[0] + off[1] * off[1] + off[2] * off[2], c2 = FREE_REACH_M * FREE_REACH_M;
+    if (e2 == 0)
+        return 0;
+    double fade = c2 / (c2 + e2), weight = rate / (FREE_SIGMA_M * FREE_SIGMA_M);
+    for (int k = 0; system && k < 3; k++)
+        if (off[k] != 0) {
+            struct fit_row row;
+            fit_row_start(&row, build, segment, c, v3(k == 0, k == 1, k == 2));
+            fit_system_add(system, &row, off[k], weight * fade * fade);
+        }
+    return 0.5 * weight * e2 * fade;
+}
+
+static double add_free_space(const struct fit_task *task, const struct body_build *build, struct fit_result *out,
+                             struct fit_system *system)
+{
+    double energy = 0;
+    memset(out->limb_energy, 0, sizeof out->limb_energy);
+    for (int i = 0; i < SOLID_COUNT; i++) {
+        const struct body_solid *s = &build->solid[i];
+        struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
+        if (s->width_a > 0)
+            across = s->side;
+        for (int k = 0; k < 4; k++) {
+            double t = (k + 0.5) / 4, radius = s->radius_a + (s->radius_b - s->radius_a) * t,
+                   width = s->width_a + (s->width_b - s->width_a) * t;
+            struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
+            for (int side = -1; side <= 1; side++) {
+                double beside = side * (width + 0.75 * radius);
+                double deep = side ? 0.66 * radius : radius; // the round front falls back to the sides
+                struct vec3 c = v3_add(middle, v3_scale(across, beside));
+                double cost = add_free_sample(task, build, s->segment, c, deep, side ? 0.15 : 0.3, system);
+                out->limb_energy[s->segment] += cost;
+                energy += cost;
+            }
+        }
+    }
+    return energy;
+}
+
+static void move_pose(struct body_pose *pose, const double *x)
+{
+    double far = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]), limit = far > 0.2 ? 0.2 / far : 1;
+    pose->root = v3_add(pose->root, v3_scale(v3(x[0], x[1], x[2]), limit));
+    for (int s = 0; s < SEG_COUNT; s++) {
+        struct vec3 turn = v3(x[3 + 3 * s], x[4 + 3 * s], x[5 + 3 * s]);
+        double angle = v3_length(turn);
+        if (angle > 0.5)
+            turn = v3_scale(turn, 0.5 / angle);
+        pose->turn[s] = quat_unit(quat_multiply(quat_from_rotation_vector(turn), pose->turn[s]));
+    }
+}
+
+static double add_shape_belief(const struct fit_task *task, const struct body_shape *shape, struct fit_system *system)
+{
+    double energy = 0;
+    for (int a = 0; a < SHAPE_COUNT; a++)
+        for (int b = 0; b < SHAPE_COUNT; b++) {
+            double i = task->shape.information[a][b] / task->learn_rate, off = task->shape.mean.log[b] - shape->log[b];
+            energy += 0.5 * i * off * (task->shape.mean.log[a] - shape->log[a]);
+            if (system) {
+                system->g[FIT_POSE_COUNT + a] += i * off;
+                if (b <= a)
+                    system->h[FIT_POSE_COUNT + a][FIT_POSE_COUNT + b] += i;
+            }
+        }
+    return energy;
+}
+
+void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
+                struct fit_result *out)
+{
+    out->pose = *pose;
+    out->shape = *shape;
+    body_build(shape, pose, &out->build);
+    out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, out, NULL) +
+                  body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) + body_prior_limits(&out->build, pose, NULL, NULL);
+}
+
+void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out)
+{
+    struct body_pose pose = *start;
+    struct body_shape shape = task->shape.mean;
+    struct fit_system system;
+    struct shape_slope slope[SHAPE_COUNT];
+    for (int turn = 0; turn < task->iterations; turn++) {
+        memset(&system, 0, sizeof system);
+        system.count = task->learn_shape ? FIT_COUNT : FIT_POSE_COUNT;
+        body_build(&shape, &pose, &out->build);
+        if (task->learn_shape) {
+            find_slopes(&shape, &pose, &out->build, slope);
+            add_shape_belief(task, &shape, &system);
+        }
+        add_points(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
+        add_free_space(task, &out->build, out, &system);
+        body_floor(task, &out->build, &system);
+        body_collisions(&out->build, out->limb_energy, &system);
+        body_prior_limits(&out->build, &pose, &system.h[0][0], system.g);
+        body_prior_expected(&out->build, &pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
+        double x[FIT_COUNT] = {0};
+        if (!fit_system_solve(&system, 0.01, x))
+            break;
+        move_pose(&pose, x);
+        for (int k = 0; task->learn_shape && k < SHAPE_COUNT; k++)
+            shape.log[k] += x[FIT_POSE_COUNT + k] < -0.1 ? -0.1 : x[FIT_POSE_COUNT + k] > 0.1 ? 0.1 : x[FIT_POSE_COUNT + k];
+    }
+    if (task->learn_shape && task->iterations > 0) {
+        fit_system_shape(&system, out->shape_information);
+        for (int a = 0; a < SHAPE_COUNT; a++)
+            for (int b = 0; b < SHAPE_COUNT; b++) // this picture's alone
+                out->shape_information[a][b] -= task->shape.information[a][b] / task->learn_rate;
+    }
+    body_judge(task, &pose, &shape, out);
+}
+
+struct shape_belief shape_belief_start(void)
+{
+    // Standard deviations of an adult population around the proportions (5 to 8 %)
+    // and of its height (8 %).
+    static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04, 0.04,
+                                              0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
+    struct shape_belief belief;
+    memset(&belief, 0, sizeof belief);
+    for (int k = 0; k < SHAPE_COUNT; k++)
+        belief.information[k][k] = 1 / (sigma[k] * sigma[k]);
+    return belief;
+}

@@ -1,0 +1,157 @@
+#include "capture/body_model.h"
+
+// Lengths are fractions of body height. x grows with `wide`, y and z with `tall`.
+struct segment_rule {
+    int parent;
+    struct vec3 at; // in the parent's axes
+    enum shape_factor wide, tall;
+};
+
+static const struct segment_rule segment_rule[SEG_COUNT] = {
+    [SEG_PELVIS] = {-1, {0, 0, 0}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_ABDOMEN] = {SEG_PELVIS, {0, 0, 0}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_CHEST] = {SEG_ABDOMEN, {0, 0.125, 0}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_HEAD] = {SEG_CHEST, {0, 0.159, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
+    [SEG_LEFT_CLAVICLE] = {SEG_CHEST, {0, 0.159, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
+    [SEG_LEFT_UPPER_ARM] = {SEG_LEFT_CLAVICLE, {0.103, -0.035, 0.006}, SHAPE_SHOULDERS, SHAPE_SHOULDERS},
+    [SEG_LEFT_FOREARM] = {SEG_LEFT_UPPER_ARM, {0, -0.165, 0}, SHAPE_UPPER_ARM, SHAPE_UPPER_ARM},
+    [SEG_LEFT_HAND] = {SEG_LEFT_FOREARM, {0, -0.148, 0}, SHAPE_FOREARM, SHAPE_FOREARM},
+    [SEG_RIGHT_CLAVICLE] = {SEG_CHEST, {0, 0.159, 0}, SHAPE_SHOULDERS, SHAPE_TORSO},
+    [SEG_RIGHT_UPPER_ARM] = {SEG_RIGHT_CLAVICLE, {-0.103, -0.035, 0.006}, SHAPE_SHOULDERS, SHAPE_SHOULDERS},
+    [SEG_RIGHT_FOREARM] = {SEG_RIGHT_UPPER_ARM, {0, -0.165, 0}, SHAPE_UPPER_ARM, SHAPE_UPPER_ARM},
+    [SEG_RIGHT_HAND] = {SEG_RIGHT_FOREARM, {0, -0.148, 0}, SHAPE_FOREARM, SHAPE_FOREARM},
+    [SEG_LEFT_THIGH] = {SEG_PELVIS, {0.055, -0.038, 0.004}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_LEFT_SHIN] = {SEG_LEFT_THIGH, {0, -0.245, 0}, SHAPE_THIGH, SHAPE_THIGH},
+    [SEG_LEFT_FOOT] = {SEG_LEFT_SHIN, {0, -0.243, 0}, SHAPE_SHIN, SHAPE_SHIN},
+    [SEG_RIGHT_THIGH] = {SEG_PELVIS, {-0.055, -0.038, 0.004}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_RIGHT_SHIN] = {SEG_RIGHT_THIGH, {0, -0.245, 0}, SHAPE_THIGH, SHAPE_THIGH},
+    [SEG_RIGHT_FOOT] = {SEG_RIGHT_SHIN, {0, -0.243, 0}, SHAPE_SHIN, SHAPE_SHIN},
+};
+
+// Where in its segment a solid lies; x grows with `wide`, y with `tall`, widths
+// with `wide`, radii and z with `girth`.
+struct solid_rule {
+    enum segment segment;
+    struct vec3 a, b;
+    double width_a, width_b, radius_a, radius_b;
+    enum shape_factor wide, tall, girth;
+};
+
+#define ARM(side, sign)                                                                                                \
+    {SEG_##side##_CLAVICLE, {sign * 0.015, -0.020, 0.008}, {sign * 0.098, -0.035, 0.006}, 0, 0, 0.036, 0.033,                   \
+     SHAPE_SHOULDERS, SHAPE_SHOULDERS, SHAPE_ARM_GIRTH},                                                               \
+    {SEG_##side##_UPPER_ARM, {0, 0, 0}, {0, -0.165, 0}, 0, 0, 0.030, 0.0235, SHAPE_SHOULDERS, SHAPE_UPPER_ARM,          \
+     SHAPE_ARM_GIRTH},                                                                                                 \
+    {SEG_##side##_FOREARM, {0, 0, 0}, {0, -0.148, 0}, 0, 0, 0.0245, 0.0165, SHAPE_SHOULDERS, SHAPE_FOREARM,             \
+     SHAPE_ARM_GIRTH},                                                                                                 \
+    {SEG_##side##_HAND, {0, -0.010, 0}, {0, -0.075, 0}, 0, 0, 0.0190, 0.0160, SHAPE_SHOULDERS, SHAPE_FOREARM,           \
+     SHAPE_FOREARM}
+#define LEG(side)                                                                                                      \
+    {SEG_##side##_THIGH, {0, 0, 0}, {0, -0.245, 0}, 0, 0, 0.050, 0.034, SHAPE_HIPS, SHAPE_THIGH, SHAPE_LEG_GIRTH},      \
+    {SEG_##side##_SHIN, {0, 0, 0}, {0, -0.243, 0}, 0, 0, 0.0335, 0.0215, SHAPE_HIPS, SHAPE_SHIN, SHAPE_LEG_GIRTH},      \
+    {SEG_##side##_FOOT, {0, -0.018, -0.012}, {0, -0.026, 0.095}, 0, 0, 0.0215, 0.0170, SHAPE_HIPS, SHAPE_SHIN,          \
+     SHAPE_LEG_GIRTH}
+
+static const struct solid_rule solid_rule[SOLID_COUNT] = {
+    {SEG_PELVIS, {0, -0.050, 0.016}, {0, 0.012, 0.022}, 0.026, 0.020, 0.072, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_HIP_GIRTH},
+    {SEG_ABDOMEN, {0, 0.020, 0.026}, {0, 0.115, 0.028}, 0.012, 0.010, 0.067, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_WAIST_GIRTH},
+    {SEG_CHEST, {0, 0.0, 0.028}, {0, 0.094, 0.026}, 0.010, 0.028, 0.072, 0.067, SHAPE_SHOULDERS, SHAPE_TORSO, SHAPE_CHEST_GIRTH},
+    {SEG_HEAD, {0, -0.010, 0.004}, {0, 0.055, 0.008}, 0, 0, 0.036, 0.034, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
+    {SEG_HEAD, {0, 0.060, 0.024}, {0, 0.094, 0.018}, 0, 0, 0.046, 0.052, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
+    ARM(LEFT, 1),
+    ARM(RIGHT, -1),
+    LEG(LEFT),
+    LEG(RIGHT),
+};
+
+#define HEAD_CENTRE_RATE 0.089 // of body height over the neck joint, which is at the seventh vertebra
+
+int body_parent(enum segment s) { return segment_rule[s].parent; }
+
+enum segment body_mirror(enum segment s)
+{
+    if (s >= SEG_LEFT_CLAVICLE && s <= SEG_LEFT_HAND)
+        return s + 4;
+    if (s >= SEG_RIGHT_CLAVICLE && s <= SEG_RIGHT_HAND)
+        return s - 4;
+    if (s >= SEG_LEFT_THIGH && s <= SEG_LEFT_FOOT)
+        return s + 3;
+    if (s >= SEG_RIGHT_THIGH)
+        return s - 3;
+    return s;
+}
+
+static struct vec3 turned(double m[3][3], struct vec3 v)
+{
+    return v3(m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
+              m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
+}
+
+void body_build(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out)
+{
+    double factor[SHAPE_COUNT];
+    for (int i = 0; i < SHAPE_COUNT; i++)
+        factor[i] = exp(shape->log[i] + (i ? shape->log[SHAPE_SCALE] : 0)) * BODY_AVERAGE_HEIGHT_M;
+    for (int s = 0; s < SEG_COUNT; s++) {
+        const struct segment_rule *rule = &segment_rule[s];
+        double own[3][3];
+        quat_to_matrix(pose->turn[s], own);
+        if (rule->parent < 0) {
+            out->origin[s] = pose->root;
+            for (int r = 0; r < 3; r++)
+                for (int c = 0; c < 3; c++) {
+                    out->parent_axes[s][r][c] = r == c;
+                    out->axes[s][r][c] = own[r][c];
+                }
+            continue;
+        }
+        struct vec3 at = v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], rule->at.z * factor[rule->tall]);
+        out->origin[s] = v3_add(out->origin[rule->parent], turned(out->axes[rule->parent], at));
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++) {
+                const double(*p)[3] = (const double(*)[3])out->axes[rule->parent];
+                out->parent_axes[s][r][c] = p[r][c];
+                out->axes[s][r][c] = p[r][0] * own[0][c] + p[r][1] * own[1][c] + p[r][2] * own[2][c];
+            }
+    }
+    for (int i = 0; i < SOLID_COUNT; i++) {
+        const struct solid_rule *rule = &solid_rule[i];
+        double wide = factor[rule->wide], tall = factor[rule->tall], girth = factor[rule->girth];
+        struct vec3 a = v3(rule->a.x * wide, rule->a.y * tall, rule->a.z * girth),
+                    b = v3(rule->b.x * wide, rule->b.y * tall, rule->b.z * girth);
+        struct body_solid *solid = &out->solid[i];
+        solid->segment = rule->segment;
+        solid->a = v3_add(out->origin[rule->segment], turned(out->axes[rule->segment], a));
+        solid->b = v3_add(out->origin[rule->segment], turned(out->axes[rule->segment], b));
+        solid->side = turned(out->axes[rule->segment], v3(1, 0, 0));
+        solid->width_a = rule->width_a * girth;
+        solid->width_b = rule->width_b * girth;
+        solid->radius_a = rule->radius_a * girth;
+        solid->radius_b = rule->radius_b * girth;
+    }
+    static const struct { enum joint joint; enum segment segment; } at_origin[] = {
+        {JOINT_NECK, SEG_HEAD}, {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
+        {JOINT_LEFT_HAND, SEG_LEFT_HAND}, {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM},
+        {JOINT_RIGHT_ELBOW, SEG_RIGHT_FOREARM}, {JOINT_RIGHT_HAND, SEG_RIGHT_HAND}, {JOINT_TORSO, SEG_CHEST},
+        {JOINT_WAIST, SEG_PELVIS}, {JOINT_LEFT_HIP, SEG_LEFT_THIGH}, {JOINT_LEFT_KNEE, SEG_LEFT_SHIN},
+        {JOINT_LEFT_FOOT, SEG_LEFT_FOOT}, {JOINT_RIGHT_HIP, SEG_RIGHT_THIGH}, {JOINT_RIGHT_KNEE, SEG_RIGHT_SHIN},
+        {JOINT_RIGHT_FOOT, SEG_RIGHT_FOOT},
+    };
+    for (size_t i = 0; i < COUNT_OF(at_origin); i++)
+        out->joint[at_origin[i].joint] = out->origin[at_origin[i].segment];
+    out->joint[JOINT_HEAD] = v3_add(out->origin[SEG_HEAD],
+                                    turned(out->axes[SEG_HEAD], v3(0, HEAD_CENTRE_RATE * factor[SHAPE_HEAD], 0)));
+}
+
+struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)
+{
+    // Facing the camera: left is +x of the picture, ahead is towards it.
+    struct vec3 ahead = v3_unit(v3_sub(v3(0, 0, -1), v3_scale(up, v3_dot(up, v3(0, 0, -1)))));
+    struct vec3 left = v3_cross(up, ahead);
+    double m[3][3] = {{left.x, up.x, ahead.x}, {left.y, up.y, ahead.y}, {left.z, up.z, ahead.z}};
+    struct body_pose pose = {.root = root};
+    for (int s = 0; s < SEG_COUNT; s++)
+        pose.turn[s] = (struct quat){0, 0, 0, 1};
+    pose.turn[SEG_PELVIS] = quat_multiply(quat_from_rotation_vector(v3_scale(up, yaw)), quat_from_matrix(m));
+    return pose;
+}

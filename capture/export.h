@@ -1,0 +1,12 @@
+// A take's joints for other programs.
+#pragma once
+#include "capture/recording/recording.h"
+
+// CSV: timestamp,joint,x_m,y_m,z_m,confidence; seconds, the colour camera's axes,
+// frames without a person left out. Written whole or not at all. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status export_joints_csv(const struct take *take, const char *path);
+
+// BVH, y up, centimetres: bones of the take's median lengths, turned frame by
+// frame; frames without a person left out. In the world's axes where the sensor
+// was located. Written whole or not at all. ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status export_bvh(const struct take *take, const char *path);

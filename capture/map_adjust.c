@@ -1,0 +1,176 @@
+#include "capture/map_internal.h"
+
+#include "locate/linear.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// Beside what the picture's noise explains: print, paper that is not flat, lens.
+static const double PRINT_PX = 0.05;
+
+struct sizes {
+    int32_t corners, depths, sightings;
+};
+
+static struct sizes count_all(const struct map *m)
+{
+    struct sizes n = {0};
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        if (!f->placed)
+            continue;
+        for (int32_t k = 0; k < f->seen_count; k++) {
+            if (m->tags[f->which[k]].mapped) {
+                n.corners++;
+                n.depths += f->depths[k].count;
+            }
+        }
+        for (int32_t k = 0; k < f->feature_count; k++)
+            n.sightings += f->features[k].point >= 0;
+    }
+    return n;
+}
+
+// The upper factor U of the information, U^T U = information.
+static void whiten(const struct sighting *seen, double out[8][8])
+{
+    double covariance[64], information[64];
+    memset(out, 0, 64 * sizeof(double));
+    if (invert_symmetric(&seen->information[0][0], 8, covariance)) {
+        for (int i = 0; i < 8; i++)
+            covariance[i * 8 + i] += PRINT_PX * PRINT_PX;
+        if (invert_symmetric(covariance, 8, information) && cholesky(information, 8)) {
+            for (int i = 0; i < 8; i++)
+                for (int j = 0; j <= i; j++)
+                    out[j][i] = information[i * 8 + j];
+            return;
+        }
+    }
+    for (int i = 0; i < 8; i++)
+        out[i][i] = 2;
+}
+
+static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *corners, struct adjust_plane_depth *depths,
+                       struct adjust_sighting *sightings, struct sizes *n)
+{
+    const struct map_frame *f = &m->frames[i];
+    const struct lens *lens = &m->calibration.color;
+    for (int32_t k = 0; k < f->seen_count; k++) {
+        if (!m->tags[f->which[k]].mapped)
+            continue;
+        struct adjust_corners *c = &corners[n->corners++];
+        c->camera = i;
+        c->square = f->which[k];
+        for (int j = 0; j < 4; j++) {
+            c->observed[2 * j] = lens->fx * f->seen[k].ray[j].x;
+            c->observed[2 * j + 1] = lens->fy * f->seen[k].ray[j].y;
+        }
+        whiten(&f->seen[k], c->whiten);
+        for (int32_t d = 0; d < f->depths[k].count; d++) {
+            const struct depth_sample *s = &f->depths[k].sample[d];
+            depths[n->depths++] = (struct adjust_plane_depth){i, f->which[k], s->x, s->y, s->z,
+                                                              depth_sigma(s->z) / sqrt(f->depths[k].share)};
+        }
+    }
+    for (int32_t k = 0; k < f->feature_count; k++) {
+        const struct map_feature *s = &f->features[k];
+        if (s->point < 0)
+            continue;
+        struct vec3 ray = lens_ray(lens, s->feature.at);
+        sightings[n->sightings++] = (struct adjust_sighting){i, s->point, ray.x, ray.y, feature_sigma(&s->feature), s->depth,
+                                                             s->depth > 0 ? depth_sigma(s->depth) : 1};
+    }
+}
+
+static void take_over(struct map *m, const struct adjust_problem *p)
+{
+    for (int32_t i = 0; i < m->frame_count; i++)
+        m->frames[i].camera_from_world = p->cameras[i].camera_from_world;
+    for (int32_t i = 0; i < m->tag_count; i++)
+        m->tags[i].world_from_tag = p->squares[i].world_from_square;
+    for (int32_t i = 0; i < m->point_count; i++)
+        m->points[i].world = p->points[i];
+}
+
+enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
+{
+    struct sizes n = count_all(m), filled = {0};
+    struct adjust_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
+    struct adjust_square *squares = calloc((size_t)m->tag_count + 1, sizeof *squares);
+    struct vec3 *points = calloc((size_t)m->point_count + 1, sizeof *points);
+    struct adjust_corners *corners = calloc((size_t)n.corners + 1, sizeof *corners);
+    struct adjust_plane_depth *depths = calloc((size_t)n.depths + 1, sizeof *depths);
+    struct adjust_sighting *sightings = calloc((size_t)n.sightings + 1, sizeof *sightings);
+    enum status status = ERR_MEMORY;
+    if (cameras && squares && points && corners && depths && sightings) {
+        for (int32_t i = 0; i < m->frame_count; i++) {
+            cameras[i].camera_from_world = m->frames[i].camera_from_world;
+            if (m->frames[i].placed)
+                fill_frame(m, i, corners, depths, sightings, &filled);
+        }
+        for (int32_t i = 0; i < m->tag_count; i++)
+            squares[i] = (struct adjust_square){m->tags[i].world_from_tag, m->tags[i].side_m};
+        for (int32_t i = 0; i < m->point_count; i++)
+            points[i] = m->points[i].world;
+        struct adjust_problem problem = {
+            .fx = m->calibration.color.fx, .fy = m->calibration.color.fy,
+            .cameras = cameras, .squares = squares, .points = points,
+            .corners = corners, .plane_depths = depths, .sightings = sightings,
+            .camera_count = m->frame_count, .square_count = m->tag_count, .point_count = m->point_count,
+            .corner_count = filled.corners, .plane_depth_count = filled.depths, .sighting_count = hold_frames ? 0 : filled.sightings,
+            .held_square = m->reference, .hold_cameras = hold_frames, .most_rounds = rounds, .cost = cost,
+        };
+        status = adjust(&problem);
+        if (status == OK)
+            take_over(m, &problem);
+    } else {
+        (void)fail(ERR_MEMORY, "no memory to adjust the map");
+    }
+    free(cameras);
+    free(squares);
+    free(points);
+    free(corners);
+    free(depths);
+    free(sightings);
+    return status;
+}
+
+void map_measure(struct map *m)
+{
+    double sum = 0, sum_m = 0;
+    int64_t count = 0, count_m = 0;
+    for (int32_t i = 0; i < m->tag_count; i++) {
+        m->tags[i].rms_px = 0;
+        m->tags[i].sightings = 0;
+    }
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
+            struct map_tag *tag = &m->tags[f->which[k]];
+            struct fit_tag fit = {&f->seen[k], NULL, tag->world_from_tag, tag->side_m, true, 0};
+            double rms = fit_tag_rms(&fit, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
+            if (!tag->mapped || rms > 10) // lost its weight in the adjustment
+                continue;
+            tag->rms_px += rms * rms;
+            tag->sightings++;
+            sum += rms * rms;
+            count++;
+            struct pose camera_from_tag = pose_multiply(f->camera_from_world, tag->world_from_tag);
+            struct vec3 normal = quat_rotate(camera_from_tag.rotation, v3(0, 0, 1));
+            for (int32_t d = 0; d < f->depths[k].count; d++) {
+                const struct depth_sample *s = &f->depths[k].sample[d];
+                double slant = normal.x * s->x + normal.y * s->y + normal.z;
+                double error = v3_dot(normal, camera_from_tag.translation) / slant - s->z;
+                if (isfinite(error)) {
+                    sum_m += error * error;
+                    count_m++;
+                }
+            }
+        }
+    }
+    for (int32_t i = 0; i < m->tag_count; i++)
+        if (m->tags[i].sightings)
+            m->tags[i].rms_px = sqrt(m->tags[i].rms_px / m->tags[i].sightings);
+    m->rms_px = count ? sqrt(sum / (double)count) : 0;
+    m->rms_m = count_m ? sqrt(sum_m / (double)count_m) : 0;
+}

@@ -1,0 +1,86 @@
+// What the files of the mapper share: the frames of the sweep, the tags, the
+// points, in a world that is the reference tag's until map_world turns it.
+#pragma once
+#include "capture/mapper.h"
+#include "locate/points.h"
+#include "platform/adjust.h"
+
+enum {
+    MAP_MOST_FRAMES = 240,      // more and every second one goes
+    MAP_MOST_PICTURES = 96,     // frames that keep their picture and depth
+    MAP_FEATURES = 600,         // of one frame
+    MAP_MOST_CANDIDATES = 16000 // points while the map grows
+};
+
+struct map_feature {
+    struct feature feature;
+    double depth;  // metres; 0: none, or at the edge of something
+    int32_t point; // that it shows; -1: none
+};
+
+struct map_frame {
+    int64_t time_ns;
+    struct sighting *seen;     // of listed tags
+    struct tag_depth *depths;  // one for each; count 0 without depth
+    int32_t *which;            // index into map.tags
+    int32_t seen_count;
+    struct map_feature *features;
+    int32_t feature_count;
+    uint8_t *jpeg; // kept pictures: NULL where thinned out
+    size_t jpeg_bytes;
+    uint16_t *depth;
+    bool placed;
+    bool visited; // its points are in the map
+    struct pose camera_from_world;
+};
+
+struct map_tag {
+    int32_t id;
+    double side_m;
+    struct tag_pattern pattern;
+    bool mapped;
+    struct pose world_from_tag;
+    double rms_px;
+    int32_t sightings;
+};
+
+struct map {
+    struct calibration calibration;
+    struct map_frame *frames;
+    int32_t frame_count, frame_capacity;
+    struct map_tag *tags;
+    int32_t tag_count;
+    struct place_point *points; // room for MAP_MOST_CANDIDATES
+    int32_t *point_sightings;
+    int32_t point_count;
+    int32_t reference;          // index of the tag that holds the world still
+    double rms_px, rms_m;
+};
+
+// ---- map_graph.c: frames and tags from one another
+// From single tags to a first pose of every tag and frame that hang together.
+// use_points: of frames whose pose may be mirrored natural points say which one.
+MUST_CHECK enum status map_grow(struct map *m, bool use_points);
+// Tags of frame f that are in the map, as fit wants them; out: FIT_MAX_TAGS. `used` is set.
+int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag *out);
+
+// ---- map_adjust.c
+// All frames, tags and points at once; sightings that fit badly lose their weight.
+// hold_frames: only the tags move, and points have no say. *cost: the robust cost left; or NULL.
+MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
+// rms_px, rms_m, and each tag's rms_px and sightings.
+void map_measure(struct map *m);
+
+// ---- map_points.c: natural points
+// Finds points from placed frame to placed frame and sharpens their poses by them.
+MUST_CHECK enum status map_add_points(struct map *m);
+// Places frames of two possible poses by the points they show. How many.
+MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);
+// Looks for all points in all frames again and adjusts everything, twice. The `most`
+// best points stay, with their most typical descriptors.
+MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
+
+// ---- map_world.c
+// Turns and shifts everything so that z is up, z = 0 the floor, x as the lowest
+// tag has it. *floor: the floor was seen in depth.
+MUST_CHECK enum status map_level(struct map *m, bool *floor);

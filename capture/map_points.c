@@ -1,0 +1,317 @@
+#include "capture/map_internal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const double AGAIN_PX = 4;      // how near a point is looked for in an adjusted map
+static const double SAME_M = 0.03;     // two points this near that look alike are one
+enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2, ROUNDS = 6, POLISH_ROUNDS = 15 };
+
+// What is needed for one frame at a time.
+struct desk {
+    struct feature features[MAP_FEATURES];
+    double depth[MAP_FEATURES];
+    struct feature_index index;
+    struct point_match matches[MAP_FEATURES];
+};
+
+static void lay_out(struct desk *d, const struct map *m, const struct map_frame *f)
+{
+    for (int32_t i = 0; i < f->feature_count; i++) {
+        d->features[i] = f->features[i].feature;
+        d->depth[i] = f->features[i].depth;
+    }
+    feature_index_build(&d->index, d->features, f->feature_count, &m->calibration.color);
+}
+
+static void assign(struct map_frame *f, const struct desk *d, int count)
+{
+    for (int32_t i = 0; i < f->feature_count; i++)
+        f->features[i].point = -1;
+    for (int i = 0; i < count; i++)
+        f->features[d->matches[i].feature].point = d->matches[i].point;
+}
+
+// Features with depth that show no point of the map yet become points.
+static void add_new(struct map *m, struct map_frame *f)
+{
+    struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    for (int32_t i = 0; i < f->feature_count && m->point_count < MAP_MOST_CANDIDATES; i++) {
+        struct map_feature *s = &f->features[i];
+        if (s->point >= 0 || !(s->depth > 0))
+            continue;
+        struct vec3 ray = lens_ray(&m->calibration.color, s->feature.at);
+        struct place_point *p = &m->points[m->point_count];
+        p->world = pose_apply(world_from_camera, v3_scale(ray, s->depth));
+        memcpy(p->descriptor, s->feature.descriptor, sizeof p->descriptor);
+        s->point = m->point_count++;
+    }
+}
+
+// Finds the map's points in one frame, sharpens its pose by them, adds new ones.
+static void visit(struct map *m, struct desk *d, struct map_frame *f)
+{
+    struct fit_tag tags[FIT_MAX_TAGS];
+    int count = 0, tag_count = map_fit_tags(m, f, tags), with_depth = 0;
+    f->visited = true;
+    lay_out(d, m, f);
+    bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
+                               &f->camera_from_world, d->matches, MAP_FEATURES, &count);
+    assign(f, d, known ? count : 0);
+    for (int32_t i = 0; i < f->feature_count; i++)
+        with_depth += f->features[i].depth > 0;
+    // A frame placed by one tag alone is too crooked to add points by itself.
+    if ((known || tag_count > 1) && 2 * count < with_depth)
+        add_new(m, f);
+}
+
+// Points that are near and look alike become one.
+static void merge_twins(struct map *m)
+{
+    int32_t *instead = malloc((size_t)(m->point_count + 1) * sizeof *instead);
+    if (!instead)
+        return; // twins do no harm
+    for (int32_t i = 0; i < m->point_count; i++) {
+        instead[i] = i;
+        for (int32_t k = 0; k < i; k++) {
+            struct vec3 d = v3_sub(m->points[i].world, m->points[k].world);
+            if (instead[k] == k && fabs(d.x) < SAME_M && fabs(d.y) < SAME_M && fabs(d.z) < SAME_M &&
+                feature_distance(m->points[i].descriptor, m->points[k].descriptor) < SAME_BITS) {
+                instead[i] = k;
+                break;
+            }
+        }
+    }
+    int32_t kept = 0;
+    for (int32_t i = 0; i < m->point_count; i++) {
+        if (instead[i] == i) {
+            m->points[kept] = m->points[i];
+            instead[i] = kept++;
+        } else {
+            instead[i] = instead[instead[i]]; // k < i, so already final
+        }
+    }
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                m->frames[i].features[k].point = instead[m->frames[i].features[k].point];
+    m->point_count = kept;
+    free(instead);
+}
+
+// Looks for every point in every frame again, near where it must be.
+static void look_again(struct map *m, struct desk *d)
+{
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        if (!f->placed)
+            continue;
+        lay_out(d, m, f);
+        int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, &f->camera_from_world,
+                                 AGAIN_PX, d->matches, MAP_FEATURES);
+        assign(f, d, count);
+    }
+}
+
+static void count_sightings(struct map *m)
+{
+    memset(m->point_sightings, 0, (size_t)m->point_count * sizeof *m->point_sightings);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                m->point_sightings[m->frames[i].features[k].point]++;
+}
+
+// Sightings far from where the adjusted map has their point say nothing; a point
+// seen too seldom says nothing either.
+static void forget_bad(struct map *m)
+{
+    const struct lens *lens = &m->calibration.color;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; k < f->feature_count; k++) {
+            struct map_feature *s = &f->features[k];
+            if (s->point < 0)
+                continue;
+            struct vec3 ray = lens_ray(lens, s->feature.at);
+            struct fit_point p = {m->points[s->point].world, ray.x, ray.y, feature_sigma(&s->feature), 0};
+            if (!f->placed || fit_point_error(&p, &f->camera_from_world, lens->fx, lens->fy) > 4)
+                s->point = -1;
+        }
+    }
+    count_sightings(m);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
+            struct map_feature *s = &m->frames[i].features[k];
+            if (s->point >= 0 && m->point_sightings[s->point] < LEAST_SIGHTINGS)
+                s->point = -1;
+        }
+    count_sightings(m);
+}
+
+// Where to begin: the frame that its tags hold best.
+static int32_t best_frame(const struct map *m)
+{
+    int32_t best = -1;
+    int most = 0;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct fit_tag tags[FIT_MAX_TAGS];
+        int count = m->frames[i].placed ? map_fit_tags(m, &m->frames[i], tags) : 0;
+        if (count > most) {
+            most = count;
+            best = i;
+        }
+    }
+    return best;
+}
+
+enum status map_add_points(struct map *m)
+{
+    struct desk *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    int32_t start = best_frame(m);
+    for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
+        if (m->frames[i].placed && !m->frames[i].visited)
+            visit(m, d, &m->frames[i]);
+    for (int32_t i = start - 1; i >= 0; i--)
+        if (m->frames[i].placed && !m->frames[i].visited)
+            visit(m, d, &m->frames[i]);
+    forget_bad(m);
+    free(d);
+    return map_adjust(m, ROUNDS, false, NULL);
+}
+
+enum status map_place_by_points(struct map *m, int *placed)
+{
+    struct desk *d = malloc(sizeof *d);
+    const struct lens *lens = &m->calibration.color;
+    *placed = 0;
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        struct fit_tag tags[FIT_MAX_TAGS];
+        struct camera_fit fit;
+        if (f->placed)
+            continue;
+        int count = map_fit_tags(m, f, tags), agree[2] = {0, 0};
+        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, &fit) != AMBIGUOUS)
+            continue;
+        struct pose pose[2] = {fit.camera_from_world, fit.other};
+        lay_out(d, m, f);
+        for (int k = 0; k < 2; k++)
+            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, &pose[k], d->matches,
+                               MAP_FEATURES, &agree[k]))
+                agree[k] = 0;
+        int best = agree[1] > agree[0];
+        // Both may lead to the same pose: the search reaches far.
+        if (!agree[best] || (2 * agree[best] < 3 * agree[!best] && pose_angle(pose[0], pose[1]) > 0.02))
+            continue;
+        f->camera_from_world = pose[best];
+        f->placed = true;
+        ++*placed;
+    }
+    free(d);
+    return OK;
+}
+
+struct ranked {
+    int32_t point, sightings;
+};
+
+static int most_sightings_first(const void *left, const void *right)
+{
+    const struct ranked *a = left, *b = right;
+    if (a->sightings != b->sightings)
+        return a->sightings > b->sightings ? -1 : 1;
+    return (a->point > b->point) - (a->point < b->point);
+}
+
+// The `most` points with most sightings stay. ERR_MEMORY.
+static enum status keep_best(struct map *m, int32_t most)
+{
+    struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
+    int32_t *now = malloc((size_t)(m->point_count + 1) * sizeof *now);
+    struct place_point *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
+    enum status status = order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
+    int32_t count = 0;
+    for (int32_t i = 0; i < m->point_count && status == OK; i++) {
+        now[i] = -1;
+        if (m->point_sightings[i] >= LEAST_SIGHTINGS && v3_finite(m->points[i].world))
+            order[count++] = (struct ranked){i, m->point_sightings[i]};
+    }
+    if (status == OK) {
+        qsort(order, (size_t)count, sizeof *order, most_sightings_first);
+        count = count < most ? count : most;
+        for (int32_t n = 0; n < count; n++) {
+            chosen[n] = m->points[order[n].point];
+            now[order[n].point] = n;
+        }
+        memcpy(m->points, chosen, (size_t)count * sizeof *chosen);
+        m->point_count = count;
+        for (int32_t i = 0; i < m->frame_count; i++)
+            for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+                if (m->frames[i].features[k].point >= 0)
+                    m->frames[i].features[k].point = now[m->frames[i].features[k].point];
+        count_sightings(m);
+    }
+    free(order);
+    free(now);
+    free(chosen);
+    return status;
+}
+
+// Gives each point the descriptor that differs least from its other sightings'. ERR_MEMORY.
+static enum status typical_descriptors(struct map *m)
+{
+    enum { MOST = 12 };
+    const uint8_t **seen = calloc((size_t)m->point_count * MOST + 1, sizeof *seen);
+    int *count = calloc((size_t)m->point_count + 1, sizeof *count);
+    for (int32_t i = 0; i < m->frame_count && seen && count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
+            const struct map_feature *s = &m->frames[i].features[k];
+            if (s->point >= 0 && count[s->point] < MOST)
+                seen[s->point * MOST + count[s->point]++] = s->feature.descriptor;
+        }
+    for (int32_t i = 0; i < m->point_count && seen && count; i++) {
+        int least = 1 << 30;
+        for (int a = 0; a < count[i]; a++) {
+            int sum = 0;
+            for (int b = 0; b < count[i]; b++)
+                sum += feature_distance(seen[i * MOST + a], seen[i * MOST + b]);
+            if (sum < least) {
+                least = sum;
+                memcpy(m->points[i].descriptor, seen[i * MOST + a], sizeof m->points[i].descriptor);
+            }
+        }
+    }
+    enum status status = seen && count ? OK : fail(ERR_MEMORY, "no memory to describe %d points", (int)m->point_count);
+    free(seen);
+    free(count);
+    return status;
+}
+
+enum status map_polish_points(struct map *m, int32_t most)
+{
+    struct desk *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    merge_twins(m);
+    enum status status = OK;
+    for (int round = 0; round < 2 && status == OK; round++) {
+        look_again(m, d);
+        forget_bad(m);
+        status = keep_best(m, most);
+        if (status == OK)
+            status = map_adjust(m, POLISH_ROUNDS, false, NULL);
+    }
+    forget_bad(m);
+    if (status == OK)
+        status = keep_best(m, most);
+    if (status == OK)
+        status = typical_descriptors(m);
+    free(d);
+    return status;
+}
+

@@ -1,0 +1,367 @@
+#include "capture/map_internal.h"
+
+#include "platform/jpeg.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct mapper {
+    struct map map;
+    struct mapper_options options;
+    struct tag_finder *finder;
+    struct refiner *refiner;
+    uint8_t *gray;
+    int32_t frames_seen, stride, picture_stride;
+    int32_t seen_in[TAG_NUMBERS]; // frames that show the tag, listed or not
+};
+
+struct mapper_options mapper_default_options(void)
+{
+    return (struct mapper_options){.quad_decimate = 1, .most_points = 4000, .most_views = 40};
+}
+
+static enum status check(const struct calibration *calibration, const struct mapper_tag *tags, int32_t tag_count,
+                         const struct mapper_options *options)
+{
+    enum status status = lens_check(&calibration->color, "color");
+    if (status != OK)
+        return status;
+    if (options->most_points < 0 || options->most_points > MAP_MOST_CANDIDATES || options->most_views < 0)
+        return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
+                    (int)MAP_MOST_CANDIDATES);
+    if (tag_count <= 0 || tag_count > MAPPER_MAX_TAGS)
+        return fail(ERR_INPUT, "a place is mapped by 1 to %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
+    for (int32_t i = 0; i < tag_count; i++) {
+        if (tags[i].id < 0 || tags[i].id >= TAG_NUMBERS || !(tags[i].side_m > 0) || !isfinite(tags[i].side_m))
+            return fail(ERR_INPUT, "tag %d with a side of %g m is no tag of tag36h11", (int)tags[i].id, tags[i].side_m);
+        for (int32_t k = 0; k < i; k++)
+            if (tags[k].id == tags[i].id)
+                return fail(ERR_INPUT, "tag %d is listed twice", (int)tags[i].id);
+    }
+    return OK;
+}
+
+static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t tag_count)
+{
+    struct map *map = &m->map;
+    size_t pixels = (size_t)map->calibration.color.width * (size_t)map->calibration.color.height;
+    map->tags = calloc((size_t)tag_count, sizeof *map->tags);
+    map->frames = calloc(MAP_MOST_FRAMES, sizeof *map->frames);
+    map->points = malloc(MAP_MOST_CANDIDATES * sizeof *map->points);
+    map->point_sightings = malloc(MAP_MOST_CANDIDATES * sizeof *map->point_sightings);
+    m->gray = malloc(pixels);
+    if (!map->tags || !map->frames || !map->points || !map->point_sightings || !m->gray)
+        return fail(ERR_MEMORY, "no memory to map a place");
+    for (int32_t i = 0; i < tag_count; i++) {
+        map->tags[i].id = tags[i].id;
+        map->tags[i].side_m = tags[i].side_m;
+        if (!tag_pattern(tags[i].id, &map->tags[i].pattern))
+            return fail(ERR_MEMORY, "no memory for the pattern of tag %d", (int)tags[i].id);
+    }
+    map->tag_count = tag_count;
+    enum status status = refiner_open(&m->refiner, &map->calibration.color);
+    return status == OK ? tag_finder_open(&m->finder, m->options.quad_decimate) : status;
+}
+
+enum status mapper_open(struct mapper **out, const struct calibration *calibration, const struct mapper_tag *tags,
+                        int32_t tag_count, const struct mapper_options *options)
+{
+    *out = NULL;
+    struct mapper_options wanted = options ? *options : mapper_default_options();
+    enum status status = check(calibration, tags, tag_count, &wanted);
+    if (status != OK)
+        return status;
+    struct mapper *m = calloc(1, sizeof *m);
+    if (!m)
+        return fail(ERR_MEMORY, "no memory to map a place");
+    m->map.calibration = *calibration;
+    m->options = wanted;
+    m->stride = m->picture_stride = 1;
+    status = fill(m, tags, tag_count);
+    if (status != OK)
+        mapper_close(&m);
+    *out = m;
+    return status;
+}
+
+static void drop_picture(struct map_frame *f)
+{
+    free(f->jpeg);
+    free(f->depth);
+    f->jpeg = NULL;
+    f->depth = NULL;
+}
+
+static void drop_frame(struct map_frame *f)
+{
+    drop_picture(f);
+    free(f->seen);
+    free(f->depths);
+    free(f->which);
+    free(f->features);
+    *f = (struct map_frame){0};
+}
+
+void mapper_close(struct mapper **out)
+{
+    struct mapper *m = *out;
+    if (!m)
+        return;
+    for (int32_t i = 0; i < m->map.frame_count; i++)
+        drop_frame(&m->map.frames[i]);
+    free(m->map.frames);
+    free(m->map.tags);
+    free(m->map.points);
+    free(m->map.point_sightings);
+    free(m->gray);
+    refiner_close(&m->refiner);
+    tag_finder_close(&m->finder);
+    free(m);
+    *out = NULL;
+}
+
+// Every second frame goes when there are too many; every second picture too.
+static void thin_out(struct mapper *m)
+{
+    struct map *map = &m->map;
+    if (map->frame_count == MAP_MOST_FRAMES) {
+        int32_t kept = 0;
+        for (int32_t i = 0; i < map->frame_count; i++) {
+            if (i % 2)
+                drop_frame(&map->frames[i]);
+            else
+                map->frames[kept++] = map->frames[i];
+        }
+        memset(map->frames + kept, 0, (size_t)(map->frame_count - kept) * sizeof *map->frames);
+        map->frame_count = kept;
+        m->stride *= 2;
+    }
+    int32_t pictures = 0;
+    for (int32_t i = 0; i < map->frame_count; i++)
+        pictures += map->frames[i].jpeg || map->frames[i].depth;
+    if (pictures < MAP_MOST_PICTURES)
+        return;
+    pictures = 0;
+    for (int32_t i = 0; i < map->frame_count; i++)
+        if ((map->frames[i].jpeg || map->frames[i].depth) && pictures++ % 2)
+            drop_picture(&map->frames[i]);
+    m->picture_stride *= 2;
+}
+
+static enum status see_tags(struct mapper *m, const struct frame *frame, const uint16_t *depth, struct map_frame *out)
+{
+    struct tag_seen seen[FIT_MAX_TAGS];
+    const struct lens *lens = &m->map.calibration.color;
+    int count;
+    enum status status = tag_finder_find(m->finder, m->gray, lens->width, lens->height, seen, FIT_MAX_TAGS, &count);
+    if (status != OK)
+        return status;
+    out->seen = calloc((size_t)count + 1, sizeof *out->seen);
+    out->depths = calloc((size_t)count + 1, sizeof *out->depths);
+    out->which = calloc((size_t)count + 1, sizeof *out->which);
+    if (!out->seen || !out->depths || !out->which)
+        return fail(ERR_MEMORY, "no memory for the tags of a picture");
+    for (int i = 0; i < count; i++) {
+        bool twin = (i > 0 && seen[i - 1].id == seen[i].id) || (i + 1 < count && seen[i + 1].id == seen[i].id);
+        if (i == 0 || seen[i - 1].id != seen[i].id)
+            m->seen_in[seen[i].id]++;
+        for (int32_t k = 0; k < m->map.tag_count && !twin; k++) { // of twins nobody knows which is meant
+            if (m->map.tags[k].id != seen[i].id ||
+                !refine_tag(m->refiner, frame->color, seen[i].id, &m->map.tags[k].pattern, seen[i].corner,
+                            &out->seen[out->seen_count]))
+                continue;
+            if (depth)
+                tag_read_depth(&out->seen[out->seen_count], lens, depth, &out->depths[out->seen_count]);
+            out->which[out->seen_count++] = k;
+        }
+    }
+    return OK;
+}
+
+// The mean depth around a pixel where the surface is smooth; 0 elsewhere.
+static double smooth_depth(const struct lens *lens, const uint16_t *depth, struct pixel at)
+{
+    int x = (int)floor(at.x + 0.5), y = (int)floor(at.y + 0.5), count = 0, low = 65535, high = 0;
+    double sum = 0;
+    if (x < 1 || y < 1 || x > lens->width - 2 || y > lens->height - 2)
+        return 0;
+    for (int dy = -1; dy <= 1; dy++) {
+        for (int dx = -1; dx <= 1; dx++) {
+            int z = depth[(size_t)(y + dy) * (size_t)lens->width + (size_t)(x + dx)];
+            if (!z)
+                continue;
+            low = z < low ? z : low;
+            high = z > high ? z : high;
+            sum += z;
+            count++;
+        }
+    }
+    double z = count ? sum / count * 1e-3 : 0;
+    return count >= 6 && (high - low) * 1e-3 < 5 * depth_sigma(z) + 0.01 * z ? z : 0;
+}
+
+static enum status see_points(struct mapper *m, const uint16_t *depth, struct map_frame *out)
+{
+    struct feature found[MAP_FEATURES];
+    const struct lens *lens = &m->map.calibration.color;
+    int count = 0;
+    enum status status = m->options.most_points ? features_find(m->gray, lens->width, lens->height, found, MAP_FEATURES, &count) : OK;
+    if (status != OK)
+        return status;
+    out->features = calloc((size_t)count + 1, sizeof *out->features);
+    if (!out->features)
+        return fail(ERR_MEMORY, "no memory for the points of a picture");
+    for (int i = 0; i < count; i++)
+        out->features[i] = (struct map_feature){found[i], depth ? smooth_depth(lens, depth, found[i].at) : 0, -1};
+    out->feature_count = count;
+    return OK;
+}
+
+static enum status copy_picture(const struct mapper *m, const struct frame *frame, struct map_frame *out)
+{
+    const struct calibration *c = &m->map.calibration;
+    if (frame->jpeg) {
+        out->jpeg = malloc(frame->jpeg_bytes);
+        if (!out->jpeg)
+            return fail(ERR_MEMORY, "no memory for a picture of the place");
+        memcpy(out->jpeg, frame->jpeg, frame->jpeg_bytes);
+        out->jpeg_bytes = frame->jpeg_bytes;
+    } else {
+        enum status status = jpeg_encode(frame->color, c->color.width, c->color.height, 92, &out->jpeg, &out->jpeg_bytes);
+        if (status != OK)
+            return status;
+    }
+    if (frame->depth && c->depth.width) {
+        size_t bytes = (size_t)c->depth.width * (size_t)c->depth.height * sizeof *out->depth;
+        out->depth = malloc(bytes);
+        if (!out->depth)
+            return fail(ERR_MEMORY, "no memory for a depth picture of the place");
+        memcpy(out->depth, frame->depth, bytes);
+    }
+    return OK;
+}
+
+enum status mapper_add(struct mapper *m, const struct frame *frame)
+{
+    if (!frame->color)
+        return OK;
+    if (m->frames_seen++ % m->stride)
+        return OK;
+    thin_out(m);
+    const struct calibration *c = &m->map.calibration;
+    bool usable = c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
+    const uint16_t *depth = usable ? frame->depth : NULL;
+    struct map_frame f = {.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
+    gray_from_rgb(frame->color, (size_t)c->color.width * (size_t)c->color.height, m->gray);
+    enum status status = see_tags(m, frame, depth, &f);
+    if (status == OK)
+        status = see_points(m, depth, &f);
+    if (status == OK && m->map.frame_count % m->picture_stride == 0)
+        status = copy_picture(m, frame, &f);
+    if (status != OK) {
+        drop_frame(&f);
+        return status;
+    }
+    m->map.frames[m->map.frame_count++] = f;
+    return OK;
+}
+
+static void report_tags(const struct mapper *m, struct mapper_report *r)
+{
+    r->first_unseen = r->first_apart = r->first_unlisted = -1;
+    for (int32_t id = 0; id < TAG_NUMBERS; id++) {
+        const struct map_tag *tag = NULL;
+        for (int32_t i = 0; i < m->map.tag_count; i++)
+            if (m->map.tags[i].id == id)
+                tag = &m->map.tags[i];
+        if (tag && tag->mapped)
+            r->tags_mapped++;
+        else if (tag && !m->seen_in[id] && r->tags_unseen++ == 0)
+            r->first_unseen = id;
+        else if (tag && m->seen_in[id] && r->tags_apart++ == 0)
+            r->first_apart = id;
+        else if (!tag && m->seen_in[id] > 1 && r->tags_unlisted++ == 0)
+            r->first_unlisted = id;
+    }
+    r->frames_seen = m->frames_seen;
+    r->frames = m->map.frame_count;
+    for (int32_t i = 0; i < m->map.frame_count; i++)
+        r->frames_placed += m->map.frames[i].placed;
+}
+
+// How much two views differ: metres, with a radian worth two.
+static double apart(const struct map_frame *a, const struct map_frame *b)
+{
+    struct pose wa = pose_inverse(a->camera_from_world), wb = pose_inverse(b->camera_from_world);
+    return v3_distance(wa.translation, wb.translation) + 2 * pose_angle(wa, wb);
+}
+
+// Hands the pictures that lie furthest apart to the place, one after the other.
+static void hand_over_views(struct map *map, int32_t most, struct place *out)
+{
+    double distance[MAP_MOST_FRAMES];
+    for (int32_t i = 0; i < map->frame_count; i++)
+        distance[i] = map->frames[i].placed && map->frames[i].jpeg ? 1e9 : -1;
+    while (out->view_count < most) {
+        int32_t best = -1;
+        for (int32_t i = 0; i < map->frame_count; i++)
+            if (distance[i] > 0.1 && (best < 0 || distance[i] > distance[best]))
+                best = i;
+        if (best < 0)
+            break;
+        struct map_frame *f = &map->frames[best];
+        out->views[out->view_count++] = (struct place_view){
+            .world_from_camera = pose_inverse(f->camera_from_world),
+            .jpeg = f->jpeg,
+            .jpeg_bytes = f->jpeg_bytes,
+            .depth = f->depth,
+        };
+        f->jpeg = NULL; // the place's now
+        f->depth = NULL;
+        distance[best] = -1;
+        for (int32_t i = 0; i < map->frame_count; i++)
+            if (distance[i] > 0)
+                distance[i] = fmin(distance[i], apart(&map->frames[i], f));
+    }
+}
+
+static enum status hand_over(struct mapper *m, struct place *out)
+{
+    struct map *map = &m->map;
+    *out = (struct place){.calibration = map->calibration, .rms_px = map->rms_px, .rms_m = map->rms_m};
+    out->tags = calloc((size_t)map->tag_count, sizeof *out->tags);
+    out->points = calloc((size_t)map->point_count + 1, sizeof *out->points);
+    out->views = calloc((size_t)m->options.most_views + 1, sizeof *out->views);
+    if (!out->tags || !out->points || !out->views) {
+        place_free(out);
+        return fail(ERR_MEMORY, "no memory for the map of the place");
+    }
+    for (int32_t i = 0; i < map->tag_count; i++) {
+        const struct map_tag *t = &map->tags[i];
+        if (t->mapped)
+            out->tags[out->tag_count++] = (struct place_tag){t->id, t->side_m, t->world_from_tag, t->rms_px, t->sightings};
+    }
+    memcpy(out->points, map->points, (size_t)map->point_count * sizeof *out->points);
+    out->point_count = map->point_count;
+    hand_over_views(map, m->options.most_views, out);
+    return OK;
+}
+
+enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report)
+{
+    *out = (struct place){0};
+    *report = (struct mapper_report){0};
+    if (!m->map.frame_count)
+        return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
+    enum status status = map_grow(&m->map, m->options.most_points > 0);
+    if (status == OK && m->options.most_points)
+        status = map_polish_points(&m->map, m->options.most_points);
+    if (status == OK)
+        map_measure(&m->map);
+    if (status == OK)
+        status = map_level(&m->map, &report->floor_from_depth);
+    if (status == OK)
+        status = hand_over(m, out);
+    report_tags(m, report);
+    return status;
+}

@@ -1,0 +1,63 @@
+// The map of a place from a sweep of its empty room: where its tags hang, where
+// its natural points are, and a well-spread handful of views.
+//
+//     mapper_open, mapper_add for each frame, mapper_finish, mapper_close
+//
+// Scale comes from the tags' known sides and the sensor's depth together.
+// Deterministic: the same frames give the same place. One handle, one thread.
+#pragma once
+#include "capture/recording/place.h"
+#include "platform/source.h"
+
+struct mapper;
+
+// A tag that somebody measured with a ruler: the outer edge of its black square.
+struct mapper_tag {
+    int32_t id; // of tag36h11
+    double side_m;
+};
+
+enum { MAPPER_MAX_TAGS = 587 };
+
+// tags.json: {"family": "tag36h11", "side_m": {"0": 0.2, "7": 0.24}}. *tags is
+// malloc'ed, by number; the caller frees it.
+// ERR_MISSING, ERR_IO, ERR_MEMORY, ERR_INPUT: malformed, another family, no tag, a senseless side.
+MUST_CHECK enum status mapper_read_tags(const char *path, struct mapper_tag **tags, int32_t *count);
+
+struct mapper_options {
+    double quad_decimate; // the tag finder's, 1..8. Default 1
+    int32_t most_points;  // natural points kept. Default 4000; 0: none are looked for
+    int32_t most_views;   // views kept as background. Default 40
+};
+struct mapper_options mapper_default_options(void);
+
+// Copies what it needs. ERR_INPUT: a senseless lens or option, no tag, a number twice. ERR_MEMORY.
+MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration *calibration,
+                                   const struct mapper_tag *tags, int32_t tag_count, const struct mapper_options *options);
+
+// Finds tags and points in the frame and keeps copies of what it needs. A frame
+// without colour is ignored. Depth helps where the calibration says `registered`.
+// Of a long sweep every second, fourth … frame is kept, so that memory is bounded.
+// ERR_MEMORY, ERR_SOLVER.
+MUST_CHECK enum status mapper_add(struct mapper *m, const struct frame *frame);
+
+struct mapper_report {
+    int32_t frames;          // used, of frames_seen
+    int32_t frames_seen;
+    int32_t frames_placed;
+    int32_t tags_mapped;
+    int32_t tags_unseen;     // listed but in no frame; the first is first_unseen
+    int32_t first_unseen;
+    int32_t tags_apart;      // seen, but never together with a tag of the map
+    int32_t first_apart;
+    int32_t tags_unlisted;   // seen in at least two frames, not listed: ignored
+    int32_t first_unlisted;
+    bool floor_from_depth;   // else z = 0 is the lowest corner of a tag
+};
+
+// The place, in world axes as place.h has them. The caller owns *out: place_free.
+// ERR_INPUT: no listed tag was seen, or none could be placed. ERR_MEMORY, ERR_SOLVER.
+// On error *out is zeroed. Call it once.
+MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
+
+void mapper_close(struct mapper **m); // NULL is fine; sets *m = NULL

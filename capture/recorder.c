@@ -1,0 +1,384 @@
+#include "capture/recorder.h"
+
+#include "capture/background.h"
+#include "capture/representative.h"
+#include "capture/sensor_pose.h"
+#include "capture/tracker.h"
+#include "platform/clock.h"
+#include "platform/jpeg.h"
+#include "platform/queue.h"
+
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Frames that may wait before each of the two worker threads. At 640 x 480 one
+// takes 1.9 MB; two seconds of a 30 Hz sensor are held before a frame is dropped.
+enum { WAITING_FRAMES = 60, WAITING_TO_BE_WRITTEN = 20 };
+
+static const int JPEG_QUALITY = 92; // for sensors that hand out raw pictures
+
+// One instant on its way through the threads. Pictures are its own copies.
+struct item {
+    int64_t time_ns;
+    uint8_t *color, *jpeg, *mask;
+    uint16_t *depth;
+    size_t jpeg_bytes;
+    struct pose world_from_camera;
+    bool located, has_skeleton, body_changed;
+    struct skeleton skeleton;
+    struct body body;
+};
+
+struct recorder {
+    const struct calibration *calibration;
+    const struct place *place; // may be NULL
+    struct recording_writer *writer;
+    struct queue *to_process, *to_write;
+
+    // the processing thread's own
+    struct tracker *tracker;
+    struct sensor_pose *sensor_pose; // NULL without a place or without colour
+    struct representative representative;
+    uint16_t *background;
+    int64_t frames_processed;
+    int moves_seen;
+    bool room_known;
+    double busy_ms, slowest_ms;
+
+    // the writing thread's own
+    int64_t written, tracked;
+
+    // how each worker ended, with its sentence, which is kept per thread
+    enum status process_status, write_status;
+    char process_sentence[512], write_sentence[512];
+};
+
+static size_t pixels(const struct lens *lens)
+{
+    return (size_t)lens->width * (size_t)lens->height;
+}
+
+static void item_free(struct item *item)
+{
+    if (!item)
+        return;
+    free(item->color);
+    free(item->jpeg);
+    free(item->mask);
+    free(item->depth);
+    free(item);
+}
+
+static void *copy(const void *bytes, size_t count)
+{
+    void *to = malloc(count);
+    return to ? memcpy(to, bytes, count) : NULL;
+}
+
+// NULL: out of memory.
+static struct item *item_from_frame(const struct frame *frame, const struct calibration *calibration)
+{
+    struct item *item = calloc(1, sizeof *item);
+    if (!item)
+        return NULL;
+    item->time_ns = frame->time_ns;
+    item->world_from_camera = POSE_IDENTITY;
+    bool whole = true;
+    if (frame->color)
+        whole &= (item->color = copy(frame->color, 3 * pixels(&calibration->color))) != NULL;
+    if (frame->jpeg) {
+        whole &= (item->jpeg = copy(frame->jpeg, frame->jpeg_bytes)) != NULL;
+        item->jpeg_bytes = frame->jpeg_bytes;
+    }
+    if (frame->depth) {
+        whole &= (item->depth = copy(frame->depth, sizeof *frame->depth * pixels(&calibration->depth))) != NULL;
+        whole &= (item->mask = calloc(pixels(&calibration->depth), 1)) != NULL;
+    }
+    if (!whole) {
+        item_free(item);
+        return NULL;
+    }
+    return item;
+}
+
+// ------------------------------------------------------------- processing
+
+// Tells the tracker what the place says of the room, once the sensor is located
+// and again when it was moved.
+static enum status describe_room(struct recorder *r, struct pose world_from_color)
+{
+    struct pose world_from_depth = pose_multiply(world_from_color, r->calibration->color_from_depth);
+    enum status status = background_predict(r->place, &r->calibration->depth, world_from_depth, r->background);
+    if (status != OK)
+        return status;
+    tracker_set_background(r->tracker, r->background);
+    struct vec3 up = quat_rotate(quat_conjugate(world_from_depth.rotation), v3(0, 0, 1));
+    tracker_set_floor(r->tracker, up, world_from_depth.translation.z);
+    r->room_known = true;
+    return OK;
+}
+
+static enum status locate_item(struct recorder *r, struct item *item)
+{
+    if (!r->sensor_pose)
+        return OK;
+    item->located = sensor_pose_get(r->sensor_pose, &item->world_from_camera);
+    bool moved = sensor_pose_moves(r->sensor_pose) != r->moves_seen;
+    r->moves_seen = sensor_pose_moves(r->sensor_pose);
+    return item->located && (moved || !r->room_known) ? describe_room(r, item->world_from_camera) : OK;
+}
+
+static enum status track_item(struct recorder *r, struct item *item)
+{
+    if (!item->depth)
+        return OK;
+    enum status status = tracker_next(r->tracker, item->time_ns, item->depth, &item->skeleton, item->mask);
+    if (status == NOTHING)
+        return OK;
+    if (status != OK)
+        return status;
+    item->has_skeleton = true;
+    item->body_changed = representative_offer(&r->representative, r->frames_processed, r->calibration,
+                                              &item->skeleton, item->depth, item->mask);
+    item->body = r->representative.body;
+    return OK;
+}
+
+// Takes the item over. After the sensor's first frames, which were looked at before.
+static enum status process_item(struct recorder *r, struct item *item, bool looked_at)
+{
+    int64_t begun = clock_now_ns();
+    enum status status = OK;
+    if (r->sensor_pose && !looked_at)
+        status = sensor_pose_look(r->sensor_pose, item->color, item->depth);
+    if (status == OK)
+        status = locate_item(r, item);
+    if (status == OK)
+        status = track_item(r, item);
+    if (status == OK && item->color && !item->jpeg)
+        status = jpeg_encode(item->color, r->calibration->color.width, r->calibration->color.height, JPEG_QUALITY,
+                             &item->jpeg, &item->jpeg_bytes);
+    double ms = (double)(clock_now_ns() - begun) / 1e6;
+    r->busy_ms += ms;
+    r->slowest_ms = fmax(r->slowest_ms, ms);
+    r->frames_processed++;
+    if (status != OK || !queue_put(r->to_write, item))
+        item_free(item);
+    return status;
+}
+
+// The first frames are held back until the sensor's pose has settled from all of them.
+static enum status process_first(struct recorder *r)
+{
+    struct item *held[SENSOR_POSE_SETTLE];
+    int count = 0;
+    enum status status = OK;
+    while (count < SENSOR_POSE_SETTLE && status == OK && (held[count] = queue_take(r->to_process))) {
+        if (r->sensor_pose)
+            status = sensor_pose_look(r->sensor_pose, held[count]->color, held[count]->depth);
+        count++;
+    }
+    for (int i = 0; i < count; i++) {
+        if (status == OK)
+            status = process_item(r, held[i], true);
+        else
+            item_free(held[i]);
+    }
+    return status;
+}
+
+static void *process_all(void *context)
+{
+    struct recorder *r = context;
+    enum status status = process_first(r);
+    struct item *item;
+    while (status == OK && (item = queue_take(r->to_process)))
+        status = process_item(r, item, false);
+    if (status != OK)
+        snprintf(r->process_sentence, sizeof r->process_sentence, "%s", status_sentence());
+    r->process_status = status;
+    queue_stop(r->to_process);
+    queue_stop(r->to_write);
+    return NULL;
+}
+
+// ------------------------------------------------------------- writing
+
+static enum status write_item(struct recorder *r, const struct item *item)
+{
+    struct take_frame frame = {
+        .time_ns = item->time_ns,
+        .world_from_camera = item->world_from_camera,
+        .located = item->located,
+        .jpeg = item->jpeg,
+        .jpeg_bytes = item->jpeg_bytes,
+        .depth = item->depth,
+        .mask = item->has_skeleton ? item->mask : NULL,
+        .has_skeleton = item->has_skeleton,
+        .skeleton = item->skeleton,
+    };
+    enum status status = recording_add_frame(r->writer, &frame);
+    if (status == OK && item->body_changed)
+        status = recording_put_body(r->writer, &item->body);
+    if (status == OK) {
+        r->written++;
+        r->tracked += item->has_skeleton;
+    }
+    return status;
+}
+
+static void *write_all(void *context)
+{
+    struct recorder *r = context;
+    enum status status = OK;
+    struct item *item;
+    while (status == OK && (item = queue_take(r->to_write))) {
+        status = write_item(r, item);
+        item_free(item);
+    }
+    if (status != OK)
+        snprintf(r->write_sentence, sizeof r->write_sentence, "%s", status_sentence());
+    r->write_status = status;
+    queue_stop(r->to_write);
+    queue_stop(r->to_process);
+    return NULL;
+}
+
+// ------------------------------------------------------------- reading
+
+// Until the source ends, the user stops or a worker gives up.
+static enum status read_all(struct recorder *r, struct source *source, const struct recorder_options *options,
+                            struct recorder_result *result)
+{
+    for (;;) {
+        if (options->should_stop && options->should_stop())
+            return OK;
+        struct frame frame;
+        enum status status = source_next(source, &frame);
+        if (status == NOTHING)
+            return OK;
+        if (status == ERR_INPUT || status == ERR_CORRUPT || status == ERR_MISSING) {
+            if (!result->damaged++)
+                snprintf(result->first_damage, sizeof result->first_damage, "%.255s", status_sentence());
+            continue;
+        }
+        if (status != OK)
+            return status;
+        struct item *item = item_from_frame(&frame, r->calibration);
+        if (!item)
+            return fail(ERR_MEMORY, "no memory for another frame");
+        bool taken = source_is_live(source) ? queue_try_put(r->to_process, item) : queue_put(r->to_process, item);
+        if (!taken) {
+            item_free(item);
+            if (!source_is_live(source)) // a worker gave up; its own status says why
+                return OK;
+            result->dropped++;
+        }
+        if (options->on_frame)
+            options->on_frame(options->context);
+    }
+}
+
+// ------------------------------------------------------------- the take
+
+static void drain(struct queue *queue)
+{
+    struct item *item;
+    queue_stop(queue);
+    while ((item = queue_take(queue)))
+        item_free(item);
+}
+
+static void recorder_free(struct recorder *r)
+{
+    if (r->to_process)
+        drain(r->to_process);
+    if (r->to_write)
+        drain(r->to_write);
+    queue_close(&r->to_process);
+    queue_close(&r->to_write);
+    sensor_pose_close(&r->sensor_pose);
+    tracker_close(&r->tracker);
+    free(r->background);
+}
+
+static enum status recorder_prepare(struct recorder *r)
+{
+    struct tracker_options options = tracker_default_options();
+    representative_start(&r->representative);
+    enum status status = tracker_open(&r->tracker, r->calibration, &options);
+    if (status == OK && r->place && r->place->tag_count > 0 && r->calibration->color.width > 0)
+        status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
+    if (status == OK)
+        status = queue_open(&r->to_process, WAITING_FRAMES);
+    if (status == OK)
+        status = queue_open(&r->to_write, WAITING_TO_BE_WRITTEN);
+    if (status == OK && !(r->background = malloc(sizeof *r->background * pixels(&r->calibration->depth))))
+        status = fail(ERR_MEMORY, "no memory for the background");
+    return status;
+}
+
+static void fill_result(const struct recorder *r, const struct source *source, struct recorder_result *result)
+{
+    struct pose pose;
+    result->frames = r->written;
+    result->tracked = r->tracked;
+    result->dropped += source_dropped(source);
+    result->located = r->sensor_pose && sensor_pose_get(r->sensor_pose, &pose);
+    result->sensor_moves = r->sensor_pose ? sensor_pose_moves(r->sensor_pose) : 0;
+    result->slowest_ms = r->slowest_ms;
+    result->mean_ms = r->frames_processed ? r->busy_ms / (double)r->frames_processed : 0;
+}
+
+// Runs the two workers beside read_all. The most telling failure wins: the disk, then
+// processing, then the sensor.
+static enum status run_threads(struct recorder *r, struct source *source, const struct recorder_options *options,
+                               struct recorder_result *result)
+{
+    pthread_t processing, writing;
+    if (pthread_create(&processing, NULL, process_all, r))
+        return fail(ERR_MEMORY, "no thread to track the person on");
+    if (pthread_create(&writing, NULL, write_all, r)) {
+        queue_stop(r->to_process);
+        queue_stop(r->to_write);
+        pthread_join(processing, NULL);
+        return fail(ERR_MEMORY, "no thread to write the recording on");
+    }
+    enum status read_status = read_all(r, source, options, result);
+    queue_stop(r->to_process);
+    pthread_join(processing, NULL);
+    pthread_join(writing, NULL);
+    if (r->write_status != OK)
+        return fail(r->write_status, "%s", r->write_sentence);
+    if (r->process_status != OK)
+        return fail(r->process_status, "%s", r->process_sentence);
+    return read_status;
+}
+
+enum status recorder_run(struct source *source, struct recording_writer *writer, const char *name,
+                         const struct place *place, const struct recorder_options *options,
+                         struct recorder_result *result)
+{
+    *result = (struct recorder_result){0};
+    struct recorder r = {.calibration = source_calibration(source), .place = place, .writer = writer};
+    enum status status = recording_begin_take(writer, name, r.calibration);
+    if (status == OK) {
+        status = recorder_prepare(&r);
+        if (status == OK)
+            status = run_threads(&r, source, options, result);
+        fill_result(&r, source, result);
+        if (r.write_status == OK) {
+            // A take that lost its sensor is complete as far as it goes; keep the first sentence.
+            char sentence[512];
+            snprintf(sentence, sizeof sentence, "%s", status_sentence());
+            enum status ended = recording_put_dropped(writer, result->dropped);
+            if (ended == OK)
+                ended = recording_end_take(writer);
+            status = status == OK ? ended : fail(status, "%s", sentence);
+        }
+    }
+    recorder_free(&r);
+    return status;
+}

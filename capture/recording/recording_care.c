@@ -1,0 +1,192 @@
+// Verifying and repairing a recording. What can be read of a damaged one is
+// copied by recording_salvage.c.
+#include "capture/recording/recording_reader.h"
+
+#include "capture/recording/recording_salvage.h"
+#include "platform/file.h"
+#include "platform/jpeg.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+// ------------------------------------------------------------- verify
+
+// Keeps the first complaint and goes on.
+struct findings {
+    enum status first;
+    char sentence[512];
+};
+
+static void note(struct findings *f, enum status status)
+{
+    if (status == OK || status == NOTHING || f->first != OK)
+        return;
+    f->first = status;
+    snprintf(f->sentence, sizeof f->sentence, "%s", status_sentence());
+}
+
+static enum status check_place(struct recording *r)
+{
+    struct place place;
+    enum status status = recording_read_place(r, &place);
+    if (status != OK)
+        return status;
+    const struct calibration *c = &place.calibration;
+    bool finite = isfinite(place.rms_px) && isfinite(place.rms_m);
+    for (int32_t i = 0; i < place.tag_count; i++)
+        finite = finite && isfinite(place.tags[i].side_m) && isfinite(place.tags[i].rms_px) &&
+                 pose_finite(place.tags[i].world_from_tag);
+    for (int32_t i = 0; i < place.point_count; i++)
+        finite = finite && v3_finite(place.points[i].world);
+    uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
+    if (!rgb)
+        status = fail(ERR_MEMORY, "no memory for a picture");
+    for (int32_t i = 0; status == OK && i < place.view_count; i++) {
+        const struct place_view *view = &place.views[i];
+        finite = finite && pose_finite(view->world_from_camera);
+        if (view->jpeg)
+            status = jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height);
+    }
+    if (status == ERR_CORRUPT)
+        status = fail(status, "%s: a view of the place: %s", database_path(recording_database(r)), status_sentence());
+    if (status == OK && !finite)
+        status = fail(ERR_CORRUPT, "%s: the place holds a number that is not finite",
+                      database_path(recording_database(r)));
+    free(rgb);
+    place_free(&place);
+    return status;
+}
+
+static void check_take(struct recording *r, const char *name, struct recording_report *out, struct findings *found)
+{
+    struct take *t;
+    enum status status = take_open(&t, r, name);
+    note(found, status);
+    if (status != OK)
+        return;
+    out->takes++;
+    out->interrupted_takes += !take_is_complete(t);
+    for (int64_t i = 0; i < take_frame_count(t); i++) {
+        struct take_pictures pictures;
+        status = take_read(t, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &pictures);
+        note(found, status);
+        out->frames++;
+        out->damaged_frames += status != OK;
+    }
+    take_close(&t);
+}
+
+// The file and what lies in its log.
+static int64_t size_of(const char *path)
+{
+    static const char *const endings[] = {"", "-wal"};
+    int64_t bytes = 0;
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        struct stat about;
+        snprintf(name, sizeof name, "%s%s", path, endings[i]);
+        if (!stat(name, &about))
+            bytes += about.st_size;
+    }
+    return bytes;
+}
+
+enum status recording_verify(const char *path, struct recording_report *out)
+{
+    *out = (struct recording_report){0};
+    struct recording *r;
+    struct findings found = {0};
+    enum status status = recording_open(&r, path);
+    if (status != OK)
+        return status;
+    out->bytes = size_of(path);
+    note(&found, database_check(recording_database(r)));
+    note(&found, check_place(r));
+    for (int i = 0; i < recording_take_count(r); i++) {
+        const char *name = recording_take_name(r, i);
+        check_take(r, name, out, &found);
+        for (int k = 0; k < i; k++)
+            if (!strcmp(recording_take_name(r, k), name))
+                note(&found, fail(ERR_CORRUPT, "%s has two takes '%s'", path, name));
+    }
+    recording_free(&r);
+    return found.first == OK ? OK : fail(found.first, "%s", found.sentence);
+}
+
+// ------------------------------------------------------------- repair
+
+// A healthy file: its interrupted takes become complete, its log is moved in.
+static enum status tidy(const char *path)
+{
+    struct database *db;
+    enum status status = database_open(&db, path, DATABASE_WRITE);
+    if (status == OK)
+        status = database_claim(db);
+    if (status == OK)
+        status = recording_complete_takes(db);
+    if (status == OK)
+        status = database_settle(db);
+    database_close(&db);
+    return status;
+}
+
+static enum status rename_with_log(const char *from, const char *to)
+{
+    static const char *const endings[] = {"", "-wal", "-shm"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char old[4200], new[4200];
+        snprintf(old, sizeof old, "%s%s", from, endings[i]);
+        snprintf(new, sizeof new, "%s%s", to, endings[i]);
+        if (rename(old, new) && !(i && errno == ENOENT))
+            return fail(ERR_IO, "%s cannot be renamed to %s: %s", old, new, strerror(errno));
+    }
+    return OK;
+}
+
+static void remove_with_log(const char *path)
+{
+    static const char *const endings[] = {"", "-wal", "-shm"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        snprintf(name, sizeof name, "%s%s", path, endings[i]);
+        unlink(name);
+    }
+}
+
+enum status recording_repair(const char *path, struct recording_report *out)
+{
+    enum status status = recording_verify(path, out);
+    if (status == OK) {
+        bool has_log = out->interrupted_takes || !database_is_settled(path);
+        return has_log ? tidy(path) : OK;
+    }
+    if (status != ERR_CORRUPT)
+        return status;
+    char damaged[4100], fresh[4100];
+    if (snprintf(damaged, sizeof damaged, "%s.damaged", path) >= (int)sizeof damaged)
+        return fail(ERR_INPUT, "the path %.60s… is too long", path);
+    snprintf(fresh, sizeof fresh, "%s.repair", path);
+    if (file_exists(damaged))
+        return fail(ERR_EXISTS, "%s is there from an earlier repair; move it away first", damaged);
+    remove_with_log(fresh); // of a repair that was cut off
+    status = recording_salvage(path, fresh, out);
+    if (status == OK)
+        status = rename_with_log(path, damaged);
+    if (status == OK && rename(fresh, path)) {
+        status = fail(ERR_IO, "%s cannot be renamed to %s: %s", fresh, path, strerror(errno));
+        enum status back = rename_with_log(damaged, path);
+        (void)back; // the sentence above is the one to tell
+    }
+    if (status != OK) {
+        char sentence[512];
+        snprintf(sentence, sizeof sentence, "%s", status_sentence());
+        remove_with_log(fresh);
+        return fail(status, "%s", sentence);
+    }
+    out->bytes = size_of(path);
+    return OK;
+}

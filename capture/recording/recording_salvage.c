@@ -1,0 +1,248 @@
+// The damaged file is only read, row by row: where the way to one row leads
+// over a damaged page, the next key may lie on a sound one.
+#include "capture/recording/recording_salvage.h"
+
+#include "capture/recording/recording_reader.h"
+#include "capture/recording/recording_scribe.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum {
+    LOST_ROWS_MOST = 20000, // so many keys in a row that lead nowhere: there is nothing behind them
+    LOST_TAKES_MOST = 100,
+};
+
+struct salvage {
+    struct database *from, *to;
+    struct scribe *scribe;
+    struct statement *frame, *pictures, *takes; // of `from`
+    struct recording_report *report;
+};
+
+// Only this ends a salvage; a row that cannot be read does not.
+static bool is_fatal(enum status status)
+{
+    return status == ERR_MEMORY;
+}
+
+// ------------------------------------------------------------- frames
+
+// One picture if it is as it was written, else nothing and *damaged.
+static const uint8_t *sound(struct statement *s, int column, int crc_column, size_t *count, bool *damaged)
+{
+    const uint8_t *bytes = statement_blob(s, column, count);
+    if (!bytes || crc32_of(0, bytes, *count) == statement_number(s, crc_column))
+        return bytes;
+    *damaged = true;
+    *count = 0;
+    return NULL;
+}
+
+static enum status copy_frame(struct salvage *v, int64_t key, int64_t new_key, const struct take_entry *entry)
+{
+    struct frame_row row = {
+        .key = new_key,
+        .time_ns = entry->time_ns,
+        .located = entry->located,
+        .world_from_camera = entry->world_from_camera,
+        .skeleton = entry->has_skeleton ? &entry->skeleton : NULL,
+    };
+    bool damaged = false;
+    statement_bind_number(v->pictures, 1, key);
+    enum status status = statement_step(v->pictures);
+    if (status == OK) {
+        row.mask = sound(v->pictures, 4, 1, &row.mask_bytes, &damaged);
+        row.depth = sound(v->pictures, 5, 2, &row.depth_bytes, &damaged);
+        row.color = sound(v->pictures, 6, 3, &row.color_bytes, &damaged);
+    }
+    damaged = damaged || !row.color != !entry->has_color || !row.depth != !entry->has_depth ||
+              !row.mask != !entry->has_mask;
+    v->report->frames++;
+    v->report->damaged_frames += damaged;
+    status = is_fatal(status) ? status : scribe_add_frame(v->scribe, &row);
+    statement_reset(v->pictures);
+    return status;
+}
+
+// The next frame from key on that can be read. NOTHING: there is none.
+static enum status next_frame(struct salvage *v, int64_t *key, int64_t last, struct take_entry *entry)
+{
+    for (int64_t lost = 0; lost < LOST_ROWS_MOST && *key <= last; lost++, ++*key) {
+        statement_bind_number(v->frame, 1, *key);
+        statement_bind_number(v->frame, 2, last);
+        enum status status = statement_step(v->frame);
+        if (status == OK) {
+            *key = statement_number(v->frame, 0);
+            status = frame_from_row(v->frame, entry);
+        }
+        statement_reset(v->frame);
+        if (status == OK || status == NOTHING || is_fatal(status))
+            return status;
+    }
+    return NOTHING;
+}
+
+static enum status copy_frames(struct salvage *v, struct take_row *take)
+{
+    int64_t first = frame_key(take->id, 0), last = frame_key(take->id, FRAME_NUMBER_MOST), key = first;
+    int64_t saved = 0, last_saved = first, last_time_ns = 0, representative = -1;
+    struct take_entry entry;
+    enum status status;
+    while ((status = next_frame(v, &key, last, &entry)) == OK) {
+        if (!saved || entry.time_ns > last_time_ns) {
+            status = copy_frame(v, key, frame_key(take->id, saved), &entry);
+            if (status != OK)
+                return status;
+            if (key == frame_key(take->id, take->body.representative_frame))
+                representative = saved;
+            last_time_ns = entry.time_ns;
+            last_saved = key;
+            saved++;
+        }
+        key++;
+    }
+    if (saved) // what is missing between those that were saved
+        v->report->damaged_frames += last_saved - first + 1 - saved;
+    take->body.representative_frame = representative;
+    return status == NOTHING ? OK : status;
+}
+
+// ------------------------------------------------------------- takes
+
+static enum status copy_take(struct salvage *v, struct take_row *take)
+{
+    // A name that was lost, or that a damaged neighbour has too, is made up.
+    if (!take->name[0])
+        snprintf(take->name, sizeof take->name, "take %lld", (long long)take->id);
+    v->report->takes++;
+    v->report->interrupted_takes += !take->complete;
+    enum status status = copy_frames(v, take);
+    take->complete = true;
+    if (take->dropped < 0)
+        take->dropped = 0;
+    return status == OK ? scribe_put_take(v->scribe, take) : status;
+}
+
+static enum status copy_takes(struct salvage *v)
+{
+    int64_t id = 1;
+    for (int lost = 0; lost < LOST_TAKES_MOST; id++) {
+        struct take_row take;
+        bool usable = false;
+        statement_bind_number(v->takes, 1, id);
+        enum status status = statement_step(v->takes);
+        if (status == OK) {
+            enum status sense = take_from_row(v->takes, &take, &usable);
+            (void)sense; // usable is all that counts here
+            id = statement_number(v->takes, 0);
+        }
+        statement_reset(v->takes);
+        if (status == NOTHING)
+            return OK;
+        if (is_fatal(status))
+            return status;
+        lost = usable ? 0 : lost + 1;
+        if (usable) {
+            status = copy_take(v, &take);
+            if (status == OK)
+                status = scribe_go(v->scribe, scribe_stop(v->scribe)); // one take's row at a time
+            if (status != OK)
+                return status;
+        }
+    }
+    return OK;
+}
+
+// ------------------------------------------------------------- the file
+
+static enum status copy_place(const char *path, const char *to)
+{
+    struct recording *r;
+    struct place place;
+    enum status status = recording_open_as(&r, path, DATABASE_SALVAGE);
+    if (status == OK)
+        status = recording_read_place(r, &place);
+    recording_free(&r);
+    if (status != OK) // without its place a take can still be seen
+        return is_fatal(status) ? status : OK;
+    struct recording_writer *w;
+    status = recording_append(&w, to);
+    if (status == OK)
+        status = recording_put_place(w, &place);
+    enum status closed = recording_close(&w);
+    place_free(&place);
+    return status == OK ? closed : status;
+}
+
+static enum status open_both(struct salvage *v, const char *path, const char *to)
+{
+    enum status status = database_open(&v->from, path, DATABASE_SALVAGE);
+    if (status == OK)
+        status = recording_check_tables(v->from);
+    if (status == OK)
+        status = statement_open(&v->frame, v->from,
+                                "SELECT " FRAME_COLUMNS " FROM frame WHERE id BETWEEN ? AND ? ORDER BY id LIMIT 1");
+    if (status == OK)
+        status = statement_open(&v->pictures, v->from, "SELECT " PICTURE_COLUMNS " FROM picture WHERE id = ?");
+    if (status == OK)
+        status = statement_open(&v->takes, v->from,
+                                "SELECT " TAKE_COLUMNS " FROM take WHERE id >= ? ORDER BY id LIMIT 1");
+    if (status == OK)
+        status = database_open(&v->to, to, DATABASE_WRITE);
+    if (status == OK)
+        status = database_claim(v->to);
+    return status == OK ? scribe_open(&v->scribe, v->to) : status;
+}
+
+enum status recording_salvage(const char *path, const char *to, struct recording_report *report)
+{
+    *report = (struct recording_report){0};
+    struct salvage v = {.report = report};
+    struct recording_writer *w;
+    enum status status = recording_create(&w, to);
+    if (status == OK)
+        status = recording_close(&w);
+    if (status == OK)
+        status = copy_place(path, to);
+    if (status == OK)
+        status = open_both(&v, path, to);
+    if (status == OK)
+        status = copy_takes(&v);
+    char sentence[512];
+    snprintf(sentence, sizeof sentence, "%s", status_sentence());
+    enum status written = scribe_close(&v.scribe);
+    statement_close(&v.frame);
+    statement_close(&v.pictures);
+    statement_close(&v.takes);
+    database_close(&v.from);
+    if (v.to && status == OK && written == OK)
+        written = database_settle(v.to);
+    database_close(&v.to);
+    return status == OK ? written : fail(status, "%s", sentence);
+}
+
+enum status recording_complete_takes(struct database *db)
+{
+    struct statement *read, *write = NULL;
+    enum status status = statement_open(&read, db, "SELECT " TAKE_COLUMNS " FROM take WHERE complete = 0 LIMIT 1");
+    if (status == OK)
+        status = statement_open(&write, db, "UPDATE take SET complete = 1, crc = ? WHERE id = ?");
+    while (status == OK && (status = statement_step(read)) == OK) {
+        struct take_row take;
+        bool usable;
+        uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
+        status = take_from_row(read, &take, &usable);
+        statement_reset(read); // before the table changes under it
+        if (status != OK)
+            break;
+        put_calibration(calibration, &take.calibration);
+        put_body(body, &take.body);
+        statement_bind_number(write, 1, take_crc(take.name, calibration, true, take.dropped, body));
+        statement_bind_number(write, 2, take.id);
+        status = statement_run(write);
+    }
+    statement_close(&read);
+    statement_close(&write);
+    return status == NOTHING ? OK : status;
+}

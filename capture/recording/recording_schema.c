@@ -1,0 +1,279 @@
+#include "capture/recording/recording_schema.h"
+
+#include "capture/recording/bytes.h"
+
+#include <stdio.h>
+
+const char *const recording_tables =
+    "CREATE TABLE place(id INTEGER PRIMARY KEY, calibration BLOB, residuals BLOB, tags BLOB, points BLOB,"
+    " crc INTEGER);"
+    "CREATE TABLE place_view(id INTEGER PRIMARY KEY, world_from_camera BLOB, depth BLOB, color BLOB, crc INTEGER);"
+    "CREATE TABLE take(id INTEGER PRIMARY KEY, name TEXT, calibration BLOB, complete INTEGER, dropped INTEGER,"
+    " body BLOB, crc INTEGER);"
+    "CREATE TABLE frame(id INTEGER PRIMARY KEY, time_ns INTEGER, located INTEGER, world_from_camera BLOB,"
+    " skeleton BLOB, pictures INTEGER, crc INTEGER);"
+    "CREATE TABLE picture(id INTEGER PRIMARY KEY, mask_crc INTEGER, depth_crc INTEGER, color_crc INTEGER,"
+    " mask BLOB, depth BLOB, color BLOB);";
+
+// ------------------------------------------------------------- checksums
+
+// Four bytes at a time ("slicing"): table[k][b] is byte b followed by k zero bytes.
+uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count)
+{
+    static _Thread_local uint32_t table[4][256];
+    if (!table[0][1])
+        for (uint32_t b = 0; b < 256; b++) {
+            uint32_t value = b;
+            for (int bit = 0; bit < 8; bit++)
+                value = value >> 1 ^ (value & 1 ? 0xedb88320u : 0);
+            table[0][b] = value;
+        }
+    if (!table[1][1])
+        for (int k = 1; k < 4; k++)
+            for (uint32_t b = 0; b < 256; b++)
+                table[k][b] = table[k - 1][b] >> 8 ^ table[0][table[k - 1][b] & 255];
+    const uint8_t *at = bytes;
+    crc = ~crc;
+    for (; count >= 4; count -= 4) {
+        crc ^= get_u32(&at);
+        crc = table[3][crc & 255] ^ table[2][crc >> 8 & 255] ^ table[1][crc >> 16 & 255] ^ table[0][crc >> 24];
+    }
+    while (count--)
+        crc = crc >> 8 ^ table[0][(crc ^ *at++) & 255];
+    return ~crc;
+}
+
+uint32_t crc32_of_number(uint32_t crc, int64_t value)
+{
+    uint8_t bytes[8];
+    put_u64(bytes, (uint64_t)value);
+    return crc32_of(crc, bytes, sizeof bytes);
+}
+
+uint32_t view_crc(const uint8_t *pose, const uint8_t *depth, size_t depth_bytes, const uint8_t *color,
+                  size_t color_bytes)
+{
+    return crc32_of(crc32_of(crc32_of(0, pose, POSE_BYTES), depth, depth_bytes), color, color_bytes);
+}
+
+uint32_t take_crc(const char *name, const uint8_t calibration[CALIBRATION_BYTES], bool complete, int64_t dropped,
+                  const uint8_t body[BODY_BYTES])
+{
+    uint32_t crc = crc32_of(crc32_of(0, name, strlen(name)), calibration, CALIBRATION_BYTES);
+    return crc32_of(crc32_of_number(crc32_of_number(crc, complete), dropped), body, BODY_BYTES);
+}
+
+uint32_t frame_crc(int64_t time_ns, bool located, const uint8_t pose[POSE_BYTES], const uint8_t *skeleton,
+                   size_t skeleton_bytes, unsigned pictures)
+{
+    uint32_t crc = crc32_of(crc32_of_number(crc32_of_number(0, time_ns), located), pose, POSE_BYTES);
+    return crc32_of_number(crc32_of(crc, skeleton, skeleton_bytes), pictures);
+}
+
+// ------------------------------------------------------------- layouts
+
+static uint8_t *put_vec3(uint8_t *at, struct vec3 v)
+{
+    return put_f64(put_f64(put_f64(at, v.x), v.y), v.z);
+}
+
+static struct vec3 get_vec3(const uint8_t **at)
+{
+    struct vec3 v;
+    v.x = get_f64(at);
+    v.y = get_f64(at);
+    v.z = get_f64(at);
+    return v;
+}
+
+void put_pose(uint8_t out[POSE_BYTES], const struct pose *pose)
+{
+    uint8_t *at = put_vec3(out, pose->translation);
+    at = put_f64(at, pose->rotation.x);
+    at = put_f64(at, pose->rotation.y);
+    at = put_f64(at, pose->rotation.z);
+    put_f64(at, pose->rotation.w);
+}
+
+void get_pose(const uint8_t in[POSE_BYTES], struct pose *out)
+{
+    out->translation = get_vec3(&in);
+    out->rotation.x = get_f64(&in);
+    out->rotation.y = get_f64(&in);
+    out->rotation.z = get_f64(&in);
+    out->rotation.w = get_f64(&in);
+}
+
+static uint8_t *put_lens(uint8_t *at, const struct lens *l)
+{
+    const double numbers[9] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
+    at = put_u32(put_u32(at, (uint32_t)l->width), (uint32_t)l->height);
+    for (int i = 0; i < 9; i++)
+        at = put_f64(at, numbers[i]);
+    return at;
+}
+
+static void get_lens(const uint8_t **at, struct lens *l)
+{
+    double *numbers[9] = {&l->fx, &l->fy, &l->cx, &l->cy, &l->k1, &l->k2, &l->p1, &l->p2, &l->k3};
+    l->width = (int32_t)get_u32(at);
+    l->height = (int32_t)get_u32(at);
+    for (int i = 0; i < 9; i++)
+        *numbers[i] = get_f64(at);
+}
+
+void put_calibration(uint8_t out[CALIBRATION_BYTES], const struct calibration *c)
+{
+    uint8_t *at = put_lens(put_lens(out, &c->color), &c->depth);
+    put_pose(put_u8(at, c->registered), &c->color_from_depth);
+}
+
+void get_calibration(const uint8_t in[CALIBRATION_BYTES], struct calibration *out)
+{
+    get_lens(&in, &out->color);
+    get_lens(&in, &out->depth);
+    out->registered = *in++ != 0;
+    get_pose(in, &out->color_from_depth);
+}
+
+void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        // An unknown joint's position means nothing; it shall not make the file invalid either.
+        bool senseless = s->confidence[j] == 0 && !v3_finite(s->joint[j]);
+        out = put_vec3(out, senseless ? v3(0, 0, 0) : s->joint[j]);
+        out = put_f32(out, s->confidence[j]);
+    }
+}
+
+void get_skeleton(const uint8_t in[SKELETON_BYTES], struct skeleton *out)
+{
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        out->joint[j] = get_vec3(&in);
+        out->confidence[j] = get_f32(&in);
+    }
+}
+
+void put_body(uint8_t out[BODY_BYTES], const struct body *body)
+{
+    out = put_u64(out, (uint64_t)body->representative_frame);
+    for (int p = 0; p < PART_COUNT; p++)
+        out = put_f64(out, body->radius_rate[p]);
+}
+
+void get_body(const uint8_t in[BODY_BYTES], struct body *out)
+{
+    out->representative_frame = (int64_t)get_u64(&in);
+    for (int p = 0; p < PART_COUNT; p++)
+        out->radius_rate[p] = get_f64(&in);
+}
+
+void put_residuals(uint8_t out[RESIDUAL_BYTES], double rms_px, double rms_m)
+{
+    put_f64(put_f64(out, rms_px), rms_m);
+}
+
+void get_residuals(const uint8_t in[RESIDUAL_BYTES], double *rms_px, double *rms_m)
+{
+    *rms_px = get_f64(&in);
+    *rms_m = get_f64(&in);
+}
+
+void put_tag(uint8_t out[TAG_BYTES], const struct place_tag *tag)
+{
+    out = put_f64(put_u32(out, (uint32_t)tag->id), tag->side_m);
+    put_pose(out, &tag->world_from_tag);
+    put_u32(put_f64(out + POSE_BYTES, tag->rms_px), (uint32_t)tag->sightings);
+}
+
+void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out)
+{
+    out->id = (int32_t)get_u32(&in);
+    out->side_m = get_f64(&in);
+    get_pose(in, &out->world_from_tag);
+    in += POSE_BYTES;
+    out->rms_px = get_f64(&in);
+    out->sightings = (int32_t)get_u32(&in);
+}
+
+void put_point(uint8_t out[POINT_BYTES], const struct place_point *point)
+{
+    memcpy(put_vec3(out, point->world), point->descriptor, sizeof point->descriptor);
+}
+
+void get_point(const uint8_t in[POINT_BYTES], struct place_point *out)
+{
+    out->world = get_vec3(&in);
+    memcpy(out->descriptor, in, sizeof out->descriptor);
+}
+
+// ------------------------------------------------------------- senses
+
+enum status calibration_check(const struct calibration *c)
+{
+    enum status status = OK;
+    if (c->color.width)
+        status = lens_check(&c->color, "color");
+    if (status == OK && c->depth.width)
+        status = lens_check(&c->depth, "depth");
+    if (status == OK && !pose_finite(c->color_from_depth))
+        status = fail(ERR_INPUT, "the calibration's color_from_depth holds a number that is not finite");
+    return status;
+}
+
+bool skeleton_is_finite(const struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (!isfinite(s->confidence[j]) || (s->confidence[j] != 0 && !v3_finite(s->joint[j])))
+            return false;
+    return true;
+}
+
+bool body_is_finite(const struct body *body)
+{
+    for (int p = 0; p < PART_COUNT; p++)
+        if (!isfinite(body->radius_rate[p]))
+            return false;
+    return true;
+}
+
+// ------------------------------------------------------------- tables
+
+enum status recording_make_tables(struct database *db)
+{
+    char sql[200];
+    snprintf(sql, sizeof sql, "PRAGMA application_id = %d; PRAGMA user_version = %d;", RECORDING_APPLICATION,
+             RECORDING_SCHEMA);
+    enum status status = database_run(db, "BEGIN IMMEDIATE");
+    if (status == OK)
+        status = database_run(db, recording_tables);
+    if (status == OK)
+        status = database_run(db, sql);
+    return status == OK ? database_run(db, "COMMIT") : status;
+}
+
+enum status recording_check_tables(struct database *db)
+{
+    int64_t application = 0, schema = 0, tables = 0;
+    enum status status = database_number(db, "PRAGMA application_id", &application);
+    if (status == OK)
+        status = database_number(db, "PRAGMA user_version", &schema);
+    if (status != OK)
+        return status;
+    if (application != RECORDING_APPLICATION)
+        return fail(ERR_FORMAT, "%s is not a recording", database_path(db));
+    if (schema > RECORDING_SCHEMA)
+        return fail(ERR_FORMAT, "%s has schema %lld and this program knows schemas up to %d; use a newer program",
+                    database_path(db), (long long)schema, RECORDING_SCHEMA);
+    if (schema < 1)
+        return fail(ERR_CORRUPT, "%s has no valid schema number (%lld)", database_path(db), (long long)schema);
+    // Real tables only: a view or trigger under these names could compute without end.
+    status = database_number(db,
+                             "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name IN"
+                             " ('place', 'place_view', 'take', 'frame', 'picture')",
+                             &tables);
+    if (status == OK && tables != 5)
+        status = fail(ERR_CORRUPT, "%s is damaged: %lld of the 5 tables of a recording are there", database_path(db),
+                      (long long)tables);
+    return status;
+}

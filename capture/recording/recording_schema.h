@@ -1,0 +1,84 @@
+// The tables of a recording and the layout of what lies in them; shared by
+// writer, reader and care, seen by nobody else. docs/format.md tells the same.
+#pragma once
+#include "capture/recording/recording.h"
+#include "platform/database.h"
+
+enum {
+    RECORDING_APPLICATION = 0x5265656e, // "Reen", SQLite's application_id
+    CALIBRATION_BYTES = 2 * (2 * 4 + 9 * 8) + 1 + 7 * 8,
+    POSE_BYTES = 7 * 8,
+    SKELETON_BYTES = JOINT_COUNT * (3 * 8 + 4),
+    BODY_BYTES = 8 + PART_COUNT * 8,
+    RESIDUAL_BYTES = 2 * 8,
+    TAG_BYTES = 4 + 8 + POSE_BYTES + 8 + 4,
+    POINT_BYTES = 3 * 8 + 32,
+    TAKE_NAME_BYTES = 200,
+    PLACE_ITEMS_MOST = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
+};
+
+// A frame's key holds its take's and its running number; its pictures share it.
+static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((int64_t)1 << 32) + number; }
+enum { FRAME_NUMBER_MOST = 0x7fffffff };
+
+extern const char *const recording_tables; // CREATE TABLE ...
+
+// How the statements of writer, reader and care order the columns.
+#define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
+#define VIEW_COLUMNS "id, world_from_camera, depth, color, crc"
+#define TAKE_COLUMNS "id, name, calibration, complete, dropped, body, crc"
+#define FRAME_COLUMNS "id, time_ns, located, world_from_camera, skeleton, pictures, crc"
+#define PICTURE_COLUMNS "id, mask_crc, depth_crc, color_crc, mask, depth, color"
+
+// One row of the table take.
+struct take_row {
+    int64_t id;
+    char name[TAKE_NAME_BYTES + 1];
+    struct calibration calibration;
+    bool complete;
+    int64_t dropped;
+    struct body body;
+};
+
+// CRC-32 as in PNG and zip. Begin with 0, feed on.
+uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
+uint32_t crc32_of_number(uint32_t crc, int64_t value); // its 8 bytes, little-endian
+
+// The crc column of a row: over the columns between key and crc, in order.
+uint32_t view_crc(const uint8_t *pose, const uint8_t *depth, size_t depth_bytes, const uint8_t *color,
+                  size_t color_bytes);
+uint32_t take_crc(const char *name, const uint8_t calibration[CALIBRATION_BYTES], bool complete, int64_t dropped,
+                  const uint8_t body[BODY_BYTES]);
+uint32_t frame_crc(int64_t time_ns, bool located, const uint8_t pose[POSE_BYTES], const uint8_t *skeleton,
+                   size_t skeleton_bytes, unsigned pictures);
+
+void put_pose(uint8_t out[POSE_BYTES], const struct pose *pose);
+void get_pose(const uint8_t in[POSE_BYTES], struct pose *out);
+void put_calibration(uint8_t out[CALIBRATION_BYTES], const struct calibration *calibration);
+void get_calibration(const uint8_t in[CALIBRATION_BYTES], struct calibration *out);
+void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *skeleton);
+void get_skeleton(const uint8_t in[SKELETON_BYTES], struct skeleton *out);
+void put_body(uint8_t out[BODY_BYTES], const struct body *body);
+void get_body(const uint8_t in[BODY_BYTES], struct body *out);
+void put_residuals(uint8_t out[RESIDUAL_BYTES], double rms_px, double rms_m);
+void get_residuals(const uint8_t in[RESIDUAL_BYTES], double *rms_px, double *rms_m);
+void put_tag(uint8_t out[TAG_BYTES], const struct place_tag *tag);
+void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out);
+void put_point(uint8_t out[POINT_BYTES], const struct place_point *point);
+void get_point(const uint8_t in[POINT_BYTES], struct place_point *out);
+
+// Finite, and of senses that any reader can rely on. ERR_INPUT with a sentence.
+MUST_CHECK enum status calibration_check(const struct calibration *calibration);
+bool skeleton_is_finite(const struct skeleton *skeleton);
+bool body_is_finite(const struct body *body);
+
+// Pixels of the depth picture; 0 when there is none.
+static inline size_t depth_pixels(const struct calibration *c)
+{
+    return (size_t)c->depth.width * (size_t)c->depth.height;
+}
+
+// Makes the tables in an empty database, or checks that these are a recording's:
+// ERR_FORMAT not ours or newer, ERR_CORRUPT tables missing.
+MUST_CHECK enum status recording_make_tables(struct database *db);
+MUST_CHECK enum status recording_check_tables(struct database *db);

@@ -1,0 +1,334 @@
+// Writing a recording: checks and codes what is given; the scribe writes it.
+#include "capture/recording/depth_codec.h"
+#include "capture/recording/recording_scribe.h"
+
+#include "platform/jpeg.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+struct recording_writer {
+    struct database *db; // the scribe's but between scribe_stop and scribe_go
+    struct scribe *scribe;
+    struct depth_coder *coder, *mask_coder; // each lends its bytes until its next call
+    bool taking;
+    struct take_row take; // the open one
+    int64_t frames, last_time_ns;
+};
+
+// ------------------------------------------------------------- opening and closing
+
+// Frees everything; returns the first error the writer met, with its sentence.
+// Only a writer without an error tidies up the log.
+static enum status release(struct recording_writer **w, enum status status)
+{
+    char sentence[512];
+    snprintf(sentence, sizeof sentence, "%s", status_sentence());
+    struct recording_writer *gone = *w;
+    *w = NULL;
+    enum status written = scribe_close(&gone->scribe);
+    if (written == OK && status == OK)
+        written = database_settle(gone->db);
+    database_close(&gone->db);
+    depth_coder_close(&gone->coder);
+    depth_coder_close(&gone->mask_coder);
+    free(gone);
+    return status == OK ? written : fail(status, "%s", sentence);
+}
+
+static enum status prepare(struct recording_writer *w)
+{
+    enum status status = depth_coder_open(&w->coder);
+    if (status == OK)
+        status = depth_coder_open(&w->mask_coder);
+    return status == OK ? scribe_open(&w->scribe, w->db) : status;
+}
+
+enum status recording_create(struct recording_writer **out, const char *path)
+{
+    struct recording_writer *w = *out = calloc(1, sizeof *w);
+    if (!w)
+        return fail(ERR_MEMORY, "no memory to write %s", path);
+    enum status status = database_open(&w->db, path, DATABASE_CREATE);
+    if (status != OK)
+        return release(out, status); // and leave alone what was there before
+    status = database_run(w->db, "PRAGMA page_size = 65536");
+    if (status == OK)
+        status = database_claim(w->db);
+    if (status == OK)
+        status = recording_make_tables(w->db);
+    if (status == OK)
+        status = prepare(w);
+    if (status == OK)
+        return OK;
+    status = release(out, status);
+    static const char *const endings[] = {"", "-wal", "-shm"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        if (snprintf(name, sizeof name, "%s%s", path, endings[i]) < (int)sizeof name)
+            unlink(name);
+    }
+    return status;
+}
+
+enum status recording_append(struct recording_writer **out, const char *path)
+{
+    struct recording_writer *w = *out = calloc(1, sizeof *w);
+    if (!w)
+        return fail(ERR_MEMORY, "no memory to write %s", path);
+    enum status status = database_open(&w->db, path, DATABASE_WRITE);
+    if (status == OK)
+        status = recording_check_tables(w->db);
+    if (status == OK)
+        status = database_claim(w->db);
+    if (status == OK)
+        status = prepare(w);
+    return status == OK ? OK : release(out, status);
+}
+
+enum status recording_close(struct recording_writer **w)
+{
+    return *w ? release(w, OK) : OK;
+}
+
+// ------------------------------------------------------------- the place
+
+static enum status check_place(const struct place *p)
+{
+    enum status status = calibration_check(&p->calibration);
+    if (status != OK)
+        return status;
+    if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MOST || p->point_count < 0 ||
+        p->point_count > PLACE_ITEMS_MOST || p->view_count < 0 || p->view_count > PLACE_ITEMS_MOST)
+        return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
+    bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
+    for (int32_t i = 0; i < p->tag_count; i++)
+        finite = finite && pose_finite(p->tags[i].world_from_tag) && isfinite(p->tags[i].side_m) &&
+                 isfinite(p->tags[i].rms_px);
+    for (int32_t i = 0; i < p->point_count; i++)
+        finite = finite && v3_finite(p->points[i].world);
+    for (int32_t i = 0; i < p->view_count; i++)
+        finite = finite && pose_finite(p->views[i].world_from_camera);
+    return finite ? OK : fail(ERR_INPUT, "the place holds a number that is not finite");
+}
+
+static enum status put_place_row(struct database *db, const struct place *p)
+{
+    size_t tag_bytes = (size_t)p->tag_count * TAG_BYTES, point_bytes = (size_t)p->point_count * POINT_BYTES;
+    uint8_t calibration[CALIBRATION_BYTES], residuals[RESIDUAL_BYTES];
+    uint8_t *tags = malloc(tag_bytes + 1), *points = malloc(point_bytes + 1); // never of no bytes: that is NULL
+    struct statement *s = NULL;
+    enum status status = OK;
+    if (!tags || !points)
+        status = fail(ERR_MEMORY, "no memory to write the place");
+    if (status == OK)
+        status = statement_open(&s, db, "INSERT INTO place(id, " PLACE_COLUMNS ") VALUES(1,?,?,?,?,?)");
+    if (status == OK) {
+        put_calibration(calibration, &p->calibration);
+        put_residuals(residuals, p->rms_px, p->rms_m);
+        for (int32_t i = 0; i < p->tag_count; i++)
+            put_tag(tags + (size_t)i * TAG_BYTES, &p->tags[i]);
+        for (int32_t i = 0; i < p->point_count; i++)
+            put_point(points + (size_t)i * POINT_BYTES, &p->points[i]);
+        uint32_t crc = crc32_of(crc32_of(0, calibration, sizeof calibration), residuals, sizeof residuals);
+        statement_bind_blob(s, 1, calibration, sizeof calibration);
+        statement_bind_blob(s, 2, residuals, sizeof residuals);
+        statement_bind_blob(s, 3, tags, tag_bytes);
+        statement_bind_blob(s, 4, points, point_bytes);
+        statement_bind_number(s, 5, crc32_of(crc32_of(crc, tags, tag_bytes), points, point_bytes));
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    free(tags);
+    free(points);
+    return status;
+}
+
+static enum status put_views(struct database *db, struct depth_coder *coder, const struct place *p)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, db, "INSERT INTO place_view(" VIEW_COLUMNS ") VALUES(?,?,?,?,?)");
+    for (int32_t i = 0; status == OK && i < p->view_count; i++) {
+        const struct place_view *view = &p->views[i];
+        const uint8_t *depth = NULL;
+        size_t depth_bytes = 0, jpeg_bytes = view->jpeg ? view->jpeg_bytes : 0;
+        uint8_t pose[POSE_BYTES];
+        put_pose(pose, &view->world_from_camera);
+        if (view->depth && depth_pixels(&p->calibration))
+            status = depth_encode(coder, view->depth, p->calibration.depth.width, p->calibration.depth.height,
+                                  &depth, &depth_bytes);
+        if (status != OK)
+            break;
+        statement_bind_number(s, 1, i);
+        statement_bind_blob(s, 2, pose, sizeof pose);
+        statement_bind_blob(s, 3, depth, depth_bytes);
+        statement_bind_blob(s, 4, view->jpeg, jpeg_bytes);
+        statement_bind_number(s, 5, view_crc(pose, depth, depth_bytes, view->jpeg, jpeg_bytes));
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
+enum status recording_put_place(struct recording_writer *w, const struct place *place)
+{
+    enum status status = check_place(place);
+    if (status != OK)
+        return status;
+    status = scribe_stop(w->scribe);
+    if (status == OK)
+        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view");
+    if (status == OK)
+        status = put_place_row(w->db, place);
+    if (status == OK)
+        status = put_views(w->db, w->coder, place);
+    if (status == OK)
+        status = database_run(w->db, "COMMIT");
+    return scribe_go(w->scribe, status);
+}
+
+// ------------------------------------------------------------- takes
+
+static enum status check_name(const char *name)
+{
+    size_t length = strlen(name);
+    if (!length || length > TAKE_NAME_BYTES)
+        return fail(ERR_INPUT, "a take's name has 1 to %d bytes, not %zu", TAKE_NAME_BYTES, length);
+    for (const char *c = name; *c; c++)
+        if ((unsigned char)*c < 32 || *c == 127)
+            return fail(ERR_INPUT, "a take's name cannot hold control characters");
+    return OK;
+}
+
+// NOTHING: no take of that name yet.
+static enum status find_take(struct recording_writer *w, const char *name)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, w->db, "SELECT id FROM take WHERE name = ?");
+    if (status == OK) {
+        statement_bind_text(s, 1, name);
+        status = statement_step(s);
+    }
+    statement_close(&s);
+    return status;
+}
+
+// What recording_begin_take does with the database, all of it reading.
+static enum status new_take_id(struct recording_writer *w, const char *name)
+{
+    enum status status = find_take(w, name);
+    if (status == OK)
+        return ERR_EXISTS;
+    return status == NOTHING ? database_number(w->db, "SELECT coalesce(max(id), 0) + 1 FROM take", &w->take.id)
+                             : status;
+}
+
+enum status recording_begin_take(struct recording_writer *w, const char *name, const struct calibration *calibration)
+{
+    assert(!w->taking);
+    enum status status = check_name(name);
+    if (status == OK)
+        status = calibration_check(calibration);
+    if (status != OK)
+        return status;
+    status = scribe_stop(w->scribe);
+    if (status == OK)
+        status = new_take_id(w, name);
+    if (status == ERR_EXISTS) {
+        scribe_go(w->scribe, OK); // nothing is broken by that
+        return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(w->db), name);
+    }
+    status = scribe_go(w->scribe, status);
+    if (status != OK)
+        return status;
+    w->frames = 0;
+    w->take = (struct take_row){.id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}};
+    snprintf(w->take.name, sizeof w->take.name, "%s", name);
+    status = scribe_put_take(w->scribe, &w->take);
+    if (status == OK)
+        status = scribe_go(w->scribe, scribe_stop(w->scribe)); // committed, so that readers see it begin
+    w->taking = status == OK;
+    return status;
+}
+
+enum status recording_put_body(struct recording_writer *w, const struct body *body)
+{
+    assert(w->taking);
+    if (!body_is_finite(body))
+        return fail(ERR_INPUT, "a body's radius is not finite");
+    w->take.body = *body;
+    return scribe_put_take(w->scribe, &w->take);
+}
+
+enum status recording_put_dropped(struct recording_writer *w, int64_t dropped)
+{
+    assert(w->taking && dropped >= 0);
+    w->take.dropped = dropped;
+    return scribe_put_take(w->scribe, &w->take);
+}
+
+enum status recording_end_take(struct recording_writer *w)
+{
+    assert(w->taking);
+    w->taking = false;
+    w->take.complete = true;
+    enum status status = scribe_put_take(w->scribe, &w->take);
+    return status == OK ? scribe_go(w->scribe, scribe_stop(w->scribe)) : status;
+}
+
+// ------------------------------------------------------------- frames
+
+static enum status check_frame(const struct recording_writer *w, const struct take_frame *f)
+{
+    const struct calibration *c = &w->take.calibration;
+    if (w->frames && f->time_ns <= w->last_time_ns)
+        return fail(ERR_ORDER, "a frame of %lld ns came after one of %lld ns", (long long)f->time_ns,
+                    (long long)w->last_time_ns);
+    if (w->frames > FRAME_NUMBER_MOST)
+        return fail(ERR_INPUT, "the take '%s' is full", w->take.name);
+    if (!pose_finite(f->world_from_camera) || (f->has_skeleton && !skeleton_is_finite(&f->skeleton)))
+        return fail(ERR_INPUT, "a frame's pose or skeleton holds a number that is not finite");
+    if ((f->depth || f->mask) && !depth_pixels(c))
+        return fail(ERR_INPUT, "a frame has depth but the take's calibration has no depth camera");
+    if (f->jpeg) {
+        int width, height;
+        enum status status = jpeg_size(f->jpeg, f->jpeg_bytes, &width, &height);
+        if (status != OK)
+            return fail(ERR_INPUT, "a frame's colour cannot be kept: %s", status_sentence());
+        if (width != c->color.width || height != c->color.height)
+            return fail(ERR_INPUT, "a frame's colour has %d x %d pixels where the calibration says %d x %d", width,
+                        height, c->color.width, c->color.height);
+    }
+    return OK;
+}
+
+enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame)
+{
+    assert(w->taking);
+    enum status status = check_frame(w, frame);
+    if (status != OK)
+        return status;
+    const struct lens *lens = &w->take.calibration.depth;
+    struct frame_row row = {
+        .key = frame_key(w->take.id, w->frames),
+        .time_ns = frame->time_ns,
+        .located = frame->located,
+        .world_from_camera = frame->world_from_camera,
+        .skeleton = frame->has_skeleton ? &frame->skeleton : NULL,
+        .color = frame->jpeg,
+        .color_bytes = frame->jpeg ? frame->jpeg_bytes : 0,
+    };
+    if (frame->mask)
+        status = mask_encode(w->mask_coder, frame->mask, lens->width, lens->height, &row.mask, &row.mask_bytes);
+    if (status == OK && frame->depth)
+        status = depth_encode(w->coder, frame->depth, lens->width, lens->height, &row.depth, &row.depth_bytes);
+    if (status == OK)
+        status = scribe_add_frame(w->scribe, &row);
+    if (status == OK) {
+        w->last_time_ns = frame->time_ns;
+        w->frames++;
+    }
+    return status;
+}

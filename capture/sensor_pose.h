@@ -1,0 +1,27 @@
+// Where the recording sensor stands in the place, frame by frame.
+//
+// A sensor on a stand is located in its first frames, and the poses are
+// averaged; later it is only checked now and then. When it was moved, the frames
+// from there on get the new pose. Everything is decided by frame numbers, so
+// that the same frames give the same poses.
+#pragma once
+#include "locate/locate.h"
+
+enum { SENSOR_POSE_SETTLE = 10 }; // frames that are located before the first pose is given
+
+struct sensor_pose;
+
+// ERR_INPUT, ERR_MEMORY as locator_open. Copies what it needs of `place`.
+MUST_CHECK enum status sensor_pose_open(struct sensor_pose **out, const struct place *place,
+                                        const struct calibration *calibration);
+void sensor_pose_close(struct sensor_pose **s);
+
+// Looks at one frame, in order, each once. OK also when nothing was found in it.
+// `depth` may be NULL; where it is there, the pose is made to agree with the floor.
+MUST_CHECK enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
+
+// The pose as far as known. False: not located yet; *out is then the identity.
+bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera);
+
+// How often the sensor was found to have been moved.
+int sensor_pose_moves(const struct sensor_pose *s);

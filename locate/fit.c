@@ -1,0 +1,418 @@
+#include "locate/fit.h"
+
+#include "locate/linear.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// Uncertainty added to every corner: the map's own, in pixels.
+static const double MAP_PX = 0.1;
+// The fit begins with corners this uncertain and tightens, so that tags far from
+// the one that gave the start can pull although they are pixels off.
+static const double STAGES_PX[] = {8, 2, 0.5, 0};
+static const double ROBUST = 3;      // standard deviations from where on errors lose weight
+static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together, even where the steps are fine
+// Two poses count as different from here on, and as equally good up to here.
+static const double APART_RAD = 0.05, ALIKE_COST = 12;
+
+void tag_read_depth(const struct sighting *seen, const struct lens *lens, const uint16_t *depth, struct tag_depth *out)
+{
+    double h[9];
+    out->count = 0;
+    if (!square_homography(seen->ray, h))
+        return;
+    double values[TAG_DEPTH_SAMPLES];
+    enum { GRID = 6 };
+    for (int i = 0; i < GRID * GRID; i++) {
+        double u = ((i % GRID) + 0.5) * 2 / GRID - 1, v = ((i / GRID) + 0.5) * 2 / GRID - 1;
+        double w = h[6] * u + h[7] * v + h[8];
+        struct vec3 ray = v3((h[0] * u + h[1] * v + h[2]) / w, (h[3] * u + h[4] * v + h[5]) / w, 1);
+        struct pixel px = lens_project(lens, ray);
+        int x = (int)floor(px.x + 0.5), y = (int)floor(px.y + 0.5);
+        if (!(px.x > -0.5 && px.y > -0.5) || x >= lens->width || y >= lens->height)
+            continue;
+        double z = depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3;
+        if (z == 0)
+            continue;
+        ray = lens_ray(lens, (struct pixel){x, y}); // where it was really read
+        out->sample[out->count++] = (struct depth_sample){ray.x, ray.y, z};
+    }
+    // Flying pixels and things before the tag: far from the plane z^-1 = a x + b y + c
+    // through the rest, fitted three times with weights.
+    double a = 0, b = 0, c = 0;
+    for (int round = 0; round < 4; round++) {
+        double n[9] = {0}, g[3] = {0};
+        for (int i = 0; i < out->count; i++) {
+            const struct depth_sample *s = &out->sample[i];
+            double q[3] = {s->x, s->y, 1}, error = round ? (s->z - 1 / (a * s->x + b * s->y + c)) / depth_sigma(s->z) : 0;
+            values[i] = error;
+            double weight = 1 / (1 + error * error / (ROBUST * ROBUST)) * pow(s->z, 4) / pow(depth_sigma(s->z), 2);
+            for (int k = 0; k < 3; k++) {
+                g[k] += weight * q[k] / s->z;
+                for (int l = 0; l < 3; l++)
+                    n[k * 3 + l] += weight * q[k] * q[l];
+            }
+        }
+        if (out->count < 6 || !cholesky(n, 3)) {
+            out->count = 0;
+            return;
+        }
+        cholesky_solve(n, 3, g);
+        a = g[0], b = g[1], c = g[2];
+    }
+    int kept = 0, levels = 0;
+    for (int i = 0; i < out->count; i++)
+        if (fabs(values[i]) < 4)
+            out->sample[kept++] = out->sample[i];
+    out->count = kept;
+    for (int i = 0; i < kept; i++) {
+        bool fresh = true;
+        for (int k = 0; k < i; k++)
+            fresh = fresh && out->sample[k].z != out->sample[i].z;
+        levels += fresh;
+    }
+    out->share = DEPTH_SHARE * fmin(1, 3.0 * levels / fmax(1, kept));
+}
+
+struct normal6 {
+    double a[36], g[6], cost;
+};
+
+// Adds a residual e (already whitened) with derivative `by`; weight is the loss's slope.
+static void add(struct normal6 *n, double e, const double by[6], double weight)
+{
+    for (int i = 0; i < 6; i++) {
+        n->g[i] -= weight * by[i] * e;
+        for (int j = 0; j <= i; j++)
+            n->a[i * 6 + j] += weight * by[i] * by[j];
+    }
+}
+
+// Corner errors in ideal pixels and their derivative by a small motion (turn, shift)
+// of the camera, applied on the left. False: a corner is not before the camera.
+static bool corner_errors(const struct fit_tag *tag, const struct pose *camera_from_tag, double fx, double fy,
+                          double e[8], double by[8][6])
+{
+    double half = tag->side_m / 2;
+    const double own[4][2] = {{-half, -half}, {half, -half}, {half, half}, {-half, half}};
+    for (int k = 0; k < 4; k++) {
+        struct vec3 p = pose_apply(*camera_from_tag, v3(own[k][0], own[k][1], 0));
+        if (!(p.z > 1e-3))
+            return false;
+        double x = p.x / p.z, y = p.y / p.z, ux = fx / p.z, uy = fy / p.z;
+        e[2 * k] = fx * (x - tag->seen->ray[k].x);
+        e[2 * k + 1] = fy * (y - tag->seen->ray[k].y);
+        const double row0[6] = {ux * -x * p.y, ux * (p.z + x * p.x), ux * -p.y, ux, 0, -ux * x};
+        const double row1[6] = {uy * (-p.z - y * p.y), uy * y * p.x, uy * p.x, 0, uy, -uy * y};
+        memcpy(by[2 * k], row0, sizeof row0);
+        memcpy(by[2 * k + 1], row1, sizeof row1);
+    }
+    return true;
+}
+
+// The robust cost of depth inside one tag, and its part of the normal equations.
+static double add_depth(struct normal6 *n, const struct fit_tag *tag, const struct pose *camera_from_tag)
+{
+    double cost = 0;
+    struct vec3 normal = quat_rotate(camera_from_tag->rotation, v3(0, 0, 1));
+    double offset = v3_dot(normal, camera_from_tag->translation);
+    for (int i = 0; i < tag->depth->count; i++) {
+        const struct depth_sample *s = &tag->depth->sample[i];
+        struct vec3 ray = v3(s->x, s->y, 1);
+        double slant = v3_dot(normal, ray), sigma = depth_sigma(s->z);
+        if (!(fabs(slant) > 1e-3))
+            continue;
+        double z = offset / slant, e = (z - s->z) / sigma;
+        struct vec3 turn = v3_scale(v3_cross(normal, ray), -z / slant), shift = v3_scale(normal, 1 / slant);
+        double by[6] = {turn.x / sigma, turn.y / sigma, turn.z / sigma, shift.x / sigma, shift.y / sigma, shift.z / sigma};
+        double ratio = 1 + e * e / (ROBUST * ROBUST);
+        add(n, e, by, tag->depth->share / ratio);
+        cost += tag->depth->share * ROBUST * ROBUST * log(ratio);
+    }
+    return cost;
+}
+
+// The weights of one tag's corners.
+struct weights {
+    double a[64];
+};
+
+static void stage_information(const struct sighting *seen, double extra_px, double out[64])
+{
+    memset(out, 0, 64 * sizeof *out);
+    double covariance[64], variance = extra_px * extra_px;
+    if (extra_px < 1 && invert_symmetric(&seen->information[0][0], 8, covariance)) {
+        for (int i = 0; i < 8; i++)
+            covariance[i * 8 + i] += variance + MAP_PX * MAP_PX;
+        if (invert_symmetric(covariance, 8, out))
+            return;
+    }
+    for (int i = 0; i < 8; i++)
+        out[i * 8 + i] = 1 / (variance + 0.25);
+}
+
+// One tag's whole part. Returns its robust cost; a tag behind the camera costs a lot.
+static double add_tag(struct normal6 *n, const struct fit_tag *tag, const double information[64],
+                      const struct pose *camera_from_world, bool with_depth, double fx, double fy)
+{
+    struct pose camera_from_tag = pose_multiply(*camera_from_world, tag->world_from_tag);
+    double e[8], by[8][6], weighed[8], chi2 = 0;
+    if (!corner_errors(tag, &camera_from_tag, fx, fy, e, by))
+        return 1e6;
+    for (int i = 0; i < 8; i++) {
+        weighed[i] = 0;
+        for (int j = 0; j < 8; j++)
+            weighed[i] += information[i * 8 + j] * e[j];
+        chi2 += weighed[i] * e[i];
+    }
+    double bound = 8 * ROBUST * ROBUST, slope = 1 / (1 + chi2 / bound);
+    for (int a = 0; a < 6; a++) {
+        double half[8]; // information * column a
+        for (int i = 0; i < 8; i++) {
+            half[i] = 0;
+            for (int j = 0; j < 8; j++)
+                half[i] += information[i * 8 + j] * by[j][a];
+            n->g[a] -= slope * half[i] * e[i];
+        }
+        for (int b = 0; b <= a; b++)
+            for (int i = 0; i < 8; i++)
+                n->a[a * 6 + b] += slope * half[i] * by[i][b];
+    }
+    double cost = bound * log(1 + chi2 / bound);
+    return tag->depth && with_depth ? cost + add_depth(n, tag, &camera_from_tag) : cost;
+}
+
+// One point's part.
+static double add_point(struct normal6 *n, const struct fit_point *point, double extra_px,
+                        const struct pose *camera_from_world, double fx, double fy)
+{
+    struct vec3 p = pose_apply(*camera_from_world, point->world);
+    if (!(p.z > 1e-2))
+        return 100;
+    double sigma = sqrt(point->sigma_px * point->sigma_px + extra_px * extra_px);
+    double x = p.x / p.z, y = p.y / p.z, ux = fx / (p.z * sigma), uy = fy / (p.z * sigma);
+    double ex = fx * (x - point->x) / sigma, ey = fy * (y - point->y) / sigma;
+    const double row0[6] = {ux * -x * p.y, ux * (p.z + x * p.x), ux * -p.y, ux, 0, -ux * x};
+    const double row1[6] = {uy * (-p.z - y * p.y), uy * y * p.x, uy * p.x, 0, uy, -uy * y};
+    double bound = ROBUST * ROBUST, chi2 = ex * ex + ey * ey, ez = 0, depth = 0;
+    if (point->z > 0) {
+        depth = 1 / (depth_sigma(point->z) + extra_px * p.z / fx);
+        ez = (p.z - point->z) * depth;
+        chi2 += ez * ez;
+    }
+    double slope = 1 / (1 + chi2 / bound);
+    add(n, ex, row0, slope);
+    add(n, ey, row1, slope);
+    if (point->z > 0) {
+        const double row2[6] = {p.y * depth, -p.x * depth, 0, 0, 0, depth};
+        add(n, ez, row2, slope);
+    }
+    return bound * log(1 + chi2 / bound);
+}
+
+// All that one camera is fitted to.
+struct evidence {
+    const struct fit_tag *tags;
+    int tag_count;
+    const struct fit_point *points;
+    int point_count;
+    double point_px, fx, fy;
+    bool depth; // of the tags
+    struct weights information[FIT_MAX_TAGS];
+};
+
+static void normal_equations(const struct evidence *all, const struct pose *camera_from_world, struct normal6 *n)
+{
+    memset(n, 0, sizeof *n);
+    for (int i = 0; i < all->tag_count; i++)
+        if (all->tags[i].used)
+            n->cost += add_tag(n, &all->tags[i], all->information[i].a, camera_from_world, all->depth, all->fx, all->fy);
+    for (int i = 0; i < all->point_count; i++)
+        n->cost += add_point(n, &all->points[i], all->point_px, camera_from_world, all->fx, all->fy);
+}
+
+static void step(struct pose *p, const double d[6])
+{
+    struct pose small = {quat_from_rotation_vector(v3(d[0], d[1], d[2])), {d[3], d[4], d[5]}};
+    *p = pose_multiply(small, *p);
+}
+
+double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
+                  double point_px, double fx, double fy, struct pose *pose)
+{
+    struct evidence all = {.tags = tags, .tag_count = count, .points = points, .point_count = point_count,
+                           .point_px = point_px, .fx = fx, .fy = fy,
+                           // Beside corners that count for little, depth would bend the pose at will.
+                           .depth = tag_px == 0};
+    struct normal6 n, after;
+    double damping = 1e-6;
+    for (int i = 0; i < count; i++)
+        stage_information(tags[i].seen, tag_px, all.information[i].a);
+    normal_equations(&all, pose, &n);
+    for (int round = 0; round < 20; round++) {
+        double a[36], d[6];
+        memcpy(a, n.a, sizeof a);
+        memcpy(d, n.g, sizeof d);
+        for (int i = 0; i < 6; i++)
+            a[i * 6 + i] *= 1 + damping;
+        if (!cholesky(a, 6))
+            break;
+        cholesky_solve(a, 6, d);
+        struct pose next = *pose;
+        step(&next, d);
+        if (!pose_finite(next))
+            break;
+        normal_equations(&all, &next, &after);
+        if (!(after.cost < n.cost)) {
+            damping = fmax(damping * 10, 1e-4);
+            if (damping > 1e4)
+                break;
+            continue;
+        }
+        bool settled = n.cost - after.cost < 1e-7 * (1 + n.cost);
+        *pose = next;
+        n = after;
+        damping *= 0.1;
+        if (settled)
+            break;
+    }
+    return n.cost;
+}
+
+double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx, double fy)
+{
+    struct normal6 n = {0};
+    struct weights w;
+    stage_information(tag->seen, extra_px, w.a);
+    return add_tag(&n, tag, w.a, camera_from_world, true, fx, fy);
+}
+
+double fit_point_error(const struct fit_point *point, const struct pose *camera_from_world, double fx, double fy)
+{
+    struct vec3 p = pose_apply(*camera_from_world, point->world);
+    return p.z > 1e-2 ? hypot(fx * (p.x / p.z - point->x), fy * (p.y / p.z - point->y)) / point->sigma_px : 1e9;
+}
+
+double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy)
+{
+    struct pose camera_from_tag = pose_multiply(*camera_from_world, tag->world_from_tag);
+    double e[8], by[8][6], sum = 0;
+    if (!corner_errors(tag, &camera_from_tag, fx, fy, e, by))
+        return 1e9;
+    for (int i = 0; i < 8; i++)
+        sum += e[i] * e[i];
+    // and the reader must see its face
+    struct vec3 normal = quat_rotate(camera_from_tag.rotation, v3(0, 0, 1));
+    return v3_dot(normal, camera_from_tag.translation) < 0 ? sqrt(sum / 4) : 1e9;
+}
+
+// Sets used and rms_px; of twins with one number only the best is used. Returns how many.
+static int choose(struct fit_tag *tags, int count, const struct pose *pose, double fx, double fy, double max_rms_px)
+{
+    int used = 0;
+    for (int i = 0; i < count; i++) {
+        tags[i].rms_px = fit_tag_rms(&tags[i], pose, fx, fy);
+        tags[i].used = tags[i].rms_px <= max_rms_px;
+    }
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k < count; k++)
+            if (i != k && tags[i].seen->id == tags[k].seen->id && tags[i].used && tags[k].used)
+                tags[tags[i].rms_px <= tags[k].rms_px ? k : i].used = false;
+    for (int i = 0; i < count; i++)
+        used += tags[i].used;
+    return used;
+}
+
+struct candidate {
+    struct pose pose;
+    double cost;
+    int used;
+    uint64_t which; // bit i: tag i
+};
+
+// From one start to the pose that most tags agree on; `loose`: with corners loose at
+// first, which leads out of a mirrored pose where other tags are against it.
+static struct candidate follow(struct fit_tag *tags, int count, struct pose pose, bool loose, double fx, double fy,
+                               double max_rms_px)
+{
+    struct candidate c = {.pose = pose};
+    for (int i = 0; i < count; i++)
+        tags[i].used = true;
+    for (size_t s = loose ? 0 : COUNT_OF(STAGES_PX) - 1; s < COUNT_OF(STAGES_PX); s++)
+        c.cost = fit_refine(tags, count, STAGES_PX[s], NULL, 0, 0, fx, fy, &c.pose);
+    for (int round = 0; round < 3; round++) {
+        uint64_t before = c.which;
+        c.used = choose(tags, count, &c.pose, fx, fy, max_rms_px);
+        c.which = 0;
+        for (int i = 0; i < count; i++)
+            c.which |= (uint64_t)tags[i].used << i;
+        if (!c.used || (round && c.which == before))
+            break;
+        c.cost = fit_refine(tags, count, 0, NULL, 0, 0, fx, fy, &c.pose);
+    }
+    return c;
+}
+
+static bool better(const struct candidate *a, const struct candidate *b)
+{
+    return a->used != b->used ? a->used > b->used : a->cost < b->cost;
+}
+
+static bool twin(const struct fit_tag *tags, int count, int i)
+{
+    for (int k = 0; k < count; k++)
+        if (k != i && tags[k].seen->id == tags[i].seen->id)
+            return true;
+    return false;
+}
+
+// Keeps the best pose and the best of those apart from it.
+static void rank(const struct candidate *c, struct candidate *best, struct candidate *second)
+{
+    bool apart = !best->used || pose_angle(c->pose, best->pose) > APART_RAD;
+    if (!best->used || better(c, best)) {
+        if (best->used && apart)
+            *second = *best;
+        *best = *c;
+        if (second->used && pose_angle(second->pose, best->pose) <= APART_RAD)
+            second->used = 0;
+    } else if (apart && (!second->used || better(c, second))) {
+        *second = *c;
+    }
+}
+
+enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
+                       struct camera_fit *out)
+{
+    struct candidate best = {.used = 0}, second = {.used = 0};
+    assert(count >= 0 && count <= FIT_MAX_TAGS);
+    for (int i = 0; i < count; i++) {
+        struct pose two[2];
+        int n = square_poses(tags[i].side_m, tags[i].seen->ray, two);
+        for (int k = 0; k < 2 * n; k++) {
+            bool loose = k >= n;
+            if (loose && count == 1)
+                break;
+            struct pose start = pose_multiply(two[k % n], pose_inverse(tags[i].world_from_tag));
+            struct candidate c = follow(tags, count, start, loose, fx, fy, max_rms_px);
+            if (c.used && pose_finite(c.pose))
+                rank(&c, &best, &second);
+        }
+    }
+    if (!best.used)
+        return NOTHING;
+    // Which of two tags with one number is the mapped one, only another tag can say.
+    choose(tags, count, &best.pose, fx, fy, max_rms_px);
+    bool vouched = best.used > 1;
+    for (int i = 0; i < count && !vouched; i++)
+        vouched = tags[i].used && !twin(tags, count, i);
+    if (!vouched)
+        return NOTHING;
+    double sum = 0;
+    for (int i = 0; i < count; i++)
+        sum += tags[i].used ? tags[i].rms_px * tags[i].rms_px : 0;
+    *out = (struct camera_fit){best.pose, second.pose, sqrt(sum / best.used), best.cost, best.used};
+    bool mirrored = second.used == best.used && pose_angle(second.pose, best.pose) > APART_RAD &&
+                    (second.which != best.which || second.cost - best.cost < ALIKE_COST);
+    return mirrored ? AMBIGUOUS : OK;
+}

@@ -1,0 +1,76 @@
+// A camera's pose from tags whose place is known: all corners of all tags at
+// once, each weighed by how well it was seen, depth where there is some. Every
+// tag's two mirrored poses are tried as a start, tags that do not fit the rest
+// are left out. Pure; no allocation.
+#pragma once
+#include "locate/refine.h"
+#include "locate/square.h"
+
+enum { FIT_MAX_TAGS = 64, TAG_DEPTH_SAMPLES = 36 };
+
+// Depth read inside a tag: the ray and the depth along z, metres.
+struct depth_sample {
+    double x, y, z; // the point is z * (x, y, 1), camera axes
+};
+
+struct tag_depth {
+    int32_t count;
+    double share; // what one reading is worth beside independent ones: far off, a whole
+                  // tag falls on two or three of the sensor's steps
+    struct depth_sample sample[TAG_DEPTH_SAMPLES];
+};
+
+// Reads up to TAG_DEPTH_SAMPLES pixels evenly spread inside the tag; zeros and
+// pixels that jump out of the tag's plane are left out.
+// depth: of the same pixels as `lens`.
+void tag_read_depth(const struct sighting *seen, const struct lens *lens, const uint16_t *depth, struct tag_depth *out);
+
+// The sensor's noise at a distance: 1.5e-3 z^2 (Khoshelham and Elberink 2012), metres.
+static inline double depth_sigma(double z) { return 1.5e-3 * z * z + 1e-3; }
+
+struct fit_tag {
+    const struct sighting *seen;
+    const struct tag_depth *depth;  // or NULL
+    struct pose world_from_tag;
+    double side_m;
+    bool used;     // out: in agreement with the pose
+    double rms_px; // out: reprojection error of its corners
+};
+
+// A natural point whose place is known, seen on the ray (x, y, 1).
+struct fit_point {
+    struct vec3 world;
+    double x, y;
+    double sigma_px; // of the sighting and of the map together
+    double z;        // depth read there, metres; 0: none
+};
+
+struct camera_fit {
+    struct pose camera_from_world;
+    struct pose other;  // with AMBIGUOUS: the second best
+    double rms_px; // over the corners used
+    double cost;   // robust, whitened; of the tags used
+    int32_t used;
+};
+
+// fx, fy: what a pixel is. 0 <= count <= FIT_MAX_TAGS; the same tag may be there
+// twice, one at most is used.
+// OK, NOTHING (no pose fits within max_rms_px; *out untouched) or AMBIGUOUS
+// (*out is the better of two poses that are apart but fit alike).
+enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
+                       struct camera_fit *out);
+
+// Levenberg-Marquardt on camera_from_world over the tags with `used` set and all
+// points. tag_px, point_px: uncertainty added to every corner and every point,
+// for a start that is far off. Returns the robust cost.
+double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
+                  double point_px, double fx, double fy, struct pose *camera_from_world);
+
+// Reprojection error of one tag; 1e9 behind the camera or from its back.
+double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy);
+
+// The robust cost of one tag, corners (with extra_px) and depth.
+double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx, double fy);
+
+// Reprojection error of a point in its standard deviations; 1e9 behind the camera.
+double fit_point_error(const struct fit_point *p, const struct pose *camera_from_world, double fx, double fy);

@@ -1,0 +1,11 @@
+// Small dense symmetric systems, as the fits of this folder need them.
+// Row-major, n up to LINEAR_MAX. Pure.
+#pragma once
+#include "platform/base.h"
+
+enum { LINEAR_MAX = 16 };
+
+// a = L L^T, L in a's lower triangle. False: not positive definite (or not finite).
+bool cholesky(double *a, int n);
+void cholesky_solve(const double *l, int n, double *b); // b becomes the solution
+bool invert_symmetric(const double *a, int n, double *inverse); // a positive definite

@@ -1,0 +1,39 @@
+// A camera's pose made finer by natural points: where tags are few or all in
+// one corner of the picture, the points around hold the pose still.
+#pragma once
+#include "capture/recording/place.h"
+#include "locate/fit.h"
+#include "platform/features.h"
+
+enum { FEATURES_MAX = 1000 };
+
+// The features of one picture, sorted so that those near a pixel are found fast.
+struct feature_index {
+    const struct feature *features; // borrowed
+    int count;
+    int across, down;
+    int start[4097];          // of each cell in `order`; across * down <= 4096
+    int order[FEATURES_MAX];
+};
+void feature_index_build(struct feature_index *index, const struct feature *features, int count, const struct lens *lens);
+
+struct point_match {
+    int32_t point, feature;
+};
+
+// Which feature shows which point, looked for within radius_px of where the pose
+// puts the point. Each point and each feature at most once. Returns how many.
+int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                 const struct lens *lens, const struct pose *camera_from_world, double radius_px,
+                 struct point_match *out, int capacity);
+
+// From a pose that is roughly right (tags gave it) to one that fits points and
+// tags. depth[i]: metres at feature i, 0 = none; or NULL. On true `pose` is the better
+// one and matches[0 .. *match_count) are the points that agree; on false (too few do)
+// nothing changed.
+bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                   const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
+                   struct pose *camera_from_world, struct point_match *matches, int capacity, int *match_count);
+
+// The standard deviation of a feature's place, pixels.
+static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }

@@ -1,0 +1,15 @@
+// The pose of one square seen by one camera: both poses, since a flat square
+// seen nearly without perspective looks the same mirrored. Pure.
+#pragma once
+#include "platform/geometry.h"
+
+// The homography that takes the square's own (u, v) to the plane z = 1; corner k
+// is at (-1,-1), (1,-1), (1,1), (-1,1). Row-major, h[8] = 1. False: three corners
+// in a line, or a number that is not finite.
+bool square_homography(const struct vec3 ray[4], double h[9]);
+
+// ray: the corners in place.h's order, on the plane z = 1. Fills camera_from_tag
+// with the poses that put the square before the camera and its face towards
+// it, and returns how many: 0, 1 or 2. Infinitesimal plane-based pose estimation
+// (Collins and Bartoli 2014); fit to the corners, not yet refined.
+int square_poses(double side_m, const struct vec3 ray[4], struct pose camera_from_tag[2]);

@@ -1,0 +1,411 @@
+#include "platform/database.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <sqlite3.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+struct database {
+    sqlite3 *handle;
+    char *path;
+    int claim; // the log's descriptor, locked for as long as this is the only writer; -1: no claim
+};
+
+struct statement {
+    sqlite3_stmt *handle;
+    struct database *db;
+};
+
+// What SQLite's answer means for who uses the file.
+static enum status refuse(const struct database *db, int code)
+{
+    const char *path = db->path;
+    const char *why = db->handle ? sqlite3_errmsg(db->handle) : sqlite3_errstr(code);
+    int system_errno = db->handle ? sqlite3_system_errno(db->handle) : 0;
+    switch (code & 0xff) {
+    case SQLITE_NOMEM: return fail(ERR_MEMORY, "no memory to work on %s", path);
+    case SQLITE_NOTADB: return fail(ERR_FORMAT, "%s is not a recording: it is no SQLite file", path);
+    case SQLITE_CORRUPT: return fail(ERR_CORRUPT, "%s is damaged (%s); try reenact-capture repair", path, why);
+    case SQLITE_FULL: return fail(ERR_IO, "%s cannot grow: the disk is full", path);
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED: return fail(ERR_IO, "%s is in use by another program; try again when that has ended", path);
+    case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
+    case SQLITE_CANTOPEN: return fail(ERR_IO, "%s cannot be opened: %s", path, system_errno ? strerror(system_errno) : why);
+    case SQLITE_IOERR:
+        // SQLite looks at errno late, and may find it overwritten with 0.
+        if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
+            (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)))
+            return fail(ERR_IO, "%s cannot grow: the disk is full", path);
+        return fail(ERR_IO, "%s: %s%s%s", path, why, system_errno ? ": " : "",
+                    system_errno ? strerror(system_errno) : "");
+    case SQLITE_TOOBIG: return fail(ERR_INPUT, "%s cannot hold more than a gigabyte in one piece", path);
+    default: return fail(ERR_CORRUPT, "%s does not hold what a recording holds: %s", path, why);
+    }
+}
+
+// ------------------------------------------------------------- opening
+
+// stat and access only: opening and closing the file here would drop the locks
+// that other connections of this process hold on it (POSIX).
+static enum status check_path(const char *path, enum database_access access_wanted)
+{
+    struct stat about;
+    if (stat(path, &about))
+        return fail(errno == ENOENT || errno == ENOTDIR ? ERR_MISSING : ERR_IO, "%s: %s", path, strerror(errno));
+    if (S_ISDIR(about.st_mode))
+        return fail(ERR_FORMAT, "%s is a folder, not a recording", path);
+    if (!S_ISREG(about.st_mode))
+        return fail(ERR_FORMAT, "%s is not a file", path);
+    if (access(path, R_OK))
+        return fail(ERR_IO, "%s: no permission to read it", path);
+    if (access_wanted == DATABASE_WRITE && access(path, W_OK))
+        return fail(ERR_IO, "%s: no permission to write to it", path);
+    return OK;
+}
+
+static enum status make_file(const char *path)
+{
+    int file = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (file < 0 && errno == EEXIST)
+        return fail(ERR_EXISTS, "%s is there already; choose another name or remove it first", path);
+    if (file < 0)
+        return fail(ERR_IO, "%s cannot be made: %s", path, strerror(errno));
+    close(file);
+    return OK;
+}
+
+// file:PATH?immutable=1: no locks, no log, for a file that nobody can be changing.
+static char *frozen_uri(const char *path)
+{
+    static const char hex[] = "0123456789abcdef";
+    char *uri = malloc(strlen(path) * 3 + 32), *at = uri;
+    if (!uri)
+        return NULL;
+    at += sprintf(at, "file:");
+    for (; *path; path++) {
+        unsigned char c = (unsigned char)*path;
+        if ((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || strchr("/._-", c)) {
+            *at++ = (char)c;
+        } else {
+            *at++ = '%';
+            *at++ = hex[c >> 4];
+            *at++ = hex[c & 15];
+        }
+    }
+    sprintf(at, "?immutable=1");
+    return uri;
+}
+
+// Opens and reads the first page. Returns SQLite's code.
+static int connect_to(struct database *db, const char *name, enum database_access access_wanted, bool frozen)
+{
+    bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
+    int flags = SQLITE_OPEN_NOMUTEX | (reads ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE);
+    int code = sqlite3_open_v2(name, &db->handle, flags | (frozen ? SQLITE_OPEN_URI : 0), NULL);
+    if (code != SQLITE_OK)
+        return code;
+    sqlite3_extended_result_codes(db->handle, 1);
+    sqlite3_busy_timeout(db->handle, 3000);
+    // A file from outside may carry a schema that means harm.
+    sqlite3_db_config(db->handle, SQLITE_DBCONFIG_DEFENSIVE, access_wanted != DATABASE_SALVAGE, NULL);
+    sqlite3_db_config(db->handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
+    if (access_wanted == DATABASE_SALVAGE) {
+        code = sqlite3_exec(db->handle, "PRAGMA writable_schema = ON", NULL, NULL, NULL);
+        if (code != SQLITE_OK)
+            return code;
+    }
+    code = sqlite3_exec(db->handle, "PRAGMA cell_size_check = ON", NULL, NULL, NULL);
+    return code == SQLITE_OK ? sqlite3_exec(db->handle, "SELECT count(*) FROM sqlite_schema", NULL, NULL, NULL) : code;
+}
+
+// PATH-wal, as SQLite names its log. The caller frees it; NULL: no memory.
+static char *log_name(const char *path)
+{
+    char *name = malloc(strlen(path) + 5);
+    if (name)
+        sprintf(name, "%s-wal", path);
+    return name;
+}
+
+static bool log_is_empty(const char *path)
+{
+    char *name = log_name(path);
+    if (!name)
+        return false;
+    struct stat about;
+    bool empty = stat(name, &about) ? errno == ENOENT : about.st_size == 0;
+    free(name);
+    return empty;
+}
+
+// A file in write-ahead mode wants to make PATH-shm beside it, also to read. In
+// a folder where that is refused it can still be read when its log is empty.
+static enum status open_without_log(struct database *db, enum database_access access_wanted)
+{
+    if (!log_is_empty(db->path))
+        return fail(ERR_IO,
+                    "%s was not closed in good order and its last part lies in %s-wal, which can only be read where "
+                    "the folder can be written: copy both into a folder of yours",
+                    db->path, db->path);
+    sqlite3_close(db->handle);
+    db->handle = NULL;
+    char *uri = frozen_uri(db->path);
+    if (!uri)
+        return fail(ERR_MEMORY, "no memory to open %s", db->path);
+    int code = connect_to(db, uri, access_wanted, true);
+    free(uri);
+    return code == SQLITE_OK ? OK : refuse(db, code);
+}
+
+enum status database_open(struct database **out, const char *path, enum database_access access_wanted)
+{
+    *out = NULL;
+    enum status status = access_wanted == DATABASE_CREATE ? make_file(path) : check_path(path, access_wanted);
+    if (status != OK)
+        return status;
+    struct database *db = calloc(1, sizeof *db);
+    if (db) {
+        db->path = strdup(path);
+        db->claim = -1;
+    }
+    if (!db || !db->path) {
+        status = fail(ERR_MEMORY, "no memory to open %s", path);
+    } else {
+        int code = connect_to(db, path, access_wanted, false);
+        bool reads = access_wanted == DATABASE_READ || access_wanted == DATABASE_SALVAGE;
+        if (reads && ((code & 0xff) == SQLITE_CANTOPEN || (code & 0xff) == SQLITE_READONLY))
+            status = open_without_log(db, access_wanted);
+        else if (code != SQLITE_OK)
+            status = refuse(db, code);
+    }
+    if (status != OK) {
+        database_close(&db);
+        if (access_wanted == DATABASE_CREATE)
+            unlink(path);
+    }
+    *out = db;
+    return status;
+}
+
+void database_close(struct database **db)
+{
+    if (!*db)
+        return;
+    int code = sqlite3_close((*db)->handle);
+    assert(code == SQLITE_OK && "a statement is still open");
+    (void)code;
+    if ((*db)->claim >= 0)
+        close((*db)->claim);
+    free((*db)->path);
+    free(*db);
+    *db = NULL;
+}
+
+const char *database_path(const struct database *db)
+{
+    return db->path;
+}
+
+// ------------------------------------------------------------- whole statements
+
+enum status database_run(struct database *db, const char *sql)
+{
+    int code = sqlite3_exec(db->handle, sql, NULL, NULL, NULL);
+    return code == SQLITE_OK ? OK : refuse(db, code);
+}
+
+enum status database_number(struct database *db, const char *sql, int64_t *out)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, db, sql);
+    if (status == OK)
+        status = statement_step(s);
+    if (status == OK)
+        *out = statement_number(s, 0);
+    statement_close(&s);
+    return status;
+}
+
+bool database_in_transaction(const struct database *db)
+{
+    return !sqlite3_get_autocommit(db->handle);
+}
+
+enum status database_claim(struct database *db)
+{
+    // NORMAL: a commit does not wait for the disk, a checkpoint does. 64 MiB of
+    // cache hold any batch, so that nothing is written before it is committed.
+    enum status status =
+        database_run(db, "PRAGMA journal_mode = WAL; PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0;"
+                         "PRAGMA cache_size = -65536; BEGIN IMMEDIATE; COMMIT");
+    if (status != OK)
+        return status;
+    // SQLite locks the file and PATH-shm, never the log: its lock is free for us.
+    char *name = log_name(db->path);
+    if (!name)
+        return fail(ERR_MEMORY, "no memory to open %s", db->path);
+    db->claim = open(name, O_RDONLY | O_CLOEXEC);
+    free(name);
+    if (db->claim < 0)
+        return fail(ERR_IO, "%s-wal cannot be opened: %s", db->path, strerror(errno));
+    if (flock(db->claim, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
+        return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
+    return OK;
+}
+
+enum status database_settle(struct database *db)
+{
+    int64_t left;
+    enum status status = database_checkpoint(db, &left);
+    if (status != OK)
+        return status;
+    sqlite3_busy_timeout(db->handle, 0);
+    int code = sqlite3_exec(db->handle, "PRAGMA journal_mode = DELETE", NULL, NULL, NULL);
+    return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : refuse(db, code);
+}
+
+bool database_is_settled(const char *path)
+{
+    static const char *const endings[] = {"-wal", "-shm", "-journal"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        struct stat about;
+        snprintf(name, sizeof name, "%s%s", path, endings[i]);
+        if (!stat(name, &about))
+            return false;
+    }
+    return true;
+}
+
+enum status database_checkpoint(struct database *db, int64_t *left)
+{
+    int in_log = 0, moved = 0;
+    int code = sqlite3_wal_checkpoint_v2(db->handle, NULL, SQLITE_CHECKPOINT_PASSIVE, &in_log, &moved);
+    *left = in_log > moved ? in_log - moved : 0;
+    if (code == SQLITE_BUSY) // another checkpoint is at work: as good as ours
+        return OK;
+    return code == SQLITE_OK ? OK : refuse(db, code);
+}
+
+enum status database_check(struct database *db)
+{
+    struct statement *s;
+    enum status status = statement_open(&s, db, "PRAGMA integrity_check(1)");
+    if (status == OK)
+        status = statement_step(s);
+    if (status == OK && strcmp(statement_text(s, 0), "ok")) {
+        char complaint[300];
+        snprintf(complaint, sizeof complaint, "%s", statement_text(s, 0));
+        for (char *c = complaint; *c; c++)
+            if (*c == '\n')
+                *c = ' ';
+        status = fail(ERR_CORRUPT, "%s is damaged: %s", db->path, complaint);
+    }
+    statement_close(&s);
+    return status;
+}
+
+// ------------------------------------------------------------- statements
+
+enum status statement_open(struct statement **out, struct database *db, const char *sql)
+{
+    struct statement *s = calloc(1, sizeof *s);
+    *out = NULL;
+    if (!s)
+        return fail(ERR_MEMORY, "no memory to work on %s", db->path);
+    s->db = db;
+    int code = sqlite3_prepare_v3(db->handle, sql, -1, SQLITE_PREPARE_PERSISTENT, &s->handle, NULL);
+    if (code != SQLITE_OK) {
+        free(s);
+        return refuse(db, code);
+    }
+    *out = s;
+    return OK;
+}
+
+void statement_close(struct statement **s)
+{
+    if (!*s)
+        return;
+    sqlite3_finalize((*s)->handle);
+    free(*s);
+    *s = NULL;
+}
+
+// Numbers need no memory; text and blobs are only pointed at. What is left to
+// fail is a wrong position.
+static void bound(int code)
+{
+    assert(code == SQLITE_OK);
+    (void)code;
+}
+
+void statement_bind_number(struct statement *s, int position, int64_t value)
+{
+    bound(sqlite3_bind_int64(s->handle, position, value));
+}
+
+void statement_bind_text(struct statement *s, int position, const char *text)
+{
+    bound(sqlite3_bind_text(s->handle, position, text, -1, SQLITE_STATIC));
+}
+
+void statement_bind_blob(struct statement *s, int position, const void *bytes, size_t count)
+{
+    if (bytes)
+        bound(sqlite3_bind_blob64(s->handle, position, bytes, count, SQLITE_STATIC));
+    else
+        bound(sqlite3_bind_null(s->handle, position));
+}
+
+enum status statement_step(struct statement *s)
+{
+    int code = sqlite3_step(s->handle);
+    if (code == SQLITE_ROW)
+        return OK;
+    return code == SQLITE_DONE ? NOTHING : refuse(s->db, code);
+}
+
+void statement_reset(struct statement *s)
+{
+    sqlite3_reset(s->handle); // repeats the last step's error, which is known by now
+    sqlite3_clear_bindings(s->handle);
+}
+
+bool statement_is_null(struct statement *s, int column)
+{
+    return sqlite3_column_type(s->handle, column) == SQLITE_NULL;
+}
+
+int64_t statement_number(struct statement *s, int column)
+{
+    return sqlite3_column_int64(s->handle, column);
+}
+
+const char *statement_text(struct statement *s, int column)
+{
+    const unsigned char *text = sqlite3_column_text(s->handle, column);
+    return text ? (const char *)text : "";
+}
+
+const uint8_t *statement_blob(struct statement *s, int column, size_t *count)
+{
+    const uint8_t *bytes = sqlite3_column_blob(s->handle, column);
+    *count = bytes ? (size_t)sqlite3_column_bytes(s->handle, column) : 0;
+    return bytes;
+}
+
+enum status statement_run(struct statement *s)
+{
+    enum status status;
+    do
+        status = statement_step(s);
+    while (status == OK);
+    statement_reset(s);
+    return status == NOTHING ? OK : status;
+}

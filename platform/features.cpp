@@ -1,0 +1,67 @@
+#include "platform/features.h"
+
+#include <algorithm>
+#include <cstring>
+#include <opencv2/features2d.hpp>
+#include <vector>
+
+namespace {
+
+constexpr int CELL_PX = 40;  // the picture is divided into cells of about this size
+constexpr int EDGE_PX = 19;  // nearer to the edge there is no whole descriptor
+constexpr int FAST_STEP = 10; // grey levels by which a corner stands out
+
+bool better(const cv::KeyPoint &a, const cv::KeyPoint &b)
+{
+    if (a.response != b.response)
+        return a.response > b.response;
+    if (a.pt.y != b.pt.y)
+        return a.pt.y < b.pt.y;
+    return a.pt.x != b.pt.x ? a.pt.x < b.pt.x : a.octave < b.octave;
+}
+
+// The best few of each cell, so that one poster does not take all.
+std::vector<cv::KeyPoint> spread(std::vector<cv::KeyPoint> &all, int width, int height, int capacity)
+{
+    int across = std::max(1, width / CELL_PX), down = std::max(1, height / CELL_PX);
+    std::vector<int> taken((size_t)(across * down), 0);
+    std::vector<cv::KeyPoint> kept;
+    std::sort(all.begin(), all.end(), better);
+    int each = std::max(1, 2 * capacity / (across * down)); // half of the cells are walls
+    for (const cv::KeyPoint &k : all) {
+        int cx = std::min(across - 1, (int)(k.pt.x * (float)across / (float)width));
+        int cy = std::min(down - 1, (int)(k.pt.y * (float)down / (float)height));
+        if (cx >= 0 && cy >= 0 && (int)kept.size() < capacity && taken[(size_t)(cy * across + cx)]++ < each)
+            kept.push_back(k);
+    }
+    return kept;
+}
+
+} // namespace
+
+enum status features_find(const uint8_t *gray, int width, int height, struct feature *out, int capacity, int *count)
+{
+    *count = 0;
+    if (width < 4 * EDGE_PX || height < 4 * EDGE_PX || capacity <= 0)
+        return OK;
+    try {
+        const cv::Mat picture(height, width, CV_8UC1, const_cast<uint8_t *>(gray));
+        auto orb = cv::ORB::create(capacity * 4, 1.2f, 6, EDGE_PX, 0, 2, cv::ORB::FAST_SCORE, 31, FAST_STEP);
+        std::vector<cv::KeyPoint> all;
+        orb->detect(picture, all);
+        std::vector<cv::KeyPoint> kept = spread(all, width, height, capacity);
+        cv::Mat descriptors;
+        orb->compute(picture, kept, descriptors);
+        for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
+            struct feature &f = out[(*count)++];
+            f.at = {kept[i].pt.x, kept[i].pt.y};
+            f.scale = std::pow(1.2f, (float)kept[i].octave);
+            std::memcpy(f.descriptor, descriptors.ptr((int)i), sizeof f.descriptor);
+        }
+        return OK;
+    } catch (const std::bad_alloc &) {
+        return fail(ERR_MEMORY, "no memory to look for features");
+    } catch (const std::exception &e) {
+        return fail(ERR_SOLVER, "looking for features failed: %s", e.what());
+    }
+}

@@ -1,0 +1,551 @@
+#include "platform/gpu.h"
+
+#include <EGL/egl.h>
+#include <EGL/eglext.h>
+#include <GLES3/gl3.h>
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_UNIFORMS = 16, MAX_SAMPLERS = 4 };
+
+typedef GLenum (*reset_status_function)(void);
+
+struct gpu {
+    EGLDisplay display;
+    EGLContext context;
+    bool adopted;
+    char renderer[128];
+    int max_size, max_samples;
+    reset_status_function reset_status; // NULL: the driver cannot say
+};
+
+struct gpu_program {
+    struct gpu *g;
+    GLuint id;
+    GLint uniforms[MAX_UNIFORMS];
+    int sampler_count;
+};
+
+struct gpu_texture {
+    struct gpu *g;
+    GLuint id;
+    enum gpu_format format;
+    int width, height;
+};
+
+struct gpu_mesh {
+    struct gpu *g;
+    GLuint array, vertices, indices;
+    int index_count;
+};
+
+struct gpu_target {
+    struct gpu *g;
+    int width, height;
+    bool multisampled;
+    GLuint drawn;        // framebuffer drawn into
+    GLuint color, depth; // its renderbuffers; color only when multisampled
+    GLuint resolved;     // framebuffer around `texture`; the same as `drawn` without multisampling
+    struct gpu_texture texture;
+};
+
+// ---------------------------------------------------------------- the context
+
+static void use(const struct gpu *g)
+{
+    if (!g->adopted && eglGetCurrentContext() != g->context)
+        eglMakeCurrent(g->display, EGL_NO_SURFACE, EGL_NO_SURFACE, g->context);
+}
+
+static const char *error_name(GLenum error)
+{
+    switch (error) {
+    case GL_OUT_OF_MEMORY:
+        return "out of memory";
+    case GL_INVALID_ENUM:
+        return "invalid enum";
+    case GL_INVALID_VALUE:
+        return "invalid value";
+    case GL_INVALID_OPERATION:
+        return "invalid operation";
+    case GL_INVALID_FRAMEBUFFER_OPERATION:
+        return "incomplete framebuffer";
+    default:
+        return "unknown error";
+    }
+}
+
+enum status gpu_check(struct gpu *g)
+{
+    use(g);
+    if (eglGetCurrentContext() == EGL_NO_CONTEXT || (g->reset_status && g->reset_status() != GL_NO_ERROR))
+        return fail(ERR_DEVICE, "the graphics context was lost; start again");
+    GLenum first = glGetError();
+    if (first == GL_NO_ERROR)
+        return OK;
+    for (int i = 0; i < 16 && glGetError() != GL_NO_ERROR; i++) // a lost context may never run dry
+        ;
+    return fail(ERR_DEVICE, "the graphics driver (%s) reports: %s", g->renderer, error_name(first));
+}
+
+static bool has_word(const char *list, const char *word)
+{
+    size_t length = strlen(word);
+    for (const char *at = list; at && (at = strstr(at, word)); at += length)
+        if ((at == list || at[-1] == ' ') && (at[length] == ' ' || at[length] == 0))
+            return true;
+    return false;
+}
+
+static EGLDisplay find_display(void)
+{
+    const char *client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
+    if (has_word(client, "EGL_MESA_platform_surfaceless")) {
+        PFNEGLGETPLATFORMDISPLAYEXTPROC get =
+            (PFNEGLGETPLATFORMDISPLAYEXTPROC)eglGetProcAddress("eglGetPlatformDisplayEXT");
+        EGLDisplay display = get ? get(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, NULL) : EGL_NO_DISPLAY;
+        if (display != EGL_NO_DISPLAY && eglInitialize(display, NULL, NULL))
+            return display;
+    }
+    EGLDisplay display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
+    if (display != EGL_NO_DISPLAY && eglInitialize(display, NULL, NULL))
+        return display;
+    return EGL_NO_DISPLAY;
+}
+
+static enum status make_context(struct gpu *g)
+{
+    g->display = find_display();
+    if (g->display == EGL_NO_DISPLAY)
+        return fail(ERR_DEVICE, "no graphics driver answers (EGL error 0x%x); is Mesa's EGL installed?", eglGetError());
+    const char *extensions = eglQueryString(g->display, EGL_EXTENSIONS);
+    if (!eglBindAPI(EGL_OPENGL_ES_API) || !has_word(extensions, "EGL_KHR_surfaceless_context"))
+        return fail(ERR_DEVICE, "the graphics driver cannot draw without a window; Mesa's can");
+    // No surface is ever made, so any config that speaks ES 3 will do.
+    const EGLint wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_ES3_BIT, EGL_SURFACE_TYPE, EGL_DONT_CARE, EGL_NONE};
+    EGLConfig config;
+    EGLint count = 0;
+    if (!eglChooseConfig(g->display, wanted, &config, 1, &count) || count < 1)
+        return fail(ERR_DEVICE, "the graphics driver has no OpenGL ES 3");
+    // With robustness the driver tells of a reset instead of leaving it to guessing.
+    const EGLint robust[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY_EXT,
+                             EGL_LOSE_CONTEXT_ON_RESET_EXT, EGL_NONE};
+    const EGLint plain[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_NONE};
+    g->context = EGL_NO_CONTEXT;
+    if (has_word(extensions, "EGL_EXT_create_context_robustness"))
+        g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, robust);
+    if (g->context == EGL_NO_CONTEXT)
+        g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, plain);
+    if (g->context == EGL_NO_CONTEXT || !eglMakeCurrent(g->display, EGL_NO_SURFACE, EGL_NO_SURFACE, g->context))
+        return fail(ERR_DEVICE, "no OpenGL ES 3 context could be made (EGL error 0x%x)", eglGetError());
+    return OK;
+}
+
+static enum status ask_limits(struct gpu *g)
+{
+    GLint major = 0;
+    glGetIntegerv(GL_MAJOR_VERSION, &major);
+    if (major < 3)
+        return fail(ERR_DEVICE, "the graphics context is OpenGL ES %d, version 3 is needed", (int)major);
+    GLint size = 0, samples = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    glGetIntegerv(GL_MAX_SAMPLES, &samples);
+    g->max_size = size;
+    g->max_samples = samples;
+    const char *renderer = (const char *)glGetString(GL_RENDERER);
+    size_t length = renderer ? strnlen(renderer, sizeof g->renderer - 1) : 0;
+    if (length)
+        memcpy(g->renderer, renderer, length);
+    g->renderer[length] = 0;
+    const char *extensions = (const char *)glGetString(GL_EXTENSIONS);
+    if (has_word(extensions, "GL_KHR_robustness"))
+        g->reset_status = (reset_status_function)eglGetProcAddress("glGetGraphicsResetStatusKHR");
+    else if (has_word(extensions, "GL_EXT_robustness"))
+        g->reset_status = (reset_status_function)eglGetProcAddress("glGetGraphicsResetStatusEXT");
+    // Rows without padding everywhere; pixel for pixel the same on every driver.
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glPixelStorei(GL_PACK_ALIGNMENT, 1);
+    glDisable(GL_DITHER);
+    return OK;
+}
+
+static enum status open_as(struct gpu **out, bool adopted)
+{
+    *out = NULL;
+    struct gpu *g = calloc(1, sizeof *g);
+    if (!g)
+        return fail(ERR_MEMORY, "out of memory");
+    g->adopted = adopted;
+    enum status status = OK;
+    if (!adopted)
+        status = make_context(g);
+    else if ((g->context = eglGetCurrentContext()) == EGL_NO_CONTEXT)
+        status = fail(ERR_DEVICE, "there is no graphics context on this thread");
+    if (status == OK)
+        status = ask_limits(g);
+    if (status == OK)
+        status = gpu_check(g);
+    if (status != OK) {
+        gpu_close(&g);
+        return status;
+    }
+    *out = g;
+    return OK;
+}
+
+enum status gpu_open(struct gpu **out) { return open_as(out, false); }
+enum status gpu_adopt(struct gpu **out) { return open_as(out, true); }
+
+void gpu_close(struct gpu **g)
+{
+    if (!*g)
+        return;
+    // The display is the process's and may serve another context: it stays.
+    if (!(*g)->adopted && (*g)->context != EGL_NO_CONTEXT) {
+        eglMakeCurrent((*g)->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+        eglDestroyContext((*g)->display, (*g)->context);
+    }
+    free(*g);
+    *g = NULL;
+}
+
+const char *gpu_renderer(const struct gpu *g) { return g->renderer; }
+int gpu_max_size(const struct gpu *g) { return g->max_size; }
+
+// ---------------------------------------------------------------- programs
+
+static enum status compile(GLuint *out, GLenum kind, const char *text, const char *name)
+{
+    GLuint shader = glCreateShader(kind);
+    glShaderSource(shader, 1, &text, NULL);
+    glCompileShader(shader);
+    GLint good = 0;
+    glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
+    *out = shader;
+    if (good)
+        return OK;
+    char log[300] = "";
+    glGetShaderInfoLog(shader, sizeof log, NULL, log);
+    return fail(ERR_DEVICE, "the %s shader '%s' does not compile: %s", kind == GL_VERTEX_SHADER ? "vertex" : "fragment",
+                name, log);
+}
+
+static enum status link_program(struct gpu_program *p, GLuint vertex, GLuint fragment, const char *name)
+{
+    glAttachShader(p->id, vertex);
+    glAttachShader(p->id, fragment);
+    glLinkProgram(p->id);
+    GLint good = 0;
+    glGetProgramiv(p->id, GL_LINK_STATUS, &good);
+    if (good)
+        return OK;
+    char log[300] = "";
+    glGetProgramInfoLog(p->id, sizeof log, NULL, log);
+    return fail(ERR_DEVICE, "the shaders of '%s' do not link: %s", name, log);
+}
+
+static enum status find_inputs(struct gpu_program *p, const struct gpu_program_text *text)
+{
+    glUseProgram(p->id);
+    for (int i = 0; i < text->uniform_count; i++) {
+        p->uniforms[i] = glGetUniformLocation(p->id, text->uniforms[i]);
+        if (p->uniforms[i] < 0)
+            return fail(ERR_DEVICE, "the shaders of '%s' have no uniform '%s'", text->name, text->uniforms[i]);
+    }
+    for (int i = 0; i < text->sampler_count; i++) {
+        GLint location = glGetUniformLocation(p->id, text->samplers[i]);
+        if (location < 0)
+            return fail(ERR_DEVICE, "the shaders of '%s' have no sampler '%s'", text->name, text->samplers[i]);
+        glUniform1i(location, i);
+    }
+    return OK;
+}
+
+enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_text *text)
+{
+    assert(text->uniform_count <= MAX_UNIFORMS && text->sampler_count <= MAX_SAMPLERS);
+    *out = NULL;
+    use(g);
+    struct gpu_program *p = calloc(1, sizeof *p);
+    if (!p)
+        return fail(ERR_MEMORY, "out of memory");
+    p->g = g;
+    p->sampler_count = text->sampler_count;
+    p->id = glCreateProgram();
+    GLuint vertex = 0, fragment = 0;
+    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, text->name);
+    if (status == OK)
+        status = compile(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->name);
+    if (status == OK)
+        status = link_program(p, vertex, fragment, text->name);
+    glDeleteShader(vertex); // 0 is ignored; attached ones live on with the program
+    glDeleteShader(fragment);
+    if (status == OK)
+        status = find_inputs(p, text);
+    if (status == OK)
+        status = gpu_check(g);
+    if (status != OK) {
+        gpu_program_close(&p);
+        return status;
+    }
+    *out = p;
+    return OK;
+}
+
+void gpu_program_close(struct gpu_program **p)
+{
+    if (!*p)
+        return;
+    use((*p)->g);
+    glDeleteProgram((*p)->id);
+    free(*p);
+    *p = NULL;
+}
+
+void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int count)
+{
+    assert(index >= 0 && index < MAX_UNIFORMS);
+    use(p->g);
+    glUseProgram(p->id);
+    glUniform4fv(p->uniforms[index], count, vec4s);
+}
+
+// ---------------------------------------------------------------- textures
+
+static void upload(const struct gpu_texture *t, const uint8_t *pixels, bool fresh)
+{
+    GLenum layout = t->format == GPU_R8 ? GL_RED : t->format == GPU_RGB8 ? GL_RGB : GL_RGBA;
+    GLint inside = t->format == GPU_R8 ? GL_R8 : t->format == GPU_RGB8 ? GL_RGB8 : GL_RGBA8;
+    glBindTexture(GL_TEXTURE_2D, t->id);
+    if (fresh)
+        glTexImage2D(GL_TEXTURE_2D, 0, inside, t->width, t->height, 0, layout, GL_UNSIGNED_BYTE, pixels);
+    else
+        glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, t->width, t->height, layout, GL_UNSIGNED_BYTE, pixels);
+}
+
+static enum status make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels)
+{
+    if (t->width > t->g->max_size || t->height > t->g->max_size)
+        return fail(ERR_DEVICE, "a picture of %d x %d pixels is larger than the %d this graphics driver (%s) takes",
+                    t->width, t->height, t->g->max_size, t->g->renderer);
+    glGenTextures(1, &t->id);
+    upload(t, pixels, true);
+    GLint how = filter == GPU_LINEAR ? GL_LINEAR : GL_NEAREST;
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, how);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, how);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    return gpu_check(t->g);
+}
+
+enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width, int height,
+                             enum gpu_filter filter, const uint8_t *pixels)
+{
+    assert(width > 0 && height > 0);
+    *out = NULL;
+    use(g);
+    struct gpu_texture *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "out of memory");
+    *t = (struct gpu_texture){.g = g, .format = format, .width = width, .height = height};
+    enum status status = make_texture(t, filter, pixels);
+    if (status != OK) {
+        gpu_texture_close(&t);
+        return status;
+    }
+    *out = t;
+    return OK;
+}
+
+void gpu_texture_close(struct gpu_texture **t)
+{
+    if (!*t)
+        return;
+    use((*t)->g);
+    glDeleteTextures(1, &(*t)->id);
+    free(*t);
+    *t = NULL;
+}
+
+void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
+{
+    use(t->g);
+    upload(t, pixels, false);
+}
+
+// ---------------------------------------------------------------- meshes
+
+enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components, int vertex_count,
+                          const uint16_t *indices, int index_count)
+{
+    assert(components >= 2 && components <= 4 && vertex_count > 0 && vertex_count <= 65536 && index_count > 0);
+    *out = NULL;
+    use(g);
+    struct gpu_mesh *m = calloc(1, sizeof *m);
+    if (!m)
+        return fail(ERR_MEMORY, "out of memory");
+    *m = (struct gpu_mesh){.g = g, .index_count = index_count};
+    glGenVertexArrays(1, &m->array);
+    glGenBuffers(1, &m->vertices);
+    glGenBuffers(1, &m->indices);
+    glBindVertexArray(m->array);
+    glBindBuffer(GL_ARRAY_BUFFER, m->vertices);
+    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof(float) * components * vertex_count, vertices, GL_STATIC_DRAW);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof(uint16_t) * index_count, indices, GL_STATIC_DRAW);
+    glEnableVertexAttribArray(0);
+    glVertexAttribPointer(0, components, GL_FLOAT, GL_FALSE, 0, NULL);
+    glBindVertexArray(0);
+    enum status status = gpu_check(g);
+    if (status != OK) {
+        gpu_mesh_close(&m);
+        return status;
+    }
+    *out = m;
+    return OK;
+}
+
+void gpu_mesh_close(struct gpu_mesh **m)
+{
+    if (!*m)
+        return;
+    use((*m)->g);
+    glDeleteVertexArrays(1, &(*m)->array);
+    glDeleteBuffers(1, &(*m)->vertices);
+    glDeleteBuffers(1, &(*m)->indices);
+    free(*m);
+    *m = NULL;
+}
+
+// ---------------------------------------------------------------- targets
+
+static enum status make_target(struct gpu_target *t, int samples)
+{
+    enum status status = make_texture(&t->texture, GPU_NEAREST, NULL);
+    if (status != OK)
+        return status;
+    glGenFramebuffers(1, &t->resolved);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->resolved);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t->texture.id, 0);
+    t->drawn = t->resolved;
+    if (t->multisampled) {
+        glGenFramebuffers(1, &t->drawn);
+        glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+        glGenRenderbuffers(1, &t->color);
+        glBindRenderbuffer(GL_RENDERBUFFER, t->color);
+        glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, GL_RGBA8, t->width, t->height);
+        glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, t->color);
+    }
+    glGenRenderbuffers(1, &t->depth);
+    glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
+    glRenderbufferStorageMultisample(GL_RENDERBUFFER, t->multisampled ? samples : 0, GL_DEPTH_COMPONENT24, t->width,
+                                     t->height);
+    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, t->depth);
+    status = gpu_check(t->g);
+    if (status == OK && glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+        status = fail(ERR_DEVICE, "the graphics driver (%s) cannot draw into a picture of %d x %d pixels",
+                      t->g->renderer, t->width, t->height);
+    return status;
+}
+
+enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height, int samples)
+{
+    assert(width > 0 && height > 0 && samples >= 1);
+    *out = NULL;
+    use(g);
+    struct gpu_target *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "out of memory");
+    samples = samples < g->max_samples ? samples : g->max_samples;
+    *t = (struct gpu_target){.g = g,
+                             .width = width,
+                             .height = height,
+                             .multisampled = samples > 1,
+                             .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
+    enum status status = make_target(t, samples);
+    if (status != OK) {
+        gpu_target_close(&t);
+        return status;
+    }
+    gpu_target_clear(t);
+    *out = t;
+    return OK;
+}
+
+void gpu_target_close(struct gpu_target **t)
+{
+    if (!*t)
+        return;
+    use((*t)->g);
+    if ((*t)->drawn != (*t)->resolved)
+        glDeleteFramebuffers(1, &(*t)->drawn);
+    glDeleteFramebuffers(1, &(*t)->resolved);
+    glDeleteRenderbuffers(1, &(*t)->color);
+    glDeleteRenderbuffers(1, &(*t)->depth);
+    glDeleteTextures(1, &(*t)->texture.id);
+    free(*t);
+    *t = NULL;
+}
+
+void gpu_target_clear(struct gpu_target *t)
+{
+    use(t->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+    glClearColor(0, 0, 0, 0);
+    glClearDepthf(1);
+    glDepthMask(GL_TRUE);
+    glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}
+
+static void resolve(struct gpu_target *t)
+{
+    if (!t->multisampled)
+        return;
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, t->drawn);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, t->resolved);
+    glBlitFramebuffer(0, 0, t->width, t->height, 0, 0, t->width, t->height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+}
+
+const struct gpu_texture *gpu_target_texture(struct gpu_target *t)
+{
+    use(t->g);
+    resolve(t);
+    return &t->texture;
+}
+
+enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
+{
+    use(t->g);
+    resolve(t);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->resolved);
+    glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
+    return gpu_check(t->g);
+}
+
+// ---------------------------------------------------------------- drawing
+
+void gpu_draw(const struct gpu_job *job)
+{
+    use(job->target->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, job->target->drawn);
+    glViewport(0, 0, job->target->width, job->target->height);
+    glDisable(GL_CULL_FACE);
+    glDisable(GL_BLEND);
+    if (job->depth_test) {
+        glEnable(GL_DEPTH_TEST);
+        glDepthFunc(GL_LESS);
+        glDepthMask(GL_TRUE);
+    } else {
+        glDisable(GL_DEPTH_TEST);
+    }
+    glUseProgram(job->program->id);
+    for (int i = 0; i < job->program->sampler_count; i++) {
+        glActiveTexture(GL_TEXTURE0 + (GLenum)i);
+        glBindTexture(GL_TEXTURE_2D, job->textures[i]->id);
+    }
+    glActiveTexture(GL_TEXTURE0);
+    glBindVertexArray(job->mesh->array);
+    glDrawElements(GL_TRIANGLES, job->mesh->index_count, GL_UNSIGNED_SHORT, NULL);
+    glBindVertexArray(0);
+}

@@ -1,0 +1,92 @@
+#include "reenact/motion.h"
+
+#include <stdlib.h>
+
+static const int64_t MAX_GAP_NS = 500000000;
+
+struct step {
+    int64_t time_ns; // since the take's first frame
+    int64_t frame;
+    struct skeleton world;
+};
+
+struct motion {
+    struct step *steps; // times rising
+    int64_t count;
+};
+
+enum status motion_open(struct motion **out, const struct take *take)
+{
+    *out = NULL;
+    int64_t frames = take_frame_count(take);
+    struct motion *m = calloc(1, sizeof *m);
+    struct step *steps = calloc(frames > 0 ? (size_t)frames : 1, sizeof *steps);
+    if (!m || !steps) {
+        free(m);
+        free(steps);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    m->steps = steps;
+    for (int64_t i = 0; i < frames; i++) {
+        const struct take_entry *e = take_entry(take, i);
+        if (!e->has_skeleton || !e->located)
+            continue;
+        struct step *s = &steps[m->count++];
+        s->time_ns = e->time_ns - take_entry(take, 0)->time_ns;
+        s->frame = i;
+        s->world = skeleton_transform(e->world_from_camera, &e->skeleton);
+        for (int j = 0; j < JOINT_COUNT; j++)
+            if (s->world.confidence[j] > 0 && !v3_finite(s->world.joint[j])) {
+                motion_close(&m);
+                return fail(ERR_INPUT, "frame %lld of the take holds a %s that is nowhere; repair the file",
+                            (long long)i, joint_name((enum joint)j));
+            }
+    }
+    if (!m->count) {
+        motion_close(&m);
+        return fail(ERR_INPUT, "the take has no skeleton in a place, so there is nobody to show; "
+                               "record into a file that has a place");
+    }
+    *out = m;
+    return OK;
+}
+
+void motion_close(struct motion **m)
+{
+    if (!*m)
+        return;
+    free((*m)->steps);
+    free(*m);
+    *m = NULL;
+}
+
+enum status motion_at(const struct motion *m, int64_t time_ns, bool smooth, struct moment *out)
+{
+    // The first step behind time_ns.
+    int64_t low = 0, high = m->count;
+    while (low < high) {
+        int64_t middle = low + (high - low) / 2;
+        if (m->steps[middle].time_ns > time_ns)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    const struct step *after = low < m->count ? &m->steps[low] : &m->steps[m->count - 1];
+    const struct step *before = low > 0 ? &m->steps[low - 1] : &m->steps[0];
+    int64_t to_before = llabs(time_ns - before->time_ns), to_after = llabs(after->time_ns - time_ns);
+    const struct step *nearest = to_before <= to_after ? before : after;
+    if (llabs(time_ns - nearest->time_ns) > MAX_GAP_NS)
+        return NOTHING;
+    *out = (struct moment){.frame = nearest->frame, .skeleton = nearest->world};
+    if (!smooth || before == after || time_ns <= before->time_ns || after->time_ns - before->time_ns > MAX_GAP_NS)
+        return OK;
+    double t = (double)(time_ns - before->time_ns) / (double)(after->time_ns - before->time_ns);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        bool both = before->world.confidence[j] > 0 && after->world.confidence[j] > 0;
+        if (both) { // a joint known on one side only stays as the nearest frame has it
+            out->skeleton.joint[j] = v3_mix(before->world.joint[j], after->world.joint[j], t);
+            out->skeleton.confidence[j] = fminf(before->world.confidence[j], after->world.confidence[j]);
+        }
+    }
+    return OK;
+}

@@ -1,0 +1,21 @@
+// A take's movement as skeletons in the world, at any time of it. Pure; borrows
+// the take, which must outlive it.
+#pragma once
+#include "capture/recording/recording.h"
+
+struct motion;
+
+// ERR_INPUT: no frame of the take has both a skeleton and a measured pose, or a
+// known joint is not finite. ERR_MEMORY.
+MUST_CHECK enum status motion_open(struct motion **out, const struct take *take);
+void motion_close(struct motion **m);
+
+struct moment {
+    int64_t frame;            // the recorded frame nearest in time
+    struct skeleton skeleton; // world axes
+};
+
+// time_ns: since the take's first frame. smooth: joints between the frames before
+// and after, linearly; else those of the nearest frame (the earlier one on a
+// tie). NOTHING: more than half a second from any skeleton.
+MUST_CHECK enum status motion_at(const struct motion *m, int64_t time_ns, bool smooth, struct moment *out);

@@ -1,0 +1,406 @@
+#include "reenact/painter.h"
+
+#include "reenact/cylinders.h"
+#include "reenact/motion.h"
+#include "reenact/select.h"
+#include "reenact/shaders.h"
+#include "reenact/shape.h"
+#include "reenact/texture_cache.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4, SHAPE_FRAMES = 60 };
+
+static const double NEAREST_M = 0.05, FARTHEST_M = 60;
+static const double AUTO_FULL_PX = 48;
+static const double OUTLINE_ERROR_PX = 0.1;
+
+enum actor_uniform { VIEWER_FROM_PART, SOURCE_FROM_PART, VIEW_LENS, VIEW_RANGE, SOURCE_LENS, SOURCE_WINDOW };
+
+struct painter {
+    struct gpu *gpu;
+    struct take *take;
+    struct lens lens;
+    enum detail detail;
+    struct motion *motion;
+    struct selector *selector;
+    struct texture_cache *textures;
+    struct gpu_mesh *shaped[PART_COUNT]; // NULL: the part's shape was not seen, draw it rounded
+    struct gpu_program *actor_program, *compose_program;
+    struct gpu_mesh *whole;                      // one triangle over everything
+    struct gpu_mesh *open[SIDES];                // the paper's cylinder
+    struct gpu_mesh *rounded[PART_COUNT][SIDES]; // made when first wanted
+    struct gpu_texture *camera;
+    struct gpu_target *plain, *smooth, *composed; // actor at paper, actor at full, result
+    struct gpu_target *actor;                     // the one of the two last drawn into
+};
+
+struct painter_options painter_default_options(void)
+{
+    return (struct painter_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20};
+}
+
+enum detail painter_level(double height_px) { return height_px < AUTO_FULL_PX ? DETAIL_PAPER : DETAIL_FULL; }
+
+// ---------------------------------------------------------------- opening
+
+// The lens as the shaders take it.
+static void lens_uniform(const struct lens *l, float out[12])
+{
+    double largest = 0;
+    const struct pixel corners[] = {
+        {-0.5, -0.5}, {l->width - 0.5, -0.5}, {-0.5, l->height - 0.5}, {l->width - 0.5, l->height - 0.5}};
+    for (int i = 0; i < 4; i++) {
+        struct vec3 ray = lens_ray(l, corners[i]);
+        largest = fmax(largest, ray.x * ray.x + ray.y * ray.y);
+    }
+    const double values[12] = {l->fx, l->fy, l->cx, l->cy,          l->k1,    l->k2,
+                               l->p1, l->p2, l->k3, largest * 1.21, l->width, l->height};
+    for (int i = 0; i < 12; i++)
+        out[i] = (float)values[i];
+}
+
+static enum status open_programs(struct painter *p)
+{
+    static const char *const uniforms[] = {
+        [VIEWER_FROM_PART] = "viewer_from_part",
+        [SOURCE_FROM_PART] = "source_from_part",
+        [VIEW_LENS] = "view_lens",
+        [VIEW_RANGE] = "view_range",
+        [SOURCE_LENS] = "source_lens",
+        [SOURCE_WINDOW] = "source_window",
+    };
+    static const char *const actor_samplers[] = {"source_picture"};
+    static const char *const compose_samplers[] = {"camera_picture", "actor_picture"};
+    const struct gpu_program_text actor = {
+        "actor", shader_find("actor.vert"), shader_find("actor.frag"), uniforms, COUNT_OF(uniforms), actor_samplers, 1};
+    const struct gpu_program_text compose = {
+        "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 2};
+    enum status status = gpu_program_open(&p->actor_program, p->gpu, &actor);
+    if (status == OK)
+        status = gpu_program_open(&p->compose_program, p->gpu, &compose);
+    if (status != OK)
+        return status;
+    float lens[12];
+    lens_uniform(&p->lens, lens);
+    gpu_program_set(p->actor_program, VIEW_LENS, lens, 3);
+    lens_uniform(&take_calibration(p->take)->color, lens);
+    gpu_program_set(p->actor_program, SOURCE_LENS, lens, 3);
+    const float range[4] = {(float)NEAREST_M, (float)FARTHEST_M, 0, 0};
+    gpu_program_set(p->actor_program, VIEW_RANGE, range, 1);
+    return OK;
+}
+
+static enum status open_targets(struct painter *p)
+{
+    static const float corners[] = {-1, -1, 3, -1, -1, 3};
+    static const uint16_t order[] = {0, 1, 2};
+    int w = p->lens.width, h = p->lens.height;
+    enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
+    if (status == OK)
+        status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
+    if (status == OK && p->detail != DETAIL_FULL)
+        status = gpu_target_open(&p->plain, p->gpu, w, h, 1);
+    if (status == OK && p->detail != DETAIL_PAPER)
+        status = gpu_target_open(&p->smooth, p->gpu, w, h, SMOOTH_SAMPLES);
+    if (status == OK)
+        status = gpu_target_open(&p->composed, p->gpu, w, h, 1);
+    p->actor = p->plain ? p->plain : p->smooth;
+    return status;
+}
+
+static enum status open_selector(struct painter *p)
+{
+    int64_t frames = take_frame_count(p->take);
+    enum status status = selector_open(&p->selector, frames);
+    for (int64_t i = 0; i < frames && status == OK; i++) {
+        const struct take_entry *e = take_entry(p->take, i);
+        if (e->has_color && e->has_skeleton)
+            status = selector_add(p->selector, i, &e->skeleton, take_body(p->take));
+    }
+    return status;
+}
+
+static enum status open_shapes(struct painter *p)
+{
+    const struct calibration *c = take_calibration(p->take);
+    if (p->detail == DETAIL_PAPER || c->depth.width <= 0)
+        return OK;
+    struct source_rays *rays;
+    enum status status = source_rays_open(&rays, c);
+    struct shape *shape = malloc(sizeof *shape);
+    if (status == OK && !shape)
+        status = fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = shape_measure(shape, p->take, rays, SHAPE_FRAMES);
+    for (int part = 0; part < PART_COUNT && status == OK; part++) {
+        struct cylinder_mesh mesh;
+        if (!shape->parts[part].known)
+            continue;
+        status = shape_mesh(&shape->parts[part], &mesh);
+        if (status != OK)
+            break;
+        status = gpu_mesh_open(&p->shaped[part], p->gpu, mesh.vertices, 3, mesh.vertex_count, mesh.indices,
+                               mesh.index_count);
+        cylinder_mesh_free(&mesh);
+    }
+    free(shape);
+    source_rays_close(&rays);
+    return status;
+}
+
+enum status painter_open(struct painter **out, struct gpu *gpu, struct take *take, const struct lens *lens,
+                         const struct painter_options *options)
+{
+    *out = NULL;
+    enum status status = lens_check(lens, "tablet's");
+    if (status == OK)
+        status = lens_check(&take_calibration(take)->color, "take's colour");
+    if (status != OK)
+        return status;
+    if (take_body(take)->representative_frame < 0)
+        return fail(ERR_INPUT, "the take has no measured body, so nobody can be drawn; "
+                               "record again with the arms once held away from the body");
+    struct painter *p = calloc(1, sizeof *p);
+    if (!p)
+        return fail(ERR_MEMORY, "out of memory");
+    p->gpu = gpu;
+    p->take = take;
+    p->lens = *lens;
+    p->detail = options->detail;
+    status = motion_open(&p->motion, take);
+    if (status == OK)
+        status = open_selector(p);
+    if (status == OK)
+        status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes);
+    if (status == OK)
+        status = open_shapes(p);
+    if (status == OK)
+        status = open_programs(p);
+    if (status == OK)
+        status = open_targets(p);
+    if (status != OK) {
+        painter_close(&p);
+        return status;
+    }
+    *out = p;
+    return OK;
+}
+
+void painter_close(struct painter **out)
+{
+    struct painter *p = *out;
+    if (!p)
+        return;
+    for (int i = 0; i < SIDES; i++) {
+        gpu_mesh_close(&p->open[i]);
+        for (int part = 0; part < PART_COUNT; part++)
+            gpu_mesh_close(&p->rounded[part][i]);
+    }
+    for (int part = 0; part < PART_COUNT; part++)
+        gpu_mesh_close(&p->shaped[part]);
+    gpu_mesh_close(&p->whole);
+    gpu_target_close(&p->plain);
+    gpu_target_close(&p->smooth);
+    gpu_target_close(&p->composed);
+    gpu_texture_close(&p->camera);
+    gpu_program_close(&p->actor_program);
+    gpu_program_close(&p->compose_program);
+    texture_cache_close(&p->textures);
+    selector_close(&p->selector);
+    motion_close(&p->motion);
+    free(p);
+    *out = NULL;
+}
+
+// ---------------------------------------------------------------- parts
+
+static enum status mesh_for(struct painter *p, enum detail level, enum part part, double radius_px,
+                            struct gpu_mesh **out)
+{
+    int sides = cylinder_sides(radius_px, OUTLINE_ERROR_PX), which = 0;
+    while (8 << which < sides)
+        which++;
+    struct gpu_mesh **kept = level == DETAIL_PAPER ? &p->open[which] : &p->rounded[part][which];
+    *out = *kept;
+    if (*out)
+        return OK;
+    struct cylinder_mesh mesh;
+    enum cylinder_shape shape = level == DETAIL_PAPER ? CYLINDER_OPEN : CYLINDER_ROUNDED;
+    enum status status = cylinder_mesh_make(shape, take_body(p->take)->radius_rate[part], sides, ALONG, &mesh);
+    if (status != OK)
+        return status;
+    status = gpu_mesh_open(kept, p->gpu, mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count);
+    cylinder_mesh_free(&mesh);
+    *out = *kept;
+    return status;
+}
+
+// The frame a part takes its colours from, and its texture. NOTHING: there is none.
+static enum status texture_for(struct painter *p, enum detail level, const struct skeleton *in_viewer, enum part part,
+                               const struct selection *whole, int64_t *frame, struct source_texture *texture)
+{
+    if (level == DETAIL_PAPER) {
+        *frame = whole->frame;
+        return texture_cache_whole(p->textures, whole->frame, texture);
+    }
+    for (;;) {
+        struct selection chosen;
+        enum status status = select_part(p->selector, in_viewer, part, &chosen);
+        if (status != OK)
+            return status;
+        *frame = chosen.frame;
+        status = texture_cache_part(p->textures, chosen.frame, part, texture);
+        if (status != NOTHING)
+            return status;
+        selector_exclude(p->selector, chosen.frame, part); // its pictures do not bear out what the joints promise
+    }
+}
+
+// NOTHING: not drawn.
+static enum status draw_part(struct painter *p, enum detail level, const struct skeleton *in_viewer, enum part part,
+                             const struct selection *whole)
+{
+    const struct body *body = take_body(p->take);
+    const struct vec3 eye = v3(0, 0, 0);
+    struct part_frame here, there;
+    struct gpu_mesh *mesh = NULL;
+    if (!part_is_known(body, in_viewer, part) || !part_frame_facing(in_viewer, part, eye, &here))
+        return NOTHING;
+    double radius = body->radius_rate[part] * here.length;
+    double near = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
+    if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < NEAREST_M)
+        return NOTHING; // behind the camera
+    int64_t frame = -1;
+    struct source_texture texture;
+    enum status status = texture_for(p, level, in_viewer, part, whole, &frame, &texture);
+    if (status != OK)
+        return status;
+    const struct skeleton *source = &take_entry(p->take, frame)->skeleton;
+    if (!part_frame_facing(source, part, eye, &there))
+        return NOTHING;
+    struct part_frame here_bodily, there_bodily;
+    if (level != DETAIL_PAPER && p->shaped[part] && part_frame_bodily(in_viewer, part, &here_bodily) &&
+        part_frame_bodily(source, part, &there_bodily)) { // flesh meets flesh
+        mesh = p->shaped[part];
+        here = here_bodily;
+        there = there_bodily;
+    }
+    if (!mesh)
+        status = mesh_for(p, level, part, p->lens.fx * radius / fmax(near, NEAREST_M), &mesh);
+    if (status != OK)
+        return status;
+    struct part_map viewer_from_part = cylinder_map(&here, radius);
+    struct part_map source_from_part = cylinder_map(&there, body->radius_rate[part] * there.length);
+    gpu_program_set(p->actor_program, VIEWER_FROM_PART, viewer_from_part.row[0], 3);
+    gpu_program_set(p->actor_program, SOURCE_FROM_PART, source_from_part.row[0], 3);
+    gpu_program_set(p->actor_program, SOURCE_WINDOW, texture.window, 1);
+    gpu_draw(&(struct gpu_job){.target = p->actor,
+                               .program = p->actor_program,
+                               .mesh = mesh,
+                               .textures = {texture.texture},
+                               .depth_test = true});
+    return OK;
+}
+
+// How high the bones stand in the picture; 0 when the camera stands among them or they are behind it.
+static double height_px(const struct painter *p, const struct skeleton *in_viewer)
+{
+    double top = INFINITY, bottom = -INFINITY;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        if (!(in_viewer->confidence[j] > 0) || !(in_viewer->joint[j].z > NEAREST_M))
+            continue;
+        double y = p->lens.fy * in_viewer->joint[j].y / in_viewer->joint[j].z;
+        top = fmin(top, y);
+        bottom = fmax(bottom, y);
+    }
+    return bottom > top ? bottom - top : 0;
+}
+
+static enum status draw_actor(struct painter *p, const struct painter_view *view, struct painter_result *result)
+{
+    struct moment moment;
+    enum status status = motion_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
+    if (status != OK)
+        return status;
+    struct skeleton in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton);
+    result->shown = moment.frame;
+    result->height_px = height_px(p, &in_viewer);
+    result->level = p->detail == DETAIL_AUTO ? painter_level(result->height_px) : p->detail;
+    p->actor = result->level == DETAIL_PAPER ? p->plain : p->smooth;
+    gpu_target_clear(p->actor);
+    struct selection whole = {0};
+    if (result->level == DETAIL_PAPER) {
+        status = select_whole(p->selector, &in_viewer, &whole);
+        if (status != OK)
+            return status;
+        result->source = whole.frame;
+    }
+    for (int part = 0; part < PART_COUNT; part++) {
+        status = draw_part(p, result->level, &in_viewer, (enum part)part, &whole);
+        if (status < 0)
+            return status;
+        result->parts += status == OK;
+    }
+    return OK;
+}
+
+// ---------------------------------------------------------------- pictures
+
+static enum status compose(struct painter *p, const uint8_t *color)
+{
+    gpu_texture_write(p->camera, color);
+    gpu_draw(&(struct gpu_job){.target = p->composed,
+                               .program = p->compose_program,
+                               .mesh = p->whole,
+                               .textures = {p->camera, gpu_target_texture(p->actor)}});
+    return gpu_check(p->gpu);
+}
+
+enum status painter_draw_nobody(struct painter *p, const uint8_t *color)
+{
+    gpu_target_clear(p->actor);
+    return compose(p, color);
+}
+
+enum status painter_draw(struct painter *p, const struct painter_view *view, struct painter_result *result)
+{
+    *result = (struct painter_result){.level = p->detail, .shown = -1, .source = -1};
+    if (!pose_finite(view->world_from_camera))
+        return fail(ERR_INPUT, "the camera's pose is not finite");
+    gpu_target_clear(p->actor);
+    enum status status = draw_actor(p, view, result);
+    return status < 0 ? status : compose(p, view->color);
+}
+
+enum status painter_read(struct painter *p, uint8_t *rgb)
+{
+    size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
+    uint8_t *rgba = malloc(pixels * 4);
+    if (!rgba)
+        return fail(ERR_MEMORY, "out of memory");
+    enum status status = gpu_target_read(p->composed, rgba);
+    for (size_t i = 0; i < pixels && status == OK; i++)
+        memcpy(rgb + 3 * i, rgba + 4 * i, 3);
+    free(rgba);
+    return status;
+}
+
+enum status painter_read_actor(struct painter *p, uint8_t *rgba)
+{
+    enum status status = gpu_target_read(p->actor, rgba);
+    if (status != OK)
+        return status;
+    size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
+    for (size_t i = 0; i < pixels; i++) { // premultiplied to straight
+        uint8_t *at = rgba + 4 * i;
+        for (int c = 0; c < 3 && at[3] && at[3] < 255; c++) {
+            int straight = (at[c] * 255 + at[3] / 2) / at[3];
+            at[c] = (uint8_t)(straight < 255 ? straight : 255);
+        }
+    }
+    return OK;
+}
+
+const struct gpu_texture *painter_texture(struct painter *p) { return gpu_target_texture(p->composed); }

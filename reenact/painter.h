@@ -1,0 +1,68 @@
+// Draws the recorded person into a tablet camera's picture (2014 paper, section
+// 4.2): moves the skeleton to the viewer, builds the rough model from the radius
+// rates, chooses frames for its colours, gives every part a projection of its
+// own into its frame, and lays it over the picture, lens distortion included.
+//
+// Pure but for the GPU it is given: no clock, no file, no memory of pictures
+// drawn before that would change the next. One painter, one thread.
+#pragma once
+#include "capture/recording/recording.h"
+#include "platform/gpu.h"
+
+enum detail {
+    DETAIL_PAPER, // 2014 to the letter: the yardstick. One frame for the whole body
+                  // (equation 5), that frame's plain colours, open cylinders
+    DETAIL_FULL,  // our best: measured shapes, a frame for each part, its own pixels
+                  // only, smooth edges, joints between recorded instants
+    DETAIL_AUTO,  // full, or less where the eye cannot tell: see painter_level
+};
+
+struct painter;
+
+struct painter_options {
+    enum detail detail;   // default DETAIL_FULL
+    size_t texture_bytes; // bound of what is kept on the GPU. Default 64 MiB
+};
+struct painter_options painter_default_options(void);
+
+// The take, with everything it needs, must outlive the painter, and nobody else may
+// read its pictures meanwhile; so must the gpu. lens: the tablet camera's; copied.
+// ERR_INPUT: nobody to show (motion_open), no body, a picture too large. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status painter_open(struct painter **out, struct gpu *gpu, struct take *take, const struct lens *lens,
+                                    const struct painter_options *options);
+void painter_close(struct painter **p);
+
+struct painter_view {
+    struct pose world_from_camera; // of the tablet
+    int64_t time_ns;               // of the take, since its first frame
+    const uint8_t *color;          // the camera's picture, RGB of the lens's size
+};
+
+struct painter_result {
+    enum detail level; // what was drawn: paper or full
+    int64_t shown;     // the recorded frame whose instant is shown; -1: nobody
+    int64_t source;    // at paper: the frame the colours came from; else -1
+    int parts;         // drawn
+    double height_px;  // of the actor's bones in the picture
+};
+
+// Draws. For a picture that could not be placed there is painter_draw_nobody.
+// OK also when nobody is to be seen. ERR_INPUT: a pose that is not finite. ERR_DEVICE; ERR_CORRUPT, ERR_IO: the take.
+MUST_CHECK enum status painter_draw(struct painter *p, const struct painter_view *view, struct painter_result *result);
+
+// The camera's picture alone.
+MUST_CHECK enum status painter_draw_nobody(struct painter *p, const uint8_t *color);
+
+// The picture last drawn, RGB. ERR_DEVICE.
+MUST_CHECK enum status painter_read(struct painter *p, uint8_t *rgb);
+
+// The actor alone, RGBA with straight alpha. ERR_DEVICE.
+MUST_CHECK enum status painter_read_actor(struct painter *p, uint8_t *rgba);
+
+// The picture last drawn as a texture, top row first, for whoever shows it in a window.
+const struct gpu_texture *painter_texture(struct painter *p);
+
+// What DETAIL_AUTO takes for an actor whose bones are that high. Below 48 pixels a
+// forearm is 3 pixels thick: neither its round end nor another frame's colours
+// move a pixel by more than the eye's threshold there.
+enum detail painter_level(double height_px);

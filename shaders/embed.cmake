@@ -1,0 +1,15 @@
+# Writes OUT: a C file with the text of every file in SHADERS (a list), as bytes,
+# so that no quoting can go wrong. Run by cmake -P at build time.
+set(code "// Made from shaders/ at build time.\n#include \"reenact/shaders.h\"\n\n")
+set(table "")
+foreach(path ${SHADERS})
+    get_filename_component(name ${path} NAME)
+    string(MAKE_C_IDENTIFIER ${name} id)
+    file(READ ${path} hex HEX)
+    string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
+    string(APPEND code "static const char ${id}[] = {${bytes}0};\n")
+    string(APPEND table "    {\"${name}\", ${id}},\n")
+endforeach()
+list(LENGTH SHADERS count)
+string(APPEND code "\nconst struct shader_text shader_texts[] = {\n${table}};\nconst int shader_text_count = ${count};\n")
+file(WRITE ${OUT} "${code}")

@@ -1,0 +1,72 @@
+#include "tests/support/process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static void become(const char *const *argv, int out, int err)
+{
+    int nothing = open("/dev/null", O_RDWR);
+    dup2(nothing, STDIN_FILENO);
+    dup2(out < 0 ? nothing : out, STDOUT_FILENO);
+    dup2(err < 0 ? nothing : err, STDERR_FILENO);
+    execv(argv[0], (char *const *)(uintptr_t)argv);
+    _exit(127);
+}
+
+// Appends what can be read; false at the end of the stream.
+static bool drain(int fd, char *text, size_t size, size_t *used)
+{
+    char block[4096];
+    ssize_t got = read(fd, block, sizeof block);
+    if (got <= 0)
+        return false;
+    size_t room = size - 1 - *used, kept = (size_t)got < room ? (size_t)got : room;
+    memcpy(text + *used, block, kept);
+    *used += kept;
+    text[*used] = 0;
+    return true;
+}
+
+struct said process_run(const char *const *argv)
+{
+    struct said said = {0};
+    int out[2], err[2];
+    if (pipe(out) || pipe(err))
+        abort();
+    pid_t child = fork();
+    if (child == 0) {
+        close(out[0]);
+        close(err[0]);
+        become(argv, out[1], err[1]);
+    }
+    close(out[1]);
+    close(err[1]);
+    size_t out_used = 0, err_used = 0;
+    struct pollfd open_ends[2] = {{out[0], POLLIN, 0}, {err[0], POLLIN, 0}};
+    while (open_ends[0].fd >= 0 || open_ends[1].fd >= 0) {
+        poll(open_ends, 2, -1);
+        if (open_ends[0].revents && !drain(out[0], said.out, sizeof said.out, &out_used))
+            open_ends[0].fd = -1;
+        if (open_ends[1].revents && !drain(err[0], said.err, sizeof said.err, &err_used))
+            open_ends[1].fd = -1;
+    }
+    close(out[0]);
+    close(err[0]);
+    int status;
+    waitpid(child, &status, 0);
+    said.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    return said;
+}
+
+pid_t process_start(const char *const *argv)
+{
+    pid_t child = fork();
+    if (child == 0)
+        become(argv, -1, -1);
+    return child;
+}

@@ -1,0 +1,19 @@
+// Runs a program as a user would and keeps what it said.
+#pragma once
+#include "platform/base.h"
+
+#include <sys/types.h>
+
+struct said {
+    int exit_code; // 128 + signal when a signal ended it
+    char out[16384], err[16384]; // the first bytes of each stream, ended by 0
+};
+
+// argv[0] is the path; the list ends with NULL. Standard input is empty.
+struct said process_run(const char *const *argv);
+
+// PROGRAM(…): process_run with the arguments listed.
+#define PROCESS(...) process_run((const char *const[]){__VA_ARGS__, NULL})
+
+// Starts it with both streams thrown away; the caller waits for the child.
+pid_t process_start(const char *const *argv);

@@ -1,0 +1,14 @@
+// How the figure moves: motions by name, as curves through key poses with steps
+// laid under them, or a BVH file. Internal to tests/world. An open motion never
+// changes.
+#pragma once
+#include "tests/world/body.h"
+
+struct motion;
+
+// ERR_INPUT: no such name (the sentence lists them), a bad BVH file. ERR_MISSING, ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status motion_open(struct motion **out, const char *name, const struct physique *p);
+void motion_close(struct motion **m);
+
+double motion_seconds(const struct motion *m);
+struct stance motion_at(const struct motion *m, const struct physique *p, double time_s);

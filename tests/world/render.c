@@ -1,0 +1,263 @@
+#include "tests/world/actor.h"
+#include "tests/world/parallel.h"
+#include "tests/world/numbers.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { TILE = 16, SIDE = ACTOR_SIDE }; // pixels of a tile's side; samples of a pixel's side
+
+struct corner {      // what the ray through a corner of pixels meets
+    struct vec3 ray; // world, z = 1 in the camera
+    struct hit hit;
+    int decal;
+};
+
+struct job {
+    const struct world *w;
+    const struct world_shot *shot;
+    struct world_picture *out;
+    struct actor *actor; // NULL: nobody there
+    double turn[3][3];   // world_from_camera
+    struct vec3 eye;
+    int tiles_across, bands;
+    uint32_t *boxes;        // bands x tiles_across: the boxes a tile may see
+    struct corner *corners; // for each band two rows of width + 1
+};
+
+static struct vec3 ray_at(const struct job *j, double x, double y)
+{
+    struct vec3 d = lens_ray(&j->shot->lens, (struct pixel){x, y});
+    return v3(j->turn[0][0] * d.x + j->turn[0][1] * d.y + j->turn[0][2],
+              j->turn[1][0] * d.x + j->turn[1][1] * d.y + j->turn[1][2],
+              j->turn[2][0] * d.x + j->turn[2][1] * d.y + j->turn[2][2]);
+}
+
+// Marks the tiles that a box's outline may fall on; all of them when it reaches behind the camera.
+static void mark_box(struct job *j, int box)
+{
+    const struct lens *l = &j->shot->lens;
+    const struct box *b = &j->w->scene.boxes[box];
+    struct pose camera_from_world = pose_inverse(j->shot->world_from_camera);
+    double x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
+    for (int i = 0; i < 8; i++) {
+        struct vec3 p = v3(i & 1 ? b->high.x : b->low.x, i & 2 ? b->high.y : b->low.y, i & 4 ? b->high.z : b->low.z);
+        p = pose_apply(camera_from_world, p);
+        if (p.z < 0.05) {
+            x0 = y0 = -1e9;
+            x1 = y1 = 1e9;
+            break;
+        }
+        // Far outside the picture the lens's polynomial means nothing: stop before.
+        struct vec3 q = v3(least(most(p.x / p.z, -1.5), 1.5), least(most(p.y / p.z, -1.5), 1.5), 1);
+        struct pixel px = lens_project(l, q);
+        x0 = least(x0, px.x), x1 = most(x1, px.x);
+        y0 = least(y0, px.y), y1 = most(y1, px.y);
+    }
+    double margin = 2 + 0.02 * l->width; // edges bend a little
+    int tx0 = (int)most(0, (x0 - margin) / TILE), tx1 = (int)least(j->tiles_across - 1, (x1 + margin) / TILE);
+    int ty0 = (int)most(0, (y0 - margin) / TILE), ty1 = (int)least(j->bands - 1, (y1 + margin) / TILE);
+    for (int y = ty0; y <= ty1; y++)
+        for (int x = tx0; x <= tx1; x++)
+            j->boxes[y * j->tiles_across + x] |= 1u << box;
+}
+
+static void tone(const float linear[3], uint8_t rgb[3])
+{
+    for (int c = 0; c < 3; c++) {
+        float x = linear[c];
+        if (x > 0.6f) // highlights roll off instead of clipping
+            x = 1 - 0.4f * expf(-(x - 0.6f) / 0.4f);
+        rgb[c] = linear_to_srgb(x);
+    }
+}
+
+// Light from a point of the room towards the camera.
+static void shade(const struct job *j, const struct hit *h, int decal, struct vec3 at, struct footprint foot,
+                  float color[3])
+{
+    const struct scene *s = &j->w->scene;
+    const struct surface *f = &s->surfaces[h->surface];
+    float albedo[3], light[3];
+    float glow = scene_albedo(s, h->surface, decal, h->u, h->v, foot, albedo);
+    scene_light(f, h->u, h->v, light);
+    if (j->actor && actor_shades(j->actor, h->surface, h->u, h->v)) {
+        float lost[3], ambient;
+        actor_shadow(j->actor, at, f->normal, lost, &ambient);
+        for (int c = 0; c < 3; c++)
+            light[c] = maxf(light[c] - lost[c], 0.1f * light[c]) * ambient;
+    }
+    for (int c = 0; c < 3; c++)
+        color[c] = albedo[c] * (glow > 0 ? glow : light[c]);
+}
+
+static struct footprint footprint_of(const struct corner *top, const struct corner *low, float scale)
+{
+    return (struct footprint){
+        scale * 0.5f * (float)(top[1].hit.u - top[0].hit.u + low[1].hit.u - low[0].hit.u),
+        scale * 0.5f * (float)(top[1].hit.v - top[0].hit.v + low[1].hit.v - low[0].hit.v),
+        scale * 0.5f * (float)(low[0].hit.u - top[0].hit.u + low[1].hit.u - top[1].hit.u),
+        scale * 0.5f * (float)(low[0].hit.v - top[0].hit.v + low[1].hit.v - top[1].hit.v),
+    };
+}
+
+// The ray through (a, b) of a pixel, 0..1 from its upper left corner.
+static struct vec3 ray_inside(const struct corner *top, const struct corner *low, double a, double b)
+{
+    return v3_mix(v3_mix(top[0].ray, top[1].ray, a), v3_mix(low[0].ray, low[1].ray, a), b);
+}
+
+// How far u and v run over a sample at a hit, from the rays' spread.
+static struct footprint footprint_at(const struct job *j, const struct hit *h, struct vec3 ray,
+                                     const struct corner *top, const struct corner *low, float scale)
+{
+    const struct surface *f = &j->w->scene.surfaces[h->surface];
+    double against = v3_dot(ray, f->normal);
+    struct vec3 d[2] = {v3_sub(top[1].ray, top[0].ray), v3_sub(low[0].ray, top[0].ray)};
+    float out[4];
+    for (int i = 0; i < 2; i++) {
+        // moving the ray by d moves the hit by t (d - ray (d.n) / (ray.n))
+        struct vec3 m = v3_scale(v3_sub(d[i], v3_scale(ray, v3_dot(d[i], f->normal) / against)), h->distance);
+        out[2 * i] = scale * (float)v3_dot(m, f->u);
+        out[2 * i + 1] = scale * (float)v3_dot(m, f->v);
+    }
+    return (struct footprint){out[0], out[1], out[2], out[3]};
+}
+
+static bool same_thing(const struct corner *a, const struct corner *b)
+{
+    return a->hit.surface == b->hit.surface && a->decal == b->decal;
+}
+
+// One pixel of the room: one sample where it shows one thing, else SIDE x SIDE.
+static void room_color(const struct job *j, const struct corner *top, const struct corner *low, uint32_t boxes,
+                       float color[3])
+{
+    const struct scene *s = &j->w->scene;
+    bool one = same_thing(&top[0], &top[1]) && same_thing(&top[0], &low[0]) && same_thing(&top[0], &low[1]) &&
+               !(top[0].decal >= 0 && s->decals[top[0].decal].tag);
+    if (one) {
+        struct hit h = top[0].hit;
+        struct vec3 ray = ray_inside(top, low, 0.5, 0.5);
+        const struct surface *f = &s->surfaces[h.surface];
+        h.distance = v3_dot(v3_sub(f->corner, j->eye), f->normal) / v3_dot(ray, f->normal);
+        struct vec3 at = v3_add(j->eye, v3_scale(ray, h.distance)), in = v3_sub(at, f->corner);
+        h.u = v3_dot(in, f->u);
+        h.v = v3_dot(in, f->v);
+        shade(j, &h, top[0].decal, at, footprint_of(top, low, 1), color);
+        return;
+    }
+    float sum[3] = {0};
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        struct vec3 ray = ray_inside(top, low, (i % SIDE + 0.5) / SIDE, (i / SIDE + 0.5) / SIDE);
+        struct hit h = scene_hit(s, j->eye, ray, boxes);
+        float part[3];
+        shade(j, &h, scene_decal(s, h.surface, h.u, h.v), v3_add(j->eye, v3_scale(ray, h.distance)),
+              footprint_at(j, &h, ray, top, low, 1.0f / SIDE), part);
+        for (int c = 0; c < 3; c++)
+            sum[c] += part[c];
+    }
+    for (int c = 0; c < 3; c++)
+        color[c] = sum[c] / (SIDE * SIDE);
+}
+
+static void color_pixel(const struct job *j, int x, int y, const struct corner *top, const struct corner *low,
+                        uint32_t boxes)
+{
+    float room[3] = {0}, body[3];
+    int seen = 0;
+    double near, far;
+    int cover = j->actor ? actor_cover(j->actor, x, y, &near, &far) : 0;
+    if (cover) {
+        double room_z[ACTOR_SAMPLES], nearest = least(least(top[0].hit.distance, top[1].hit.distance),
+                                                      least(low[0].hit.distance, low[1].hit.distance));
+        bool clear = far < nearest - 0.05;
+        for (int i = 0; i < ACTOR_SAMPLES && !clear; i++)
+            room_z[i] = scene_hit(&j->w->scene, j->eye,
+                                  ray_inside(top, low, (i % SIDE + 0.5) / SIDE, (i / SIDE + 0.5) / SIDE), boxes)
+                            .distance;
+        actor_color(j->actor, x, y, clear ? NULL : room_z, body, &seen);
+    }
+    if (seen < ACTOR_SAMPLES)
+        room_color(j, top, low, boxes, room);
+    for (int c = 0; c < 3 && seen; c++)
+        room[c] += (body[c] - room[c]) * (float)seen / ACTOR_SAMPLES;
+    tone(room, j->out->color + ((size_t)y * (size_t)j->shot->lens.width + (size_t)x) * 3);
+}
+
+static void corner_row(const struct job *j, int band, int y, struct corner *row)
+{
+    const struct scene *s = &j->w->scene;
+    for (int x = 0; x <= j->shot->lens.width; x++) {
+        int tile = x / TILE < j->tiles_across ? x / TILE : j->tiles_across - 1;
+        row[x].ray = ray_at(j, x - 0.5, y - 0.5);
+        row[x].hit = scene_hit(s, j->eye, row[x].ray, j->boxes[band * j->tiles_across + tile]);
+        row[x].decal = scene_decal(s, row[x].hit.surface, row[x].hit.u, row[x].hit.v);
+    }
+}
+
+static void depth_pixel(const struct job *j, int x, int y, uint32_t boxes)
+{
+    size_t at = (size_t)y * (size_t)j->shot->lens.width + (size_t)x;
+    double z = scene_hit(&j->w->scene, j->eye, ray_at(j, x, y), boxes).distance;
+    double body = j->actor ? actor_depth(j->actor, x, y) : 0;
+    bool person = body > 0 && body < z;
+    double mm = (person ? body : z) * 1000;
+    if (j->out->depth)
+        j->out->depth[at] = mm < 65535 ? (uint16_t)(mm + 0.5) : 0;
+    if (j->out->mask)
+        j->out->mask[at] = person;
+}
+
+static void draw_band(void *context, int band)
+{
+    struct job *j = context;
+    int width = j->shot->lens.width, first = band * TILE, end = first + TILE;
+    end = end < j->shot->lens.height ? end : j->shot->lens.height;
+    if (j->actor)
+        actor_draw_rows(j->actor, first, end);
+    struct corner *rows[2] = {j->corners + (size_t)(2 * band) * (size_t)(width + 1),
+                              j->corners + (size_t)(2 * band + 1) * (size_t)(width + 1)};
+    if (j->out->color)
+        corner_row(j, band, first, rows[first & 1]);
+    for (int y = first; y < end; y++) {
+        if (j->out->color)
+            corner_row(j, band, y + 1, rows[(y + 1) & 1]);
+        for (int x = 0; x < width; x++) {
+            uint32_t boxes = j->boxes[band * j->tiles_across + x / TILE];
+            if (j->out->color)
+                color_pixel(j, x, y, rows[y & 1] + x, rows[(y + 1) & 1] + x, boxes);
+            if (j->out->depth || j->out->mask)
+                depth_pixel(j, x, y, boxes);
+        }
+    }
+}
+
+enum status world_render(const struct world *w, const struct world_shot *shot, struct world_picture *out)
+{
+    enum status status = lens_check(&shot->lens, "small world's");
+    if (status)
+        return status;
+    int width = shot->lens.width, height = shot->lens.height;
+    struct job j = {.w = w, .shot = shot, .out = out, .eye = shot->world_from_camera.translation};
+    quat_to_matrix(shot->world_from_camera.rotation, j.turn);
+    j.tiles_across = (width + TILE - 1) / TILE;
+    j.bands = (height + TILE - 1) / TILE;
+    j.boxes = calloc((size_t)j.tiles_across * (size_t)j.bands, sizeof *j.boxes);
+    j.corners = out->color ? malloc((size_t)(2 * j.bands) * (size_t)(width + 1) * sizeof *j.corners) : NULL;
+    if (!j.boxes || (out->color && !j.corners))
+        status = fail(ERR_MEMORY, "out of memory for a picture of %d x %d", width, height);
+    for (int i = 0; i < w->scene.box_count && !status; i++)
+        mark_box(&j, i);
+    if (!status && shot->actor) {
+        status = actor_open(&j.actor, w, shot->time_s, out->color != NULL);
+        if (!status)
+            status = actor_aim(j.actor, &shot->lens, shot->world_from_camera, out->color != NULL);
+    }
+    if (!status)
+        parallel(w->options.threads, j.bands, draw_band, &j);
+    actor_close(&j.actor);
+    free(j.boxes);
+    free(j.corners);
+    return status;
+}

@@ -1,0 +1,101 @@
+// The room: flat rectangles and boxes with textures, pictures and tags on them,
+// lamps under the ceiling, and how light lies on it all while nobody is there.
+// Internal to tests/world. Built once, then only read, by any thread.
+#pragma once
+#include "tests/world/texture.h"
+#include "tests/world/world.h"
+
+// x and y run from -half to half, z from 0 to height.
+#define ROOM_HALF_X 3.3
+#define ROOM_HALF_Y 3.6
+#define ROOM_HEIGHT 2.6
+
+enum { TAG_COUNT = 15, MAX_DECALS = 64, MAX_BOXES = 32, LAMP_COUNT = 2, MAX_SURFACES = 6 + 6 * MAX_BOXES };
+
+enum material { MATERIAL_FLOOR, MATERIAL_WALL, MATERIAL_CEILING, MATERIAL_WOOD, MATERIAL_CARDBOARD, MATERIAL_PAINT };
+
+// The first six surfaces.
+enum { SIDE_FLOOR, SIDE_CEILING, SIDE_REAR, SIDE_BACK, SIDE_LEFT, SIDE_RIGHT };
+
+// A rectangle: corner + u * [0, width] + v * [0, height]; u, v, normal of unit length,
+// normal = u x v towards whoever sees it, u to their right.
+struct surface {
+    struct vec3 corner, u, v, normal;
+    double width, height;
+    enum material material;
+    float tint[3]; // linear albedo, which the texture varies
+    int light_width, light_height;
+    float (*light)[3]; // irradiance / pi without the figure, on a grid that ends at the edges
+};
+
+// A picture or tag on a surface: in the surface's metres.
+struct decal {
+    int surface;
+    double u, v, width, height; // its centre and its size
+    double cosine, sine;        // it is turned by this, anticlockwise
+    struct texture texture;
+    bool tag;   // to be drawn with the greatest care
+    float glow; // 0: paper; else it shines by itself, this many times its albedo
+};
+
+struct box {
+    struct vec3 low, high;
+    int first_surface; // its six faces: -x +x -y +y -z +z
+};
+
+struct lamp { // a bright rectangle in the ceiling, facing down
+    struct vec3 low, high;
+    float radiance[3];
+};
+extern const struct lamp scene_lamps[LAMP_COUNT];
+
+struct scene {
+    struct surface surfaces[MAX_SURFACES];
+    int surface_count;
+    struct box boxes[MAX_BOXES];
+    int box_count;
+    struct decal decals[MAX_DECALS];
+    int decal_count;
+    struct place_tag tags[TAG_COUNT];
+    struct texture grain, plaster; // tiles: see paint.h
+    bool plain;
+};
+
+struct hit {
+    double distance; // along the ray, in lengths of its direction
+    int surface;
+    double u, v; // metres on the surface
+};
+
+// ERR_MEMORY. `plain`: no textures but the tags.
+MUST_CHECK enum status scene_build(struct scene *s, uint64_t seed, bool plain);
+void scene_free(struct scene *s); // zeroed is fine
+
+// scene_light.c: fills surface.light of all surfaces. ERR_MEMORY.
+MUST_CHECK enum status scene_bake(struct scene *s);
+
+// What a ray from inside the room meets first, of the room itself and the boxes
+// whose bit is set in `boxes`. There is always something.
+struct hit scene_hit(const struct scene *s, struct vec3 from, struct vec3 direction, uint32_t boxes);
+
+// Whether furniture stands between two points.
+bool scene_blocked(const struct scene *s, struct vec3 from, struct vec3 to);
+
+// The decal at a point of a surface, the last one put there; -1 for none.
+int scene_decal(const struct scene *s, int surface, double u, double v);
+
+// How far a sample runs over the surface, metres: along the picture's x and its y.
+struct footprint {
+    float dudx, dvdx, dudy, dvdy;
+};
+
+// The albedo there, linear, filtered over the footprint. Returns the glow.
+float scene_albedo(const struct scene *s, int surface, int decal, double u, double v, struct footprint foot,
+                   float albedo[3]);
+
+// Irradiance / pi there without the figure.
+void scene_light(const struct surface *surface, double u, double v, float light[3]);
+
+// The k-th of n points spread over a lamp.
+struct vec3 lamp_point(const struct lamp *lamp, int k, int n);
+double lamp_area(const struct lamp *lamp);

@@ -1,0 +1,193 @@
+#include "tests/world/world_internal.h"
+#include "tests/world/numbers.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const struct {
+    const char *name;
+    struct world_figure figure;
+} figures[] = {
+    {"woman", {1.70, 0.35, true, CLOTHES_TROUSERS, 0, 7}},  {"man", {1.82, 0.45, false, CLOTHES_TROUSERS, 1, 23}},
+    {"child", {1.25, 0.40, false, CLOTHES_TROUSERS, 2, 4}}, {"heavy", {1.75, 1.00, false, CLOTHES_TROUSERS, 3, 58}},
+    {"skirt", {1.65, 0.30, true, CLOTHES_SKIRT, 4, 12}},    {"coat", {1.78, 0.40, true, CLOTHES_COAT, 3, 31}},
+    {"tall", {1.95, 0.15, false, CLOTHES_TROUSERS, 4, 90}},
+};
+
+bool world_figure_named(const char *name, struct world_figure *out)
+{
+    for (size_t i = 0; i < COUNT_OF(figures); i++)
+        if (!strcmp(figures[i].name, name)) {
+            *out = figures[i].figure;
+            return true;
+        }
+    return false;
+}
+
+const char *world_figure_names(void) { return "woman man child heavy skirt coat tall"; }
+
+struct world_options world_default_options(void)
+{
+    return (struct world_options){figures[0].figure, "pirouette", 1, 1, false};
+}
+
+static enum status check(const struct world_options *o)
+{
+    const struct world_figure *f = &o->figure;
+    if (!(f->height_m >= 1.2 && f->height_m <= 1.95))
+        return fail(ERR_INPUT, "the figure is %g m tall; take 1.2 to 1.95", f->height_m);
+    if (!(f->build >= 0 && f->build <= 1))
+        return fail(ERR_INPUT, "the figure's build is %g; take 0 (thin) to 1 (heavy)", f->build);
+    if (f->palette < 0 || f->palette > 4 || f->number < 0 || f->number > 99 || (int)f->clothes < CLOTHES_TROUSERS ||
+        f->clothes > CLOTHES_COAT)
+        return fail(ERR_INPUT, "the figure's clothes %d, palette %d or number %d are not ones there are",
+                    (int)f->clothes, f->palette, f->number);
+    if (!o->motion)
+        return fail(ERR_INPUT, "the figure has no motion; take \"still\" to have it stand");
+    if (o->threads < 1 || o->threads > 16)
+        return fail(ERR_INPUT, "%d threads; take 1 to 16", o->threads);
+    return OK;
+}
+
+enum status world_open(struct world **out, const struct world_options *options)
+{
+    *out = NULL;
+    enum status status = check(options);
+    if (status)
+        return status;
+    struct world *w = calloc(1, sizeof *w);
+    if (!w)
+        return fail(ERR_MEMORY, "out of memory for a world");
+    w->options = *options;
+    w->options.motion = NULL; // the caller's
+    w->physique = physique_of(&options->figure);
+    status = motion_open(&w->motion, options->motion, &w->physique);
+    if (!status)
+        status = scene_build(&w->scene, options->seed, options->plain);
+    if (!status)
+        status = figure_build(&w->figure, &w->physique, options->plain);
+    if (status)
+        world_close(&w);
+    *out = w;
+    return status;
+}
+
+void world_close(struct world **w)
+{
+    if (*w) {
+        motion_close(&(*w)->motion);
+        scene_free(&(*w)->scene);
+        figure_free(&(*w)->figure);
+        free(*w);
+        *w = NULL;
+    }
+}
+
+double world_seconds(const struct world *w) { return motion_seconds(w->motion); }
+
+struct skeleton world_joints(const struct world *w, double time_s)
+{
+    struct stance stance = motion_at(w->motion, &w->physique, time_s);
+    struct posed posed;
+    physique_pose(&w->physique, &stance, &posed);
+    return posed.joints;
+}
+
+struct skeleton world_joints_in_camera(const struct world *w, double time_s, struct pose world_from_camera)
+{
+    struct skeleton s = world_joints(w, time_s);
+    return skeleton_transform(pose_inverse(world_from_camera), &s);
+}
+
+double world_joint_radius(const struct world *w, enum joint j)
+{
+    assert((int)j >= 0 && j < JOINT_COUNT);
+    return w->figure.joint_radius[j];
+}
+
+const struct place_tag *world_tags(const struct world *w, int32_t *count)
+{
+    *count = TAG_COUNT;
+    return w->scene.tags;
+}
+
+// ---------------------------------------------------------------- cameras
+
+static struct lens lens_scaled(struct lens l, double s)
+{
+    struct lens out = l;
+    out.width = (int)lround(l.width * s);
+    out.height = (int)lround(l.height * s);
+    double sx = (double)out.width / l.width, sy = (double)out.height / l.height;
+    out.fx *= sx;
+    out.fy *= sy;
+    out.cx = (l.cx + 0.5) * sx - 0.5; // pixel centres are whole numbers
+    out.cy = (l.cy + 0.5) * sy - 0.5;
+    return out;
+}
+
+struct calibration world_calibration(double scale)
+{
+    struct lens l = lens_scaled((struct lens){640, 480, 525, 525, 319.5, 239.5, 0, 0, 0, 0, 0}, scale);
+    return (struct calibration){l, l, true, POSE_IDENTITY};
+}
+
+struct calibration world_viewer_calibration(double scale)
+{
+    struct lens l =
+        lens_scaled((struct lens){640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0}, scale);
+    return (struct calibration){.color = l, .color_from_depth = POSE_IDENTITY};
+}
+
+// From `eye`, towards `target`, upright but for `roll`.
+static struct pose look(struct vec3 eye, struct vec3 target, double roll)
+{
+    struct vec3 z = v3_unit(v3_sub(target, eye)), x = v3_unit(v3_cross(z, v3(0, 0, 1))), y = v3_cross(z, x);
+    double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
+    struct quat q = quat_multiply(quat_from_matrix(m), quat_from_rotation_vector(v3(0, 0, roll)));
+    return (struct pose){q, eye};
+}
+
+// The slow tremor of a hand: about -1..1, smooth.
+static double tremor(double t, uint32_t seed) { return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2; }
+
+static uint32_t seed_of(const struct world *w, uint32_t what)
+{
+    return hash_of((uint32_t)w->options.seed, (uint32_t)(w->options.seed >> 32), what);
+}
+
+struct pose world_sensor_pose(const struct world *w)
+{
+    (void)w;
+    return look(v3(0.1, -3.1, 1.15), v3(0.02, 0, 1.0), 0.004);
+}
+
+struct pose world_sweep_pose(const struct world *w, double time_s)
+{
+    double t = least(most(time_s, 0), WORLD_SWEEP_S), a = t / WORLD_SWEEP_S * 1.12 * 6.283185307179586;
+    uint32_t seed = seed_of(w, 301);
+    // Round the middle at arm's length, looking outwards, now up, now down at the floor.
+    struct vec3 out = v3(sin(a), cos(a), 0);
+    struct vec3 eye = v3_add(v3(0, 0.1, 1.42 + 0.12 * sin(2.1 * a)), v3_scale(out, -0.95 + 0.25 * sin(3 * a)));
+    eye = v3_add(eye, v3(0.03 * tremor(t, seed), 0.03 * tremor(t, seed + 1), 0.02 * tremor(t, seed + 2)));
+    double down = 0.30 + 0.28 * sin(5.0 * a + 0.6) + 0.03 * tremor(t, seed + 3);
+    struct vec3 target = v3_add(eye, v3_add(out, v3(0.10 * tremor(t, seed + 4), 0, -down)));
+    return look(eye, target, 0.05 * tremor(t, seed + 5));
+}
+
+struct pose world_viewer_pose(const struct world *w, double time_s)
+{
+    double length = world_seconds(w), t = least(most(time_s, 0), length);
+    uint32_t seed = seed_of(w, 302);
+    // Where the actor is, smoothed: the one who walks foresees nothing.
+    struct vec3 actor = v3(0, 0, 0);
+    for (int i = -4; i <= 4; i++)
+        actor = v3_add(actor, v3_scale(world_joints(w, t + 0.2 * i).joint[JOINT_WAIST], 1.0 / 9));
+    double a = -0.35 + 6.4 * t / most(length, 0.1), r = 2.42 + 0.12 * sin(2 * a + 1);
+    struct vec3 eye = v3(0.6 * actor.x - r * sin(a), 0.35 * actor.y - 0.1 - r * cos(a), 1.52);
+    eye.x = least(most(eye.x, -2.5), 2.5);
+    eye.y = least(most(eye.y, -3.2), 2.7);
+    eye = v3_add(eye, v3(0.03 * tremor(t, seed), 0.03 * tremor(t, seed + 1), 0.03 * tremor(t, seed + 2)));
+    struct vec3 target = v3_add(actor, v3(0.06 * tremor(t, seed + 3), 0.06 * tremor(t, seed + 4), -0.06));
+    return look(eye, target, 0.04 * tremor(t, seed + 5));
+}

@@ -1,0 +1,146 @@
+// A small world to film: a furnished room with tags, and in it a dressed figure
+// that moves. Everything a test wants to know of it is known exactly: where
+// cameras, tags and joints are, which pixel is the person, how far each pixel
+// is before the sensor's noise. All of it is made by this code from a seed, so
+// the same options give the same bytes.
+//
+// World axes: x right, y away from the sensor, z up, metres; the floor is z = 0
+// and the room about 6.6 x 7.2 x 2.6 m. The sensor stands at y = -3.1 and looks
+// along +y; a figure whose heading is 0 faces it. Time is in seconds from the
+// motion's start. Camera axes as in platform/lens.h.
+//
+//     struct world *w;
+//     struct world_options o = world_default_options();
+//     o.motion = "kata";
+//     if (world_open(&w, &o)) ...                             // about 0.5 s
+//     struct world_shot shot = {world_calibration(0.5).color, world_sensor_pose(w), 1.2, true};
+//     uint16_t *depth = malloc(...);                          // 320 x 240
+//     if (world_render(w, &shot, &(struct world_picture){.depth = depth})) ...
+//     world_depth_noise(&shot.lens, depth, 7, depth);         // as a Kinect sees it
+//     struct skeleton s = world_joints_in_camera(w, 1.2, world_sensor_pose(w));
+//
+// An open world never changes: it may be used from many threads at once.
+#pragma once
+#include "capture/recording/place.h"
+#include "capture/recording/skeleton.h"
+
+struct world;
+
+// ---------------------------------------------------------------- the figure
+
+enum world_clothes {
+    CLOTHES_TROUSERS, // shirt with short sleeves and trousers
+    CLOTHES_SKIRT,    // shirt and a skirt to above the knee
+    CLOTHES_COAT,     // long sleeves, a coat to the knee, trousers
+};
+
+struct world_figure {
+    double height_m; // 1.2 .. 1.95, soles to crown
+    double build;    // 0 thin .. 1 heavy
+    bool woman;      // hips, shoulders and hair
+    enum world_clothes clothes;
+    int palette; // 0 .. 4: the colours it wears
+    int number;  // 0 .. 99, on the chest; the back has a bigger one, number + 10 (mod 100)
+};
+
+// "woman" (1.70 m), "man" (1.82), "child" (1.25), "heavy" (1.75), "skirt" (1.65),
+// "coat" (1.78), "tall" (1.95). False: no such name, *out untouched.
+bool world_figure_named(const char *name, struct world_figure *out);
+
+// The names, separated by spaces.
+const char *world_figure_names(void);
+
+// ---------------------------------------------------------------- opening
+
+struct world_options {
+    struct world_figure figure; // default "woman"
+    // "pirouette" (default): comes 1.5 m towards the sensor and turns all the way
+    // round, arms moving. "kata": punches, a kick with each leg, arms crossed.
+    // "still", "bend" (bends down and lifts), "walk" (across, and back). Or the
+    // path of a BVH file, which must contain a '/' or end in ".bvh"; of one that goes
+    // further than 2.6 m, the longest stretch that does not is taken.
+    const char *motion;
+    uint64_t seed; // of posters, shaking hands and the like; default 1
+    int threads;   // for rendering, 1 .. 16; the bytes do not depend on it. Default 1
+    bool plain;    // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
+};
+struct world_options world_default_options(void);
+
+// ERR_INPUT: a figure out of range, no such motion, not a BVH file (the sentence
+// says where). ERR_MISSING, ERR_IO: that file. ERR_MEMORY. On error *out is NULL.
+MUST_CHECK enum status world_open(struct world **out, const struct world_options *options);
+void world_close(struct world **w); // NULL is fine; sets *w = NULL
+
+// ---------------------------------------------------------------- what is true
+
+// How long the motion lasts, seconds. Before 0 and after it the figure stands still.
+double world_seconds(const struct world *w);
+
+// The joints at `time_s`, in world axes, all with confidence 1: inside the body,
+// as motion capture has them. head: centre of the head; neck: its base; shoulders,
+// elbows, hips, knees: joint centres; hand: the root of the palm; torso: half-way
+// up the spine; waist: the pelvis' upper centre; foot: the ankle.
+struct skeleton world_joints(const struct world *w, double time_s);
+struct skeleton world_joints_in_camera(const struct world *w, double time_s, struct pose world_from_camera);
+
+// The radius of the figure, clothes included, about joint `j`: roughly how far the
+// skin is in front of it. Metres.
+double world_joint_radius(const struct world *w, enum joint j);
+
+// The tags: 15 squares of tag36h11 on walls and floor, those on the floor larger.
+// rms_px and sightings are 0. *count entries, valid until world_close.
+const struct place_tag *world_tags(const struct world *w, int32_t *count);
+
+// ---------------------------------------------------------------- cameras
+
+// A Kinect-like sensor: at scale 1 640x480 with f = 525, no distortion, depth
+// registered to colour. Other scales give round(640 * scale) pixels and so on,
+// seeing the same field.
+struct calibration world_calibration(double scale);
+
+// A tablet's camera with a distorting lens: at scale 1 640x480, f = 545. depth.width is 0.
+struct calibration world_viewer_calibration(double scale);
+
+// Where the sensor stands, on a stand: world_from_camera.
+struct pose world_sensor_pose(const struct world *w);
+
+// The sensor in the hand, shown round the empty room; sees every tag several times.
+enum { WORLD_SWEEP_S = 12 };
+struct pose world_sweep_pose(const struct world *w, double time_s); // 0 <= time_s <= WORLD_SWEEP_S
+
+// The tablet in the hand of someone who walks once round the actor within the
+// motion's length, looking at them, from the sensor's side on and to the left.
+struct pose world_viewer_pose(const struct world *w, double time_s);
+
+// ---------------------------------------------------------------- pictures
+
+struct world_shot {
+    struct lens lens;
+    struct pose world_from_camera;
+    double time_s; // of the figure
+    bool actor;    // false: the empty room
+};
+
+// Where to put the picture; NULL for what is not wanted. lens.width * lens.height each.
+struct world_picture {
+    uint8_t *color;  // RGB, sRGB
+    uint16_t *depth; // millimetres along z at the pixel's centre, exact to the rounding; 0 behind 65 m
+    uint8_t *mask;   // 1 where the figure is what the pixel's centre sees, else 0
+};
+
+// ERR_INPUT: a senseless lens. ERR_MEMORY. Deterministic.
+MUST_CHECK enum status world_render(const struct world *w, const struct world_shot *shot, struct world_picture *out);
+
+// ---------------------------------------------------------------- a sensor's weaknesses
+
+// Depth as a Kinect v1 would read it, from exact depth of the same lens. A zero
+// where the projector, 75 mm to the camera's right, does not reach (so to the left
+// of near edges), nearer than 0.4 m or beyond 8 m, and here and there at edges;
+// at edges also flying readings between front and back; elsewhere noise of
+// 1.5e-3 z^2 metres and steps of 1/8 pixel of disparity (at 640 pixels' width).
+// ideal and out may be the same. Deterministic in seed: take another for each frame.
+// ERR_MEMORY.
+MUST_CHECK enum status world_depth_noise(const struct lens *lens, const uint16_t *ideal, uint64_t seed, uint16_t *out);
+
+// Adds a camera's grain, sigma about 1.3 grey levels, to RGB in place. Deterministic in seed.
+void world_color_noise(uint8_t *color, int width, int height, uint64_t seed);

@@ -1,0 +1,13 @@
+// What an open world holds. Internal to tests/world.
+#pragma once
+#include "tests/world/figure.h"
+#include "tests/world/motion.h"
+#include "tests/world/scene.h"
+
+struct world {
+    struct world_options options;
+    struct physique physique;
+    struct motion *motion;
+    struct scene scene;
+    struct figure figure;
+};
