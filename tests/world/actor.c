@@ -10,7 +10,7 @@
 enum { CHUNK = 2048 }; // vertices of one piece of work
 
 struct sample {
-    float z;      // 0: nothing
+    float z; // 0: nothing
     int triangle;
 };
 
@@ -30,7 +30,7 @@ struct actor {
 
     struct corner *corner;
     struct vec3 eye;
-    int x0, y0, x1, y1; // pixels
+    int x0, y0, x1, y1;    // pixels
     struct sample *centre; // (x1 - x0) x (y1 - y0)
     struct sample *fine;   // the same, ACTOR_SAMPLES each, NULL: not asked for
 };
@@ -56,9 +56,9 @@ static void light_chunk(void *context, int chunk)
         // The floor gives warm light back, less of it where one is close and looks down.
         float near_floor = minf(1, 0.45f + (float)a->at[i].z);
         float low = (1 - up) * near_floor;
-        out[0] += open * (0.34f * up + 0.30f * low);
-        out[1] += open * (0.34f * up + 0.26f * low);
-        out[2] += open * (0.34f * up + 0.22f * low);
+        out[0] += open * (0.43f * up + 0.38f * low);
+        out[1] += open * (0.43f * up + 0.33f * low);
+        out[2] += open * (0.43f * up + 0.28f * low);
     }
 }
 
@@ -123,8 +123,9 @@ enum status actor_aim(struct actor *a, const struct lens *lens, struct pose worl
     double x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
     for (int i = 0; i < a->mesh->vertex_count; i++) {
         struct vec3 p = a->at[i];
-        struct vec3 c = v3(m[0][0] * p.x + m[0][1] * p.y + m[0][2] * p.z + t.x, m[1][0] * p.x + m[1][1] * p.y + m[1][2] * p.z + t.y,
-                           m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z + t.z);
+        struct vec3 c =
+            v3(m[0][0] * p.x + m[0][1] * p.y + m[0][2] * p.z + t.x, m[1][0] * p.x + m[1][1] * p.y + m[1][2] * p.z + t.y,
+               m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z + t.z);
         // Behind the camera, or so far aside that the lens's polynomial means nothing: not drawn.
         if (c.z < 0.05 || fabs(c.x) > 1.6 * c.z || fabs(c.y) > 1.6 * c.z) {
             a->corner[i] = (struct corner){0, 0, 0};
@@ -168,7 +169,8 @@ static bool edges_of(const struct corner *p, const struct corner *q, const struc
 }
 
 // Draws one triangle into samples of `side` a pixel's side, rows [first, end) of pixels.
-static void draw(struct actor *a, int triangle, const struct edges *e, struct sample *samples, int side, int first, int end)
+static void draw(struct actor *a, int triangle, const struct edges *e, struct sample *samples, int side, int first,
+                 int end)
 {
     const int *t = a->mesh->triangles[triangle];
     const struct corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
@@ -299,7 +301,8 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
         int best = -1, seen = 0;
         for (int i = 0; i < 4; i++) {
             // inner sample first: for quarter (0,0) that is (1,1)
-            int sx = (quarter & 1) * 2 + ((i & 1) ^ !(quarter & 1)), sy = (quarter >> 1) * 2 + ((i >> 1) ^ !(quarter >> 1));
+            int sx = (quarter & 1) * 2 + ((i & 1) ^ !(quarter & 1)),
+                sy = (quarter >> 1) * 2 + ((i >> 1) ^ !(quarter >> 1));
             int k = sy * ACTOR_SIDE + sx;
             if (s[k].z > 0 && (!room_z || (double)s[k].z < room_z[k])) {
                 seen++;
@@ -310,7 +313,8 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
         if (!seen)
             continue;
         float part[3] = {0};
-        shade(a, s[best].triangle, x - 0.5 + (best % ACTOR_SIDE + 0.5) / ACTOR_SIDE, y - 0.5 + (best / ACTOR_SIDE + 0.5) / ACTOR_SIDE, part);
+        shade(a, s[best].triangle, x - 0.5 + (best % ACTOR_SIDE + 0.5) / ACTOR_SIDE,
+              y - 0.5 + (best / ACTOR_SIDE + 0.5) / ACTOR_SIDE, part);
         for (int c = 0; c < 3; c++)
             color[c] += part[c] * (float)seen;
         *count += seen;
@@ -319,7 +323,10 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
         color[c] /= (float)*count;
 }
 
-bool actor_shades(const struct actor *a, int surface, double u, double v) { return shadow_reaches(a->shadow, surface, u, v); }
+bool actor_shades(const struct actor *a, int surface, double u, double v)
+{
+    return shadow_reaches(a->shadow, surface, u, v);
+}
 
 void actor_shadow(const struct actor *a, struct vec3 at, struct vec3 normal, float lost[3], float *ambient)
 {

@@ -25,7 +25,8 @@ static const struct palette palettes[5] = {
 
 static struct rgb hex(uint32_t code)
 {
-    return (struct rgb){srgb_to_linear((uint8_t)(code >> 16)), srgb_to_linear((uint8_t)(code >> 8)), srgb_to_linear((uint8_t)code)};
+    return (struct rgb){srgb_to_linear((uint8_t)(code >> 16)), srgb_to_linear((uint8_t)(code >> 8)),
+                        srgb_to_linear((uint8_t)code)};
 }
 
 static struct rgb mix(struct rgb a, struct rgb b, float t)
@@ -61,7 +62,8 @@ static struct rgb face(const struct wear *w, struct vec3f q, struct rgb skin)
     struct rgb c = skin;
     float side = fabsf(q.x);
     // cheeks and the nose's shadow
-    c = mix(c, hex(0xd96a55), 0.30f * expf(-((side - 0.042f) * (side - 0.042f) + (q.z + 0.025f) * (q.z + 0.025f)) / 0.0003f));
+    c = mix(c, hex(0xd96a55),
+            0.30f * expf(-((side - 0.042f) * (side - 0.042f) + (q.z + 0.025f) * (q.z + 0.025f)) / 0.0003f));
     if (q.y > -0.01f)
         return c;
     // eyes: white, iris, pupil, glint, lid
@@ -77,7 +79,8 @@ static struct rgb face(const struct wear *w, struct vec3f q, struct rgb skin)
     float lid = maxf(fabsf(ex) - 0.017f, fabsf(curve - 0.0095f) - (woman ? 0.0022f : 0.0014f));
     c = mix(c, hex(0x1a1210), in(lid));
     // brows
-    float brow = maxf(fabsf(ex - 0.002f) - 0.019f, fabsf(q.z - 0.035f + 7 * ex * ex + 0.05f * ex) - (woman ? 0.0022f : 0.0036f));
+    float brow =
+        maxf(fabsf(ex - 0.002f) - 0.019f, fabsf(q.z - 0.035f + 7 * ex * ex + 0.05f * ex) - (woman ? 0.0022f : 0.0036f));
     c = mix(c, dim(hex(w->c->hair), 0.8f), 0.9f * in(brow));
     // nostrils, mouth
     c = mix(c, dim(skin, 0.35f), 0.8f * in(hypotf(side - 0.0065f, 1.4f * (q.z + 0.030f)) - 0.0034f));
@@ -154,17 +157,21 @@ static struct rgb trunk(struct wear *w)
             cloth = mix(cloth, hex(c->accent), in(fabsf(z + 0.20f) - 0.022f)); // a half-belt
         }
     } else if (front) {
-        cloth = mix(cloth, hex(c->accent), in(fabsf(z + 0.070f) - 0.016f));
-        cloth = mix(cloth, hex(c->number), in(number_distance(w->p->figure.number, p.x, z - 0.085f, 0.115f)));
+        cloth = mix(cloth, hex(c->accent), in(fabsf(z + 0.075f) - 0.015f));
+        cloth = mix(cloth, hex(c->number), in(number_distance(w->p->figure.number, p.x, z - 0.060f, 0.110f)));
     } else {
-        cloth = mix(cloth, hex(c->number), in(number_distance((w->p->figure.number + 10) % 100, -p.x, z - 0.015f, 0.185f)));
+        cloth =
+            mix(cloth, hex(c->number), in(number_distance((w->p->figure.number + 10) % 100, -p.x, z - 0.000f, 0.175f)));
         float s = 0.0062f;
-        cloth = mix(cloth, hex(c->accent), in(s * (text_distance("REENACT", -p.x / s + text_width("REENACT") / 2, (z - 0.148f) / s) - 0.75f)));
+        cloth = mix(cloth, hex(c->accent),
+                    in(s * (text_distance("REENACT", -p.x / s + text_width("REENACT") / 2, (z - 0.128f) / s) - 0.75f)));
     }
     cloth = dim(cloth, weave(w, 240, 31));
     // the neck's opening
-    float collar = hypotf(p.x * 0.92f, p.y - neck.y) * (front ? 0.78f : 1) - 0.062f - 0.35f * maxf(0, neck.z + 0.02f - p.z);
-    if (!coat && p.z > neck.z - 0.09f) {
+    float collar =
+        hypotf(p.x * 0.92f, p.y - neck.y) * (front ? 0.92f : 1) - 0.070f - 0.10f * maxf(0, neck.z + 0.02f - p.z);
+    collar = maxf(collar, neck.z - (front ? 0.085f : 0.006f) - p.z);
+    if (!coat && p.z > neck.z - 0.11f) {
         struct rgb skin = hex(c->skin);
         cloth = mix(cloth, dim(hex(c->accent), 0.9f), in(collar - 0.012f));
         cloth = mix(cloth, skin, in(collar));
@@ -174,7 +181,8 @@ static struct rgb trunk(struct wear *w)
 
 static struct rgb legs(struct wear *w)
 {
-    struct vec3f p = w->at, waist = joint(w, JOINT_WAIST), ankle = joint(w, JOINT_LEFT_FOOT), knee = joint(w, JOINT_LEFT_KNEE);
+    struct vec3f p = w->at, waist = joint(w, JOINT_WAIST), ankle = joint(w, JOINT_LEFT_FOOT),
+                 knee = joint(w, JOINT_LEFT_KNEE);
     const struct palette *c = w->c;
     enum world_clothes clothes = w->p->figure.clothes;
     bool front = p.y < waist.y;
@@ -182,8 +190,11 @@ static struct rgb legs(struct wear *w)
     w->shine = 0.04f;
     if (p.z < ankle.z - 0.006f || (p.z < ankle.z + 0.03f && clothes == CLOTHES_SKIRT)) { // shoes
         w->shine = 0.30f;
-        struct rgb shoe = mix(hex(c->shoes), hex(c->accent), 0.8f * in(fabsf(p.y - ankle.y + 0.045f + 0.4f * p.z) - 0.010f));
-        shoe = mix(shoe, hex(0x2a2622), in(maxf(fabsf(fmodf(p.y + 1, 0.018f) - 0.009f) - 0.0025f, maxf(fabsf(side - ankle.x) - 0.018f, p.y - ankle.y + 0.03f))));
+        struct rgb shoe =
+            mix(hex(c->shoes), hex(c->accent), 0.8f * in(fabsf(p.y - ankle.y + 0.045f + 0.4f * p.z) - 0.010f));
+        shoe = mix(shoe, hex(0x2a2622),
+                   in(maxf(fabsf(fmodf(p.y + 1, 0.018f) - 0.009f) - 0.0025f,
+                           maxf(fabsf(side - ankle.x) - 0.018f, p.y - ankle.y + 0.03f))));
         return mix(shoe, hex(0xf2efe8), in(p.z - 0.018f));
     }
     if (clothes == CLOTHES_SKIRT && p.z < knee.z + 0.083f) {
@@ -191,7 +202,8 @@ static struct rgb legs(struct wear *w)
         struct rgb skin = dim(hex(c->skin), 0.96f + 0.08f * noise3(p.x * 60, p.y * 60, p.z * 60, 6));
         return mix(skin, hex(0xf2efe8), in(p.z - ankle.z - 0.075f)); // socks
     }
-    struct rgb cloth = dim(hex(c->trousers), weave(w, 320, 33) * (0.88f + 0.24f * noise3(p.x * 14, p.y * 14, p.z * 10, 34)));
+    struct rgb cloth =
+        dim(hex(c->trousers), weave(w, 320, 33) * (0.88f + 0.24f * noise3(p.x * 14, p.y * 14, p.z * 10, 34)));
     if (clothes == CLOTHES_SKIRT) {
         float a = atan2f(p.x, -p.y) * 10;
         cloth = dim(hex(c->trousers), 0.85f + 0.25f * fabsf(sinf(a)));
@@ -221,7 +233,7 @@ static struct rgb legs(struct wear *w)
         cloth = dim(cloth, 1 - 0.45f * in(fabsf(pocket) - 0.002f));
         cloth = dim(cloth, 1 - 0.4f * in(maxf(fabsf(p.x) - 0.0015f, waist.z - 0.2f - p.z)));
     }
-    float hem = waist.z + 0.012f; // belt
+    float hem = waist.z - 0.024f; // belt
     cloth = mix(cloth, hex(0x3b2416), in(fabsf(p.z - hem) - 0.018f));
     return mix(cloth, hex(0xd8c06a), front ? in(maxf(fabsf(p.x) - 0.024f, fabsf(p.z - hem) - 0.014f)) : 0);
 }
@@ -256,10 +268,12 @@ float figure_albedo(const struct physique *p, struct vec3f rest, float albedo[3]
 {
     float k = 1.75f / (float)p->figure.height_m;
     struct wear w = {p, &palettes[p->figure.palette], k, {rest.x * k, rest.y * k, rest.z * k}, 0};
-    struct vec3f neck = joint(&w, JOINT_NECK), shoulder = joint(&w, JOINT_LEFT_SHOULDER), waist = joint(&w, JOINT_WAIST);
+    struct vec3f neck = joint(&w, JOINT_NECK), shoulder = joint(&w, JOINT_LEFT_SHOULDER),
+                 waist = joint(&w, JOINT_WAIST);
     float side = fabsf(w.at.x);
     float along = (side - shoulder.x) * (float)p->arm.x + (w.at.z - shoulder.z) * (float)p->arm.z;
-    float off = hypotf((side - shoulder.x) * (float)p->arm.z - (w.at.z - shoulder.z) * (float)p->arm.x, w.at.y - shoulder.y);
+    float off =
+        hypotf((side - shoulder.x) * (float)p->arm.z - (w.at.z - shoulder.z) * (float)p->arm.x, w.at.y - shoulder.y);
     struct rgb c;
     if (along > 0.02f && off < 0.11f && side > shoulder.x - 0.02f)
         c = arm(&w, along);

@@ -14,8 +14,8 @@ struct binding {
 
 struct figure {
     struct physique physique;
-    struct mesh mesh;          // at rest
-    struct binding *bindings;  // one a vertex
+    struct mesh mesh;         // at rest
+    struct binding *bindings; // one a vertex
     double joint_radius[JOINT_COUNT];
 };
 

@@ -10,7 +10,7 @@ struct grid {
     const struct form *form;
     float cell;
     struct vec3f low;
-    int n[3];        // points along each axis, a multiple of BLOCK plus 1
+    int n[3]; // points along each axis, a multiple of BLOCK plus 1
     int blocks[3];
     float *value;    // at the points
     int *vertex;     // of the cell whose low corner the point is, -1
@@ -99,7 +99,8 @@ static void place_vertex(struct grid *g, int x, int y, int z, struct mesh *m)
                 sum[k] += (float)(i >> k & 1) + (k == axis ? t : 0);
             count++;
         }
-    m->at[index] = place(g, (float)x + sum[0] / (float)count, (float)y + sum[1] / (float)count, (float)z + sum[2] / (float)count);
+    m->at[index] =
+        place(g, (float)x + sum[0] / (float)count, (float)y + sum[1] / (float)count, (float)z + sum[2] / (float)count);
 }
 
 // A quad for each crossed edge that starts at the cell's low corner.

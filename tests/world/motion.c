@@ -52,7 +52,7 @@ static struct key key_at(const struct named_motion *m, double t)
 }
 
 struct footing {
-    struct vec3 at; // of the sole's middle below the ankle: x, y, lift z
+    struct vec3 at;    // of the sole's middle below the ankle: x, y, lift z
     double yaw, pitch; // degrees
 };
 
@@ -97,7 +97,8 @@ static void place_foot(const struct physique *p, const struct key *k, struct foo
     s->foot[side] = turn(f.yaw, pitch, 0);
     // The heel (positive pitch: it is up) or the toes must not go through the floor.
     double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->rest[JOINT_LEFT_FOOT].z;
-    double tip = least(quat_rotate(s->foot[side], v3(0, -toe, -sole)).z, quat_rotate(s->foot[side], v3(0, heel, -sole)).z);
+    double tip =
+        least(quat_rotate(s->foot[side], v3(0, -toe, -sole)).z, quat_rotate(s->foot[side], v3(0, heel, -sole)).z);
     s->ankle[side] = v3(ankle.x, ankle.y, most(ankle.z, -tip));
     struct vec3 forward = quat_rotate(turn(f.yaw + (side == LEFT ? 4 : -4), 0, 0), v3(0, -1, 0));
     s->knee[side] = v3_add(forward, v3(0, 0, 0.25)); // up as well, for a leg stretched forward

@@ -50,7 +50,8 @@ static struct rgb landscape(const struct spot *s)
     struct rgb c = mix(sky, hex(s->scheme[2]), cover(r - 0.17f * s->w, s->texel));
     for (int layer = 0; layer < 5; layer++) {
         float height = 0.62f - 0.13f * (float)layer;
-        height += 0.20f * (fractal2(u * (2.0f + (float)layer), 3.7f * (float)layer, 4, s->seed + 11u * (uint32_t)layer) - 0.5f);
+        height += 0.20f *
+                  (fractal2(u * (2.0f + (float)layer), 3.7f * (float)layer, 4, s->seed + 11u * (uint32_t)layer) - 0.5f);
         struct rgb hill = mix(hex(s->scheme[3]), hex(s->scheme[1]), 0.25f * (float)layer);
         hill = dim(hill, 0.8f + 0.4f * noise2(u * 30, v * 40, s->seed));
         c = mix(c, hill, cover((v - height) * s->h, s->texel));
@@ -132,7 +133,8 @@ static struct rgb night(const struct spot *s)
         float px = s->w * (0.2f + 0.6f * hash_unit(k, 20, s->seed)), py = s->h * (0.15f + 0.2f * (float)k);
         float r = s->w * (0.07f + 0.12f * hash_unit(k, 21, s->seed)), dx = s->x - px, dy = s->y - py;
         float d = sqrtf(dx * dx + dy * dy);
-        struct rgb planet = mix(hex(s->scheme[k % 5]), hex(s->scheme[(k + 2) % 5]), noise2(dx * 9, dy * 60 / (r * 20), s->seed + k));
+        struct rgb planet =
+            mix(hex(s->scheme[k % 5]), hex(s->scheme[(k + 2) % 5]), noise2(dx * 9, dy * 60 / (r * 20), s->seed + k));
         planet = dim(planet, minf(1, maxf(0.12f, 0.75f - (dx - dy) / r * 0.55f)));
         c = mix(c, planet, cover(d - r, s->texel));
         float ring = fabsf(hypotf(dx + 0.5f * dy, 3.2f * (dy - 0.3f * dx)) - 1.7f * r);
@@ -203,7 +205,9 @@ static struct rgb rug(const struct spot *s)
         c = hash_unit((uint32_t)(s->y * 160), 3, 1) < 0.5f ? hex(0xe9dcc0) : hex(0xc9b38c);
     } else if (in < 0.09f) {
         c = hex(0x27364f);
-    } else if (in < 0.22f) { // a border of lozenges
+    } else if (in < 0.22f && fabsf(a) > s->w / 2 - 0.22f && fabsf(b) > s->h / 2 - 0.22f) {
+        c = in > 0.13f && in < 0.18f ? hex(0xd9a441) : hex(0x27364f); // its corners
+    } else if (in < 0.22f) {                                          // a border of lozenges
         float p = fmodf(fabsf(fabsf(a) > s->w / 2 - 0.22f ? b : a), 0.13f) / 0.13f - 0.5f, q = (in - 0.155f) / 0.13f;
         c = fabsf(p) + fabsf(q) < 0.26f ? hex(0xd9a441) : fabsf(p) + fabsf(q) < 0.42f ? hex(0xe9dcc0) : hex(0x7d2e34);
     } else if (in < 0.25f) {
@@ -212,8 +216,13 @@ static struct rgb rug(const struct spot *s)
         float r = sqrtf(a * a * 0.62f + b * b);
         float k = fmodf(r * 7.5f + 0.18f * cosf(8 * atan2f(b, a)), 1);
         float lozenge = fabsf(fmodf(fabsf(a) + 0.15f, 0.3f) - 0.15f) + fabsf(fmodf(fabsf(b) + 0.15f, 0.3f) - 0.15f);
-        c = r < 0.62f ? (k < 0.30f ? hex(0x27364f) : k < 0.5f ? hex(0xd9a441) : k < 0.62f ? hex(0xe9dcc0) : hex(0x8f353b))
-                      : (lozenge < 0.06f ? hex(0xe9dcc0) : lozenge < 0.10f ? hex(0x27364f) : hex(0x8a3238));
+        c = r < 0.62f ? (k < 0.30f   ? hex(0x27364f)
+                         : k < 0.5f  ? hex(0xd9a441)
+                         : k < 0.62f ? hex(0xe9dcc0)
+                                     : hex(0x8f353b))
+                      : (lozenge < 0.06f   ? hex(0xe9dcc0)
+                         : lozenge < 0.10f ? hex(0x27364f)
+                                           : hex(0x8a3238));
     }
     return dim(c, weave);
 }
@@ -230,7 +239,8 @@ static struct rgb window_view(const struct spot *s)
     struct rgb c = mix(hex(0xcfe6f5), hex(0x6fa8dc), v);
     c = mix(c, hex(0xffffff), 1.6f * maxf(0, fractal2(u * 4, v * 7, 5, s->seed) - 0.5f));
     for (int layer = 0; layer < 3; layer++) {
-        float height = 0.46f - 0.12f * (float)layer + 0.16f * (fractal2(u * 3 + (float)layer * 5, 0.5f, 4, s->seed + 3) - 0.5f);
+        float height =
+            0.46f - 0.12f * (float)layer + 0.16f * (fractal2(u * 3 + (float)layer * 5, 0.5f, 4, s->seed + 3) - 0.5f);
         if (layer == 2)
             height += 0.05f * noise2(u * 26, 0, s->seed);
         struct rgb land = mix(hex(0x9dbfa6), hex(0x3f6f3a), 0.5f * (float)layer);
@@ -270,17 +280,28 @@ static struct rgb drawers(const struct spot *s)
 static struct rgb pixel_of(enum painting kind, const struct spot *s)
 {
     switch (kind) {
-    case PAINTING_LANDSCAPE: return landscape(s);
-    case PAINTING_CIRCLES: return circles(s);
-    case PAINTING_MAP: return contours(s);
-    case PAINTING_STRIPES: return stripes(s);
-    case PAINTING_NIGHT: return night(s);
-    case PAINTING_WORDS: return words(s);
-    case PAINTING_BOOKS: return books(s);
-    case PAINTING_RUG: return rug(s);
-    case PAINTING_WINDOW: return window_view(s);
-    case PAINTING_DOOR: return door(s);
-    case PAINTING_DRAWERS: return drawers(s);
+    case PAINTING_LANDSCAPE:
+        return landscape(s);
+    case PAINTING_CIRCLES:
+        return circles(s);
+    case PAINTING_MAP:
+        return contours(s);
+    case PAINTING_STRIPES:
+        return stripes(s);
+    case PAINTING_NIGHT:
+        return night(s);
+    case PAINTING_WORDS:
+        return words(s);
+    case PAINTING_BOOKS:
+        return books(s);
+    case PAINTING_RUG:
+        return rug(s);
+    case PAINTING_WINDOW:
+        return window_view(s);
+    case PAINTING_DOOR:
+        return door(s);
+    case PAINTING_DRAWERS:
+        return drawers(s);
     }
     return hex(0xffffff);
 }
@@ -295,14 +316,20 @@ enum status paint(struct texture *t, enum painting kind, double width_m, double 
     float margin = paper ? 0.028f : 0; // a white margin and a thin dark frame
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
-            float px = ((float)x + 0.5f) / (float)w * (float)width_m, py = ((float)y + 0.5f) / (float)h * (float)height_m;
+            float px = ((float)x + 0.5f) / (float)w * (float)width_m,
+                  py = ((float)y + 0.5f) / (float)h * (float)height_m;
             float edge = minf(minf(px, (float)width_m - px), minf(py, (float)height_m - py));
             struct rgb c;
             if (edge < margin) {
                 c = edge < 0.010f ? hex(0x2c2622) : hex(0xf3efe6);
             } else {
-                struct spot s = {px - margin, py - margin, (float)width_m - 2 * margin, (float)height_m - 2 * margin,
-                                 (float)texel_m, seed, schemes[seed % 6]};
+                struct spot s = {px - margin,
+                                 py - margin,
+                                 (float)width_m - 2 * margin,
+                                 (float)height_m - 2 * margin,
+                                 (float)texel_m,
+                                 seed,
+                                 schemes[seed % 6]};
                 c = pixel_of(kind, &s);
             }
             texture_set(t, x, y, (float[3]){0.9f * c.r, 0.9f * c.g, 0.9f * c.b});
@@ -334,7 +361,8 @@ enum status paint_grain(struct texture *t, uint32_t seed)
             float wave = tile_noise(u * 4, v * 6, 4, 6, seed) * 3 + tile_noise(u * 8, v * 12, 8, 12, seed + 1);
             float ring = v * 22 + wave * 1.6f;
             float line = fabsf(ring - floorf(ring) - 0.5f) * 2;
-            float fibre = tile_noise(u * 12, v * 128, 12, 128, seed + 2), pore = tile_noise(u * 48, v * 256, 48, 256, seed + 3);
+            float fibre = tile_noise(u * 12, v * 128, 12, 128, seed + 2),
+                  pore = tile_noise(u * 48, v * 256, 48, 256, seed + 3);
             float c = 0.52f + 0.14f * (line * line - 0.4f) + 0.10f * (fibre - 0.5f) - 0.16f * maxf(0, pore - 0.8f) * 5;
             texture_set(t, x, y, (float[3]){c, c, c});
         }
@@ -350,7 +378,8 @@ enum status paint_plaster(struct texture *t, uint32_t seed)
     for (int y = 0; y < TILE_TEXELS; y++)
         for (int x = 0; x < TILE_TEXELS; x++) {
             float u = (float)x / TILE_TEXELS, v = (float)y / TILE_TEXELS;
-            float c = 0.46f + 0.03f * tile_noise(u * 8, v * 8, 8, 8, seed) + 0.03f * tile_noise(u * 32, v * 32, 32, 32, seed + 1) +
+            float c = 0.46f + 0.03f * tile_noise(u * 8, v * 8, 8, 8, seed) +
+                      0.03f * tile_noise(u * 32, v * 32, 32, 32, seed + 1) +
                       0.02f * tile_noise(u * 128, v * 128, 128, 128, seed + 2);
             texture_set(t, x, y, (float[3]){c, c, c});
         }

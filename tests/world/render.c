@@ -7,7 +7,7 @@
 
 enum { TILE = 16, SIDE = ACTOR_SIDE }; // pixels of a tile's side; samples of a pixel's side
 
-struct corner { // what the ray through a corner of pixels meets
+struct corner {      // what the ray through a corner of pixels meets
     struct vec3 ray; // world, z = 1 in the camera
     struct hit hit;
     int decal;
@@ -21,14 +21,15 @@ struct job {
     double turn[3][3];   // world_from_camera
     struct vec3 eye;
     int tiles_across, bands;
-    uint32_t *boxes;      // bands x tiles_across: the boxes a tile may see
+    uint32_t *boxes;        // bands x tiles_across: the boxes a tile may see
     struct corner *corners; // for each band two rows of width + 1
 };
 
 static struct vec3 ray_at(const struct job *j, double x, double y)
 {
     struct vec3 d = lens_ray(&j->shot->lens, (struct pixel){x, y});
-    return v3(j->turn[0][0] * d.x + j->turn[0][1] * d.y + j->turn[0][2], j->turn[1][0] * d.x + j->turn[1][1] * d.y + j->turn[1][2],
+    return v3(j->turn[0][0] * d.x + j->turn[0][1] * d.y + j->turn[0][2],
+              j->turn[1][0] * d.x + j->turn[1][1] * d.y + j->turn[1][2],
               j->turn[2][0] * d.x + j->turn[2][1] * d.y + j->turn[2][2]);
 }
 
@@ -72,7 +73,8 @@ static void tone(const float linear[3], uint8_t rgb[3])
 }
 
 // Light from a point of the room towards the camera.
-static void shade(const struct job *j, const struct hit *h, int decal, struct vec3 at, struct footprint foot, float color[3])
+static void shade(const struct job *j, const struct hit *h, int decal, struct vec3 at, struct footprint foot,
+                  float color[3])
 {
     const struct scene *s = &j->w->scene;
     const struct surface *f = &s->surfaces[h->surface];
@@ -106,8 +108,8 @@ static struct vec3 ray_inside(const struct corner *top, const struct corner *low
 }
 
 // How far u and v run over a sample at a hit, from the rays' spread.
-static struct footprint footprint_at(const struct job *j, const struct hit *h, struct vec3 ray, const struct corner *top,
-                                     const struct corner *low, float scale)
+static struct footprint footprint_at(const struct job *j, const struct hit *h, struct vec3 ray,
+                                     const struct corner *top, const struct corner *low, float scale)
 {
     const struct surface *f = &j->w->scene.surfaces[h->surface];
     double against = v3_dot(ray, f->normal);
@@ -128,7 +130,8 @@ static bool same_thing(const struct corner *a, const struct corner *b)
 }
 
 // One pixel of the room: one sample where it shows one thing, else SIDE x SIDE.
-static void room_color(const struct job *j, const struct corner *top, const struct corner *low, uint32_t boxes, float color[3])
+static void room_color(const struct job *j, const struct corner *top, const struct corner *low, uint32_t boxes,
+                       float color[3])
 {
     const struct scene *s = &j->w->scene;
     bool one = same_thing(&top[0], &top[1]) && same_thing(&top[0], &low[0]) && same_thing(&top[0], &low[1]) &&
@@ -167,11 +170,12 @@ static void color_pixel(const struct job *j, int x, int y, const struct corner *
     int cover = j->actor ? actor_cover(j->actor, x, y, &near, &far) : 0;
     if (cover) {
         double room_z[ACTOR_SAMPLES], nearest = least(least(top[0].hit.distance, top[1].hit.distance),
-                                                     least(low[0].hit.distance, low[1].hit.distance));
+                                                      least(low[0].hit.distance, low[1].hit.distance));
         bool clear = far < nearest - 0.05;
         for (int i = 0; i < ACTOR_SAMPLES && !clear; i++)
             room_z[i] = scene_hit(&j->w->scene, j->eye,
-                                  ray_inside(top, low, (i % SIDE + 0.5) / SIDE, (i / SIDE + 0.5) / SIDE), boxes).distance;
+                                  ray_inside(top, low, (i % SIDE + 0.5) / SIDE, (i / SIDE + 0.5) / SIDE), boxes)
+                            .distance;
         actor_color(j->actor, x, y, clear ? NULL : room_z, body, &seen);
     }
     if (seen < ACTOR_SAMPLES)

@@ -43,8 +43,10 @@ static void splat(struct map *m, const struct vec3 p[3])
     double area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]);
     if (!(fabs(area) > 1e-12))
         return;
-    int x0 = (int)most(0, ceil(least(x[0], least(x[1], x[2])) - 0.5)), x1 = (int)least(MAP_SIDE - 1, floor(most(x[0], most(x[1], x[2])) - 0.5));
-    int y0 = (int)most(0, ceil(least(y[0], least(y[1], y[2])) - 0.5)), y1 = (int)least(MAP_SIDE - 1, floor(most(y[0], most(y[1], y[2])) - 0.5));
+    int x0 = (int)most(0, ceil(least(x[0], least(x[1], x[2])) - 0.5)),
+        x1 = (int)least(MAP_SIDE - 1, floor(most(x[0], most(x[1], x[2])) - 0.5));
+    int y0 = (int)most(0, ceil(least(y[0], least(y[1], y[2])) - 0.5)),
+        y1 = (int)least(MAP_SIDE - 1, floor(most(y[0], most(y[1], y[2])) - 0.5));
     for (int j = y0; j <= y1; j++)
         for (int i = x0; i <= x1; i++) {
             double px = i + 0.5, py = j + 0.5;
@@ -87,7 +89,8 @@ static float passes(const struct map *m, struct vec3 at, double bias)
     double z = v3_dot(d, m->z);
     if (z < 0.1)
         return 1;
-    double x = (v3_dot(d, m->x) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5, y = (v3_dot(d, m->y) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5;
+    double x = (v3_dot(d, m->x) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5,
+           y = (v3_dot(d, m->y) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5;
     if (!(x > 0 && y > 0 && x < MAP_SIDE - 1 && y < MAP_SIDE - 1))
         return 1;
     int i = (int)x, j = (int)y;
@@ -108,7 +111,8 @@ static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
             for (int i = 0; i < 8; i++) {
                 struct vec3 p = v3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z);
                 struct vec3 from = k < MAPS ? s->maps[k].from : p, to = v3_sub(p, surface->corner);
-                double over = v3_dot(to, surface->normal), lamp = v3_dot(v3_sub(from, surface->corner), surface->normal);
+                double over = v3_dot(to, surface->normal),
+                       lamp = v3_dot(v3_sub(from, surface->corner), surface->normal);
                 double reach = 0.5; // of the dark about feet
                 if (k < MAPS) {
                     if (!(lamp > 1e-6))

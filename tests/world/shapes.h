@@ -11,13 +11,13 @@ enum shape_kind { SHAPE_ROUND_CONE, SHAPE_ELLIPSOID, SHAPE_TUBE }; // a tube has
 
 struct shape {
     enum shape_kind kind;
-    enum bone bone;      // that carries it
-    struct vec3f a, b;   // its axis; an ellipsoid's centre and radii
-    float ra, rb;        // radii at the ends
-    float flat;          // depth (y) over width, 1 = round; not for ellipsoids
-    float melt;          // over this width it melts into what came before it
-    bool hangs;          // a skirt or coat's tail: follows pelvis and thighs
-    bool cloth;          // throws folds
+    enum bone bone;    // that carries it
+    struct vec3f a, b; // its axis; an ellipsoid's centre and radii
+    float ra, rb;      // radii at the ends
+    float flat;        // depth (y) over width, 1 = round; not for ellipsoids
+    float melt;        // over this width it melts into what came before it
+    bool hangs;        // a skirt or coat's tail: follows pelvis and thighs
+    bool cloth;        // throws folds
 };
 
 enum { MAX_SHAPES = 96 };

@@ -18,7 +18,7 @@ uint8_t linear_to_srgb(float linear)
     uint32_t bits;
     memcpy(&bits, &linear, sizeof bits);
     int level = level_start[(bits >> 18) - (FIRST_OCTAVE << 5)];
-    while (linear >= level_end[level])
+    while (level < 255 && linear >= level_end[level])
         level++;
     return (uint8_t)level;
 }
@@ -98,7 +98,8 @@ static void bilinear(const struct texture *t, int level, double x, double y, boo
     float a = (float)(u - fu), b = (float)(v - fv);
     int x0 = inside((int)fu, w, wrap), x1 = inside((int)fu + 1, w, wrap);
     int y0 = inside((int)fv, h, wrap), y1 = inside((int)fv + 1, h, wrap);
-    const uint8_t *row0 = t->level[level] + (size_t)y0 * (size_t)w * 3, *row1 = t->level[level] + (size_t)y1 * (size_t)w * 3;
+    const uint8_t *row0 = t->level[level] + (size_t)y0 * (size_t)w * 3,
+                  *row1 = t->level[level] + (size_t)y1 * (size_t)w * 3;
     for (int c = 0; c < 3; c++) {
         float top = level_linear[row0[x0 * 3 + c]] * (1 - a) + level_linear[row0[x1 * 3 + c]] * a;
         float low = level_linear[row1[x0 * 3 + c]] * (1 - a) + level_linear[row1[x1 * 3 + c]] * a;

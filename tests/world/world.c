@@ -134,7 +134,8 @@ struct calibration world_calibration(double scale)
 
 struct calibration world_viewer_calibration(double scale)
 {
-    struct lens l = lens_scaled((struct lens){640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0}, scale);
+    struct lens l =
+        lens_scaled((struct lens){640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0}, scale);
     return (struct calibration){.color = l, .color_from_depth = POSE_IDENTITY};
 }
 
@@ -148,10 +149,7 @@ static struct pose look(struct vec3 eye, struct vec3 target, double roll)
 }
 
 // The slow tremor of a hand: about -1..1, smooth.
-static double tremor(double t, uint32_t seed)
-{
-    return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2;
-}
+static double tremor(double t, uint32_t seed) { return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2; }
 
 static uint32_t seed_of(const struct world *w, uint32_t what)
 {

@@ -73,7 +73,8 @@ static enum status save_text(struct text *t, const char *folder, const char *nam
 {
     char path[PATH_BYTES];
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    enum status status = t->failed ? fail(ERR_MEMORY, "out of memory for %s", path) : file_write(path, t->bytes ? t->bytes : "", t->count);
+    enum status status = t->failed ? fail(ERR_MEMORY, "out of memory for %s", path)
+                                   : file_write(path, t->bytes ? t->bytes : "", t->count);
     free(t->bytes);
     *t = (struct text){0};
     return status;
@@ -155,13 +156,15 @@ static enum status save_tags(const struct world *w, const char *folder, const ch
 static void add_pose(struct text *t, double time, struct pose p)
 {
     struct quat q = p.rotation;
-    add(t, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time, p.translation.x, p.translation.y, p.translation.z, q.x, q.y, q.z, q.w);
+    add(t, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time, p.translation.x, p.translation.y, p.translation.z, q.x,
+        q.y, q.z, q.w);
 }
 
 static void add_joints(struct text *t, double time, const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
-        add(t, "%.6f,%s,%.4f,%.4f,%.4f\n", time, joint_name((enum joint)j), s->joint[j].x, s->joint[j].y, s->joint[j].z);
+        add(t, "%.6f,%s,%.4f,%.4f,%.4f\n", time, joint_name((enum joint)j), s->joint[j].x, s->joint[j].y,
+            s->joint[j].z);
 }
 
 // ---------------------------------------------------------------- pictures
@@ -184,8 +187,8 @@ static enum status save_jpeg(const uint8_t *rgb, const struct lens *l, const cha
 }
 
 // Frame `i` of a reel: its picture, its depth, and what a viewer should have seen.
-static enum status film_frame(const struct film *f, const struct world *w, const struct reel *r, const struct lens *lens,
-                              struct pose world_from_camera, int i, struct pixels *px)
+static enum status film_frame(const struct film *f, const struct world *w, const struct reel *r,
+                              const struct lens *lens, struct pose world_from_camera, int i, struct pixels *px)
 {
     char path[PATH_BYTES];
     uint64_t seed = f->world.seed * 1000003u + (uint64_t)i * 8 + r->set;
@@ -241,7 +244,9 @@ static enum status make_folders(const struct film *f, const struct reel *r)
 
 static struct pose camera_at(const struct world *w, const struct reel *r, double t)
 {
-    return r->set == SET_PLACE ? world_sweep_pose(w, t) : r->set == SET_SENSOR ? world_sensor_pose(w) : world_viewer_pose(w, t);
+    return r->set == SET_PLACE    ? world_sweep_pose(w, t)
+           : r->set == SET_SENSOR ? world_sensor_pose(w)
+                                  : world_viewer_pose(w, t);
 }
 
 static enum status film_reel(const struct film *f, const struct world *w, const struct reel *r, struct pixels *px)
@@ -314,9 +319,20 @@ static enum status film_all(const struct film *f)
 
 // ---------------------------------------------------------------- options
 
-enum { KEY_OUT = COMMAND_KEY, KEY_WHAT, KEY_SECONDS, KEY_SIZE, KEY_FIGURE, KEY_MOTION, KEY_SEED, KEY_THREADS, KEY_CLEAN };
+enum {
+    KEY_OUT = COMMAND_KEY,
+    KEY_WHAT,
+    KEY_SECONDS,
+    KEY_SIZE,
+    KEY_FIGURE,
+    KEY_MOTION,
+    KEY_SEED,
+    KEY_THREADS,
+    KEY_CLEAN
+};
 
-static void read_number(struct argp_state *state, const char *text, const char *option, double low, double high, double *out)
+static void read_number(struct argp_state *state, const char *text, const char *option, double low, double high,
+                        double *out)
 {
     char *end;
     *out = strtod(text, &end);
@@ -330,7 +346,9 @@ static error_t parse(int key, char *text, struct argp_state *state)
     double number = 0;
     char rest;
     switch (key) {
-    case KEY_OUT: f->out = text; break;
+    case KEY_OUT:
+        f->out = text;
+        break;
     case KEY_WHAT:
         f->sets = !strcmp(text, "all") ? SET_ALL : 0;
         for (size_t i = 0; i < COUNT_OF(reels); i++)
@@ -339,16 +357,21 @@ static error_t parse(int key, char *text, struct argp_state *state)
         if (!f->sets)
             argp_error(state, "--what is '%s'; it must be place, sensor, viewer or all", text);
         break;
-    case KEY_SECONDS: read_number(state, text, "seconds", 0, 3600, &f->seconds); break;
+    case KEY_SECONDS:
+        read_number(state, text, "seconds", 0, 3600, &f->seconds);
+        break;
     case KEY_SIZE:
-        if (sscanf(text, "%dx%d%c", &f->width, &f->height, &rest) != 2 || f->width < 64 || f->width > 4096 || f->height * 4 != f->width * 3)
+        if (sscanf(text, "%dx%d%c", &f->width, &f->height, &rest) != 2 || f->width < 64 || f->width > 4096 ||
+            f->height * 4 != f->width * 3)
             argp_error(state, "--size is '%s'; it must be like 640x480: 4 to 3, 64 to 4096 wide", text);
         break;
     case KEY_FIGURE:
         if (!world_figure_named(text, &f->world.figure))
             argp_error(state, "--figure is '%s'; there are %s", text, world_figure_names());
         break;
-    case KEY_MOTION: f->world.motion = text; break;
+    case KEY_MOTION:
+        f->world.motion = text;
+        break;
     case KEY_SEED:
         read_number(state, text, "seed", 0, 4294967295.0, &number);
         f->world.seed = (uint64_t)number;
@@ -357,9 +380,14 @@ static error_t parse(int key, char *text, struct argp_state *state)
         read_number(state, text, "threads", 1, 16, &number);
         f->world.threads = (int)number;
         break;
-    case KEY_CLEAN: f->clean = true; break;
-    case ARGP_KEY_END: command_need(state, f->out, "out"); break;
-    default: return ARGP_ERR_UNKNOWN;
+    case KEY_CLEAN:
+        f->clean = true;
+        break;
+    case ARGP_KEY_END:
+        command_need(state, f->out, "out");
+        break;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
     return 0;
 }
@@ -368,21 +396,29 @@ int main(int argc, char **argv)
 {
     static const struct argp_option options[] = {
         {"out", KEY_OUT, "DIR", 0, "Where to write place/, sensor/, viewer/, tags.json and truth/", 0},
-        {"what", KEY_WHAT, "SET", 0, "place (the empty room, sensor in the hand), sensor (the take), viewer (a tablet that walks round) or all (the default)", 0},
+        {"what", KEY_WHAT, "SET", 0,
+         "place (the empty room, sensor in the hand), sensor (the take), viewer (a tablet that walks round) or all "
+         "(the default)",
+         0},
         {"seconds", KEY_SECONDS, "S", 0, "Film no more than this", 0},
         {"size", KEY_SIZE, "WxH", 0, "Of the pictures; 640x480 unless told", 0},
         {"figure", KEY_FIGURE, "NAME", 0, "woman (the default), man, child, heavy, skirt, coat, tall", 0},
-        {"motion", KEY_MOTION, "NAME", 0, "pirouette (the default), kata, still, bend, walk, or the path of a .bvh file", 0},
+        {"motion", KEY_MOTION, "NAME", 0,
+         "pirouette (the default), kata, still, bend, walk, or the path of a .bvh file", 0},
         {"seed", KEY_SEED, "N", 0, "Of posters, hands and noise; 1 unless told", 0},
         {"threads", KEY_THREADS, "N", 0, "1 unless told; the files do not depend on it", 0},
         {"clean", KEY_CLEAN, NULL, 0, "No noise on colour and depth", 0},
         {0},
     };
     static const struct argp argp = {
-        options, parse, NULL,
+        options,
+        parse,
+        NULL,
         "Films the small world that the tests know: a room with tags, and a figure that moves in it, "
         "as folders in the TUM RGB-D layout with the truth beside them.",
-        NULL, NULL, NULL};
+        NULL,
+        NULL,
+        NULL};
     struct film f = {.sets = SET_ALL, .seconds = -1, .width = 640, .height = 480, .world = world_default_options()};
     argp_err_exit_status = 2;
     argp_parse(&argp, argc, argv, 0, NULL, &f);
