@@ -4,7 +4,6 @@
 #pragma once
 #include "capture/recording/place.h"
 #include "platform/tags.h"
-#include "tests/test.h"
 
 struct tag_picture {
     struct lens lens;
@@ -13,7 +12,7 @@ struct tag_picture {
     struct pose world_from_camera;
     double noise;      // grey levels, standard deviation
     bool linear;       // no sRGB encoding: what careless code assumes
-    uint64_t seed;
+    uint64_t seed;     // of the noise
     uint8_t *rgb;      // out, lens.width * lens.height * 3
     uint16_t *depth;   // out, exact; NULL: not wanted
 };
@@ -21,6 +20,20 @@ struct tag_picture {
 static inline struct lens tag_picture_lens(int width, int height, double f)
 {
     return (struct lens){.width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};
+}
+
+static inline double tag_picture_uniform(uint64_t *state) // [0, 1), splitmix64 (Steele, Lea and Flood 2014)
+{
+    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
+}
+
+static inline double tag_picture_normal(uint64_t *state)
+{
+    double u = 1 - tag_picture_uniform(state), v = tag_picture_uniform(state);
+    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
 }
 
 static inline uint8_t tag_picture_encode(double light, bool linear, double noise)
@@ -59,19 +72,20 @@ static inline double tag_picture_light(const struct tag_picture_plane *planes, i
     return 0.3;
 }
 
-static inline void tag_picture_draw(struct tag_picture *p)
+// False: no such tag.
+static inline bool tag_picture_draw(struct tag_picture *p)
 {
     enum { SIDE = 6, MOST = 16 };
     struct tag_picture_plane planes[MOST];
     struct pose camera_from_world = pose_inverse(p->world_from_camera);
-    struct dice dice = {p->seed};
+    uint64_t dice = p->seed;
     assert(p->tag_count <= MOST);
     for (int i = 0; i < p->tag_count; i++) {
         struct pose c = pose_multiply(camera_from_world, p->tags[i].world_from_tag);
         planes[i] = (struct tag_picture_plane){c.translation, quat_rotate(c.rotation, v3(1, 0, 0)), quat_rotate(c.rotation, v3(0, 1, 0)),
                                                quat_rotate(c.rotation, v3(0, 0, 1)), p->tags[i].side_m / 2, {{{0}}}};
         if (!tag_pattern(p->tags[i].id, &planes[i].pattern))
-            fail_test();
+            return false;
     }
     for (int y = 0; y < p->lens.height; y++) {
         for (int x = 0; x < p->lens.width; x++) {
@@ -95,11 +109,12 @@ static inline void tag_picture_draw(struct tag_picture *p)
             if (high != low || high != light)
                 light = sum / (SIDE * SIDE);
             for (int c = 0; c < 3; c++)
-                p->rgb[3 * at + (size_t)c] = tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * dice_normal(&dice) : 0);
+                p->rgb[3 * at + (size_t)c] = tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * tag_picture_normal(&dice) : 0);
             if (p->depth)
                 p->depth[at] = (uint16_t)(z * 1000 + 0.5);
         }
     }
+    return true;
 }
 
 // A camera looking at the origin's square (its axes the world's: x right, y up, z

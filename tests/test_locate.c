@@ -1,6 +1,7 @@
 #include "locate/fit.h"
 #include "locate/locate.h"
 #include "tests/tag_picture.h"
+#include "tests/test.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -31,7 +32,7 @@ static double refined_error(struct tag_picture *p, double *rough, double *fine)
     struct pixel truth[4], centre = {0, 0};
     int count;
     p->rgb = rgb;
-    tag_picture_draw(p);
+    EXPECT_TRUE(tag_picture_draw(p));
     gray_from_rgb(rgb, WIDTH * HEIGHT, gray);
     EXPECT_STATUS(tag_finder_open(&f, 1), OK);
     EXPECT_STATUS(tag_finder_find(f, gray, WIDTH, HEIGHT, seen, 4, &count), OK);
@@ -327,7 +328,7 @@ static void a_camera_is_found(void **state)
     struct tag_picture p = {.lens = bent(), .tags = wall, .tag_count = 4, .noise = 2, .seed = 21, .rgb = rgb, .depth = depth,
                             .world_from_camera = tag_picture_view(2.8, 0.4, -0.15, 0.1)};
     struct location at;
-    tag_picture_draw(&p);
+    EXPECT_TRUE(tag_picture_draw(&p));
     for (int use_depth = 0; use_depth < 2; use_depth++) {
         EXPECT_STATUS(locate(&place, &p.lens, use_depth, &at), OK);
         double off = v3_distance(at.world_from_camera.translation, p.world_from_camera.translation);
@@ -362,7 +363,7 @@ static void an_empty_picture_is_nothing(void **state)
     other.id = 99;
     struct tag_picture p = {.lens = lens, .tags = &other, .tag_count = 1, .rgb = rgb,
                             .world_from_camera = tag_picture_view(2, 0.4, 0, 0)};
-    tag_picture_draw(&p);
+    EXPECT_TRUE(tag_picture_draw(&p));
     EXPECT_STATUS(locate(&place, &lens, false, &at), NOTHING);
 }
 

@@ -2,6 +2,7 @@
 #include "locate/locate.h"
 #include "platform/file.h"
 #include "tests/tag_picture.h"
+#include "tests/test.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>
@@ -347,7 +348,7 @@ static void long_sweeps_are_thinned_out(void **state)
         bool other = view == 9; // the second tag, alone
         struct tag_picture p = {.lens = c.color, .tags = &tags[other], .tag_count = 1, .rgb = rgb, .noise = 1, .seed = 3,
                                 .world_from_camera = tag_picture_view(0.6, 0.15 * view - 0.7, 0.3 - 0.08 * view, 0)};
-        tag_picture_draw(&p);
+        EXPECT_TRUE(tag_picture_draw(&p));
         for (int i = 0; i < 60; i++)
             EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = view * 60 + i, .color = rgb}), OK);
     }

@@ -1,4 +1,5 @@
 #include "tests/tag_picture.h"
+#include "tests/test.h"
 
 #include <string.h>
 
@@ -11,7 +12,7 @@ static int find(struct tag_picture *p, double decimate, struct tag_seen *out)
     struct tag_finder *f;
     int count;
     p->rgb = rgb;
-    tag_picture_draw(p);
+    EXPECT_TRUE(tag_picture_draw(p));
     for (size_t i = 0; i < sizeof gray; i++)
         gray[i] = rgb[3 * i + 1];
     EXPECT_STATUS(tag_finder_open(&f, decimate), OK);

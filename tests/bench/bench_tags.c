@@ -1,0 +1,178 @@
+// One tag of 16 cm, 1 to 5 m away, tilted by up to a radian about two axes, in
+// a picture of 640 x 480 with f = 525 and noise of 2 grey levels: how wrong its
+// range and its turn come out, by one picture alone, and how long that takes.
+#include "tests/bench/bench.h"
+
+#include "locate/fit.h"
+#include "tests/bench/bench_tags_peers.h"
+#include "tests/tag_picture.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { PICTURES = 40, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
+static const uint64_t SEED = 2014;
+static const double SIDE_M = 0.16, FLIP_DEG = 15;
+
+struct pictures {
+    struct lens lens;
+    uint8_t *rgb, *gray; // PICTURES of each
+    struct pose camera_from_tag[PICTURES];
+    int32_t id[PICTURES];
+};
+
+static enum status make(struct pictures *p)
+{
+    uint64_t dice = SEED;
+    p->lens = tag_picture_lens(WIDTH, HEIGHT, 525);
+    p->rgb = malloc((size_t)PICTURES * PIXELS * 3);
+    p->gray = malloc((size_t)PICTURES * PIXELS);
+    if (!p->rgb || !p->gray)
+        return fail(ERR_MEMORY, "no memory for pictures of tags");
+    printf("tags: seed %llu\n", (unsigned long long)SEED);
+    for (int i = 0; i < PICTURES; i++) {
+        double distance = 1 + 4 * tag_picture_uniform(&dice);
+        double yaw = 2 * tag_picture_uniform(&dice) - 1, pitch = 2 * tag_picture_uniform(&dice) - 1;
+        struct place_tag tag = {.id = (int32_t)(TAG_NUMBERS * tag_picture_uniform(&dice)), .side_m = SIDE_M,
+                                .world_from_tag = POSE_IDENTITY};
+        struct tag_picture picture = {
+            .lens = p->lens, .tags = &tag, .tag_count = 1, .noise = 2, .seed = SEED + (uint64_t)i,
+            .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&dice)),
+            .rgb = p->rgb + (size_t)i * PIXELS * 3,
+        };
+        // anywhere in the picture
+        struct vec3 aside = v3(0.8 * (tag_picture_uniform(&dice) - 0.5), 0.6 * (tag_picture_uniform(&dice) - 0.5), 0);
+        picture.world_from_camera.translation = v3_add(
+            picture.world_from_camera.translation, v3_scale(quat_rotate(picture.world_from_camera.rotation, aside), distance));
+        if (!tag_picture_draw(&picture))
+            return fail(ERR_INPUT, "tag %d could not be drawn", (int)tag.id);
+        gray_from_rgb(picture.rgb, PIXELS, p->gray + (size_t)i * PIXELS);
+        p->camera_from_tag[i] = pose_inverse(picture.world_from_camera);
+        p->id[i] = tag.id;
+    }
+    return OK;
+}
+
+static void judge(const struct pictures *p, int item, struct pose found, double started_ms, struct bench_measure *out)
+{
+    out->time_ms = bench_clock_ms() - started_ms;
+    const struct pose *truth = &p->camera_from_tag[item];
+    double turned = pose_angle(found, *truth) * 57.29577951308232;
+    out->error = fabs(found.translation.z - truth->translation.z) * 1e3;
+    out->extra[0] = fmin(turned, FLIP_DEG); // one mirrored pose must not hide the rest
+    out->extra[1] = turned > FLIP_DEG;
+}
+
+struct ours {
+    const struct pictures *pictures;
+    struct tag_finder *finder;
+    struct refiner *refiner;
+    struct tag_pattern patterns[PICTURES];
+    uint8_t *gray;
+};
+
+static enum status open_ours(struct ours *o, const struct pictures *p, double quad_decimate)
+{
+    *o = (struct ours){.pictures = p, .gray = malloc(PIXELS)};
+    if (!o->gray)
+        return fail(ERR_MEMORY, "no memory for a picture");
+    for (int i = 0; i < PICTURES; i++)
+        if (!tag_pattern(p->id[i], &o->patterns[i]))
+            return fail(ERR_MEMORY, "no memory for a tag's pattern");
+    enum status status = refiner_open(&o->refiner, &p->lens);
+    return status == OK ? tag_finder_open(&o->finder, quad_decimate) : status;
+}
+
+static void close_ours(struct ours *o)
+{
+    tag_finder_close(&o->finder);
+    refiner_close(&o->refiner);
+    free(o->gray);
+}
+
+// From the colour picture to the pose, as locate does it for a place of one tag.
+static enum status measure_ours(void *self, int item, struct bench_measure *out)
+{
+    struct ours *o = self;
+    const struct pictures *p = o->pictures;
+    const uint8_t *rgb = p->rgb + (size_t)item * PIXELS * 3;
+    struct tag_seen seen[8];
+    int count;
+    double started_ms = bench_clock_ms();
+    gray_from_rgb(rgb, PIXELS, o->gray);
+    enum status status = tag_finder_find(o->finder, o->gray, WIDTH, HEIGHT, seen, 8, &count);
+    if (status != OK)
+        return status;
+    for (int i = 0; i < count; i++) {
+        struct sighting fine;
+        struct camera_fit fit;
+        if (seen[i].id != p->id[item] || !refine_tag(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
+            continue;
+        struct fit_tag tag = {.seen = &fine, .world_from_tag = POSE_IDENTITY, .side_m = SIDE_M};
+        if (fit_camera(&tag, 1, p->lens.fx, p->lens.fy, 2.5, &fit) == NOTHING)
+            continue;
+        judge(p, item, fit.camera_from_world, started_ms, out);
+        return OK;
+    }
+    out->time_ms = bench_clock_ms() - started_ms;
+    return NOTHING;
+}
+
+struct peer {
+    const struct pictures *pictures;
+    struct apriltag_peer *apriltag; // or NULL: ArUco
+    enum aruco_corners corners;
+};
+
+static enum status measure_peer(void *self, int item, struct bench_measure *out)
+{
+    struct peer *o = self;
+    const struct pictures *p = o->pictures;
+    const uint8_t *gray = p->gray + (size_t)item * PIXELS;
+    struct pose found;
+    double started_ms = bench_clock_ms();
+    enum status status = o->apriltag ? apriltag_peer_find(o->apriltag, gray, &p->lens, p->id[item], SIDE_M, &found)
+                                     : aruco_peer_find(o->corners, gray, &p->lens, p->id[item], SIDE_M, &found);
+    if (status == OK)
+        judge(p, item, found, started_ms, out);
+    else
+        out->time_ms = bench_clock_ms() - started_ms;
+    return status;
+}
+
+static enum status run(struct bench *b)
+{
+    struct pictures p = {0};
+    struct ours ours[3] = {0};
+    struct peer peers[5] = {0};
+    enum status status = make(&p);
+    for (int i = 0; i < 3 && status == OK; i++)
+        status = open_ours(&ours[i], &p, i + 1);
+    for (int i = 0; i < 5; i++)
+        peers[i] = (struct peer){.pictures = &p, .corners = (enum aruco_corners)(i < 2 ? 0 : i - 2)};
+    for (int i = 0; i < 2 && status == OK; i++)
+        status = apriltag_peer_open(&peers[i].apriltag, i + 1);
+    if (status == OK) {
+        const struct bench_contender contenders[] = {
+            {"ours, every pixel", measure_ours, &ours[0], false},
+            {"ours, decimate 2", measure_ours, &ours[1], false},
+            {"ours, decimate 3", measure_ours, &ours[2], false},
+            {"libapriltag, every pixel", measure_peer, &peers[0], true},
+            {"libapriltag, decimate 2", measure_peer, &peers[1], false},
+            {"ArUco", measure_peer, &peers[2], false},
+            {"ArUco, subpixel", measure_peer, &peers[3], false},
+            {"ArUco, apriltag corners", measure_peer, &peers[4], false},
+        };
+        status = bench_run(b, contenders, COUNT_OF(contenders), PICTURES);
+    }
+    for (int i = 0; i < 3; i++)
+        close_ours(&ours[i]);
+    for (int i = 0; i < 2; i++)
+        apriltag_peer_close(&peers[i].apriltag);
+    free(p.rgb);
+    free(p.gray);
+    return status;
+}
+
+const struct bench_stage bench_stage_tags = {
+    "tags", "one tag, one picture: how far is it, how is it turned", "range_error_mm", "time_ms", {"turn_deg", "mirrored"}, run};

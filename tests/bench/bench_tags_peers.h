@@ -1,0 +1,23 @@
+// What a user would take instead for tags: libapriltag as it comes, and OpenCV's
+// ArUco with the same family. Grey pictures, one tag of known number and side.
+#pragma once
+#include "platform/lens.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct apriltag_peer; // libapriltag's detector and its own pose estimation
+MUST_CHECK enum status apriltag_peer_open(struct apriltag_peer **out, double quad_decimate);
+void apriltag_peer_close(struct apriltag_peer **p);
+// NOTHING: not found.
+enum status apriltag_peer_find(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens, int32_t id,
+                               double side_m, struct pose *camera_from_tag);
+
+enum aruco_corners { ARUCO_NONE, ARUCO_SUBPIX, ARUCO_APRILTAG };
+enum status aruco_peer_find(enum aruco_corners corners, const uint8_t *gray, const struct lens *lens, int32_t id,
+                            double side_m, struct pose *camera_from_tag);
+
+#ifdef __cplusplus
+}
+#endif
