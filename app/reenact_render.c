@@ -195,7 +195,15 @@ static enum status write_picture(struct run *r, const char *name, const char *en
 {
     char path[4096];
     snprintf(path, sizeof path, "%s/%s%s.png", r->arguments->out, name, ending);
-    return png_write(path, kind, pixels, r->lens.width, r->lens.height);
+    // Level 3 is a third of the time for a few percent more bytes.
+    uint8_t *bytes;
+    size_t count;
+    enum status status = png_encode(kind, pixels, r->lens.width, r->lens.height, 3, &bytes, &count);
+    if (status != OK)
+        return status;
+    status = file_write(path, bytes, count);
+    free(bytes);
+    return status;
 }
 
 static enum status draw(struct run *r, const struct frame *frame)

@@ -59,18 +59,30 @@ static void splat(const struct lens *lens, struct vec3 p, double size_m, struct 
             add_reading(&cells[(size_t)y * (size_t)lens->width + (size_t)x], p.z * 1000);
 }
 
+// Every other pixel of every other row, each drawn twice as wide: the surface is
+// as whole, and a tablet has a quarter of the work.
+enum { STRIDE = 2 };
+
 static void splat_view(const struct place *place, const struct place_view *view, const struct vec3 *rays,
                        const struct lens *lens, struct pose depth_from_world, struct cell *cells)
 {
     const struct lens *own = &place->calibration.depth;
     struct pose out_from_view = pose_multiply(
         depth_from_world, pose_multiply(view->world_from_camera, place->calibration.color_from_depth));
-    for (int y = 1; y < own->height - 1; y++)
-        for (int x = 1; x < own->width - 1; x++) {
+    double turn[3][3];
+    quat_to_matrix(out_from_view.rotation, turn);
+    struct vec3 shift = out_from_view.translation;
+    for (int y = 1; y < own->height - 1; y += STRIDE)
+        for (int x = 1; x < own->width - 1; x += STRIDE) {
             size_t at = (size_t)y * (size_t)own->width + (size_t)x;
             double z = view->depth[at] / 1000.0;
-            if (z > 0 && !is_flying(view->depth, own->width, x, y))
-                splat(lens, pose_apply(out_from_view, v3_scale(rays[at], z)), z / own->fx, cells);
+            if (z == 0 || is_flying(view->depth, own->width, x, y))
+                continue;
+            struct vec3 ray = rays[at], p;
+            p.x = z * (turn[0][0] * ray.x + turn[0][1] * ray.y + turn[0][2]) + shift.x;
+            p.y = z * (turn[1][0] * ray.x + turn[1][1] * ray.y + turn[1][2]) + shift.y;
+            p.z = z * (turn[2][0] * ray.x + turn[2][1] * ray.y + turn[2][2]) + shift.z;
+            splat(lens, p, STRIDE * z / own->fx, cells);
         }
 }
 

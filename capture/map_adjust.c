@@ -68,7 +68,8 @@ static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *co
         whiten(&f->seen[k], c->whiten);
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
-            depths[n->depths++] = (struct adjust_plane_depth){i, f->which[k], s->x, s->y, s->z, depth_sigma(s->z)};
+            depths[n->depths++] = (struct adjust_plane_depth){i, f->which[k], s->x, s->y, s->z,
+                                                              depth_sigma(s->z) / sqrt(f->depths[k].share)};
         }
     }
     for (int32_t k = 0; k < f->feature_count; k++) {
@@ -91,7 +92,7 @@ static void take_over(struct map *m, const struct adjust_problem *p)
         m->points[i].world = p->points[i];
 }
 
-enum status map_adjust(struct map *m, int rounds)
+enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
 {
     struct sizes n = count_all(m), filled = {0};
     struct adjust_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
@@ -116,8 +117,8 @@ enum status map_adjust(struct map *m, int rounds)
             .cameras = cameras, .squares = squares, .points = points,
             .corners = corners, .plane_depths = depths, .sightings = sightings,
             .camera_count = m->frame_count, .square_count = m->tag_count, .point_count = m->point_count,
-            .corner_count = filled.corners, .plane_depth_count = filled.depths, .sighting_count = filled.sightings,
-            .held_square = m->reference, .most_rounds = rounds,
+            .corner_count = filled.corners, .plane_depth_count = filled.depths, .sighting_count = hold_frames ? 0 : filled.sightings,
+            .held_square = m->reference, .hold_cameras = hold_frames, .most_rounds = rounds, .cost = cost,
         };
         status = adjust(&problem);
         if (status == OK)

@@ -1,5 +1,7 @@
 #include "capture/map_internal.h"
 
+#include <stdlib.h>
+
 int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag *out)
 {
     int count = 0;
@@ -18,7 +20,9 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 }
 
 // Wider than for a finished map: the tags' poses are first ideas.
-static const double GROWING_RMS_PX = 6;
+static const double GROWING_RMS_PX = 6, GUESS_PX = 1;
+enum { ROUNDS = 15 };
+static const double CLEAR_COST = 100; // by which one of two poses must be worse to be out of the question
 
 // Places frames that see a mapped tag. Of poses that may be mirrored only where
 // `bold`. How many were placed.
@@ -54,18 +58,48 @@ static double cost_of(const struct map *m, int32_t tag, const struct pose *world
                 continue;
             struct fit_tag t = {&f->seen[k], f->depths[k].count ? &f->depths[k] : NULL, *world_from_tag,
                                 m->tags[tag].side_m, true, 0};
-            cost += fit_tag_cost(&t, &f->camera_from_world, 2, m->calibration.color.fx, m->calibration.color.fy);
+            cost += fit_tag_cost(&t, &f->camera_from_world, GUESS_PX, m->calibration.color.fx, m->calibration.color.fy);
         }
     }
     return cost;
 }
 
-// The tag's pose from whichever sighting explains all of its sightings best. How
-// many placed frames saw it; 0: none.
-static int guess_tag(const struct map *m, int32_t tag, struct pose *best)
+// First ideas of a tag's pose: the one that explains all of its sightings best,
+// and the best one that is turned against it. A flat square far off looks nearly
+// the same mirrored, and depth at a distance does not tell either.
+struct guess {
+    struct pose pose[2];
+    double cost[2];
+    int count;     // 0, 1 or 2
+    int sightings; // in placed frames
+};
+
+static const double TURNED_RAD = 0.15;
+
+static void consider(struct guess *g, struct pose pose, double cost)
 {
-    int sightings = 0;
-    double least = 0;
+    bool like_first = g->count && pose_angle(pose, g->pose[0]) < TURNED_RAD;
+    if (!g->count || cost < g->cost[0]) {
+        if (g->count && !like_first) {
+            g->pose[1] = g->pose[0];
+            g->cost[1] = g->cost[0];
+            g->count = 2;
+        }
+        g->pose[0] = pose;
+        g->cost[0] = cost;
+        g->count = g->count ? g->count : 1;
+        if (g->count == 2 && pose_angle(pose, g->pose[1]) < TURNED_RAD)
+            g->count = 1;
+    } else if (!like_first && (g->count < 2 || cost < g->cost[1])) {
+        g->pose[1] = pose;
+        g->cost[1] = cost;
+        g->count = 2;
+    }
+}
+
+static struct guess guess_tag(const struct map *m, int32_t tag)
+{
+    struct guess g = {.count = 0};
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
         for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
@@ -75,16 +109,60 @@ static int guess_tag(const struct map *m, int32_t tag, struct pose *best)
             int n = square_poses(m->tags[tag].side_m, f->seen[k].ray, two);
             for (int p = 0; p < n; p++) {
                 struct pose world_from_tag = pose_multiply(pose_inverse(f->camera_from_world), two[p]);
-                double cost = cost_of(m, tag, &world_from_tag);
-                if (!sightings || cost < least) {
-                    least = cost;
-                    *best = world_from_tag;
-                }
-                sightings += p == 0;
+                consider(&g, world_from_tag, cost_of(m, tag, &world_from_tag));
             }
+            g.sightings += n > 0;
         }
     }
-    return sightings;
+    return g;
+}
+
+// What an adjustment changes, to go back to.
+struct state {
+    struct pose *frames, *tags;
+};
+
+static void save(const struct map *m, struct state *s)
+{
+    for (int32_t i = 0; i < m->frame_count; i++)
+        s->frames[i] = m->frames[i].camera_from_world;
+    for (int32_t i = 0; i < m->tag_count; i++)
+        s->tags[i] = m->tags[i].world_from_tag;
+}
+
+static void restore(struct map *m, const struct state *s)
+{
+    for (int32_t i = 0; i < m->frame_count; i++)
+        m->frames[i].camera_from_world = s->frames[i];
+    for (int32_t i = 0; i < m->tag_count; i++)
+        m->tags[i].world_from_tag = s->tags[i];
+}
+
+// Puts the tag into the map, in that of its two poses with which everything
+// together fits better.
+static enum status add_tag(struct map *m, int32_t tag, const struct guess *g)
+{
+    m->tags[tag].mapped = true;
+    m->tags[tag].world_from_tag = g->pose[0];
+    if (g->count < 2 || g->cost[1] > 2 * g->cost[0] + CLEAR_COST)
+        return OK;
+    size_t frames = (size_t)m->frame_count, tags = (size_t)m->tag_count;
+    struct pose *room = malloc((frames + tags) * 2 * sizeof *room);
+    if (!room)
+        return fail(ERR_MEMORY, "no memory to add a tag to the map");
+    struct state before = {room, room + frames}, first = {room + frames + tags, room + 2 * frames + tags};
+    double cost[2] = {0, 0};
+    save(m, &before);
+    enum status status = map_adjust(m, ROUNDS, m->point_count > 0, &cost[0]);
+    if (status == OK) {
+        save(m, &first);
+        restore(m, &before);
+        m->tags[tag].world_from_tag = g->pose[1];
+        if (map_adjust(m, ROUNDS, m->point_count > 0, &cost[1]) != OK || !(cost[1] < cost[0]))
+            restore(m, &first);
+    }
+    free(room);
+    return status;
 }
 
 // Which tag holds the world still: the one seen most often.
@@ -104,7 +182,31 @@ static int32_t most_seen(const struct map *m)
     return best;
 }
 
-enum status map_grow(struct map *m)
+// Frames and tags in turn, as far as poses are beyond doubt. Once points hold the
+// frames, tags are fitted to them.
+static enum status grow_sure(struct map *m)
+{
+    for (;;) {
+        place_frames(m, false);
+        enum status status = map_adjust(m, ROUNDS, m->point_count > 0, NULL);
+        struct guess best = {.count = 0};
+        int32_t next = -1;
+        for (int32_t t = 0; t < m->tag_count && status == OK; t++) {
+            struct guess guess = m->tags[t].mapped ? (struct guess){.count = 0} : guess_tag(m, t);
+            if (guess.sightings > best.sightings) {
+                best = guess;
+                next = t;
+            }
+        }
+        if (status != OK || next < 0)
+            return status;
+        status = add_tag(m, next, &best);
+        if (status != OK)
+            return status;
+    }
+}
+
+enum status map_grow(struct map *m, bool use_points)
 {
     m->reference = most_seen(m);
     if (m->reference < 0)
@@ -113,26 +215,16 @@ enum status map_grow(struct map *m)
     m->tags[m->reference].mapped = true;
     m->tags[m->reference].world_from_tag = POSE_IDENTITY;
     for (;;) {
-        if (!place_frames(m, false))
-            place_frames(m, true);
-        struct pose best_pose = POSE_IDENTITY;
-        int32_t best = -1;
-        int most = 0;
-        for (int32_t t = 0; t < m->tag_count; t++) {
-            struct pose guess = POSE_IDENTITY;
-            int sightings = m->tags[t].mapped ? 0 : guess_tag(m, t, &guess);
-            if (sightings > most) {
-                most = sightings;
-                best = t;
-                best_pose = guess;
-            }
-        }
-        if (best >= 0) {
-            m->tags[best].mapped = true;
-            m->tags[best].world_from_tag = best_pose;
-        }
-        enum status status = map_adjust(m, 15);
-        if (status != OK || best < 0)
+        enum status status = grow_sure(m);
+        int placed = 0;
+        if (status == OK && use_points)
+            status = map_add_points(m);
+        if (status == OK && use_points)
+            status = map_place_by_points(m, &placed);
+        if (status != OK)
             return status;
+        // The better of two mirrored poses is taken only when there is no other way on.
+        if (!placed && !place_frames(m, true))
+            return map_adjust(m, ROUNDS, false, NULL);
     }
 }

@@ -30,6 +30,7 @@ struct map_frame {
     size_t jpeg_bytes;
     uint16_t *depth;
     bool placed;
+    bool visited; // its points are in the map
     struct pose camera_from_world;
 };
 
@@ -58,21 +59,26 @@ struct map {
 
 // ---- map_graph.c: frames and tags from one another
 // From single tags to a first pose of every tag and frame that hang together.
-MUST_CHECK enum status map_grow(struct map *m);
+// use_points: of frames whose pose may be mirrored natural points say which one.
+MUST_CHECK enum status map_grow(struct map *m, bool use_points);
 // Tags of frame f that are in the map, as fit wants them; out: FIT_MAX_TAGS. `used` is set.
 int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag *out);
 
 // ---- map_adjust.c
 // All frames, tags and points at once; sightings that fit badly lose their weight.
-MUST_CHECK enum status map_adjust(struct map *m, int rounds);
+// hold_frames: only the tags move, and points have no say. *cost: the robust cost left; or NULL.
+MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
 
 // ---- map_points.c: natural points
-// Finds points from frame to frame, places them, and sharpens the frames by them.
+// Finds points from placed frame to placed frame and sharpens their poses by them.
 MUST_CHECK enum status map_add_points(struct map *m);
-// Leaves the `most` best points, and their descriptors the most typical ones.
-MUST_CHECK enum status map_choose_points(struct map *m, int32_t most);
+// Places frames of two possible poses by the points they show. How many.
+MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);
+// Looks for all points in all frames again and adjusts everything, twice. The `most`
+// best points stay, with their most typical descriptors.
+MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
 
 // ---- map_world.c
 // Turns and shifts everything so that z is up, z = 0 the floor, x as the lowest

@@ -5,7 +5,7 @@
 
 static const double AGAIN_PX = 4;      // how near a point is looked for in an adjusted map
 static const double SAME_M = 0.03;     // two points this near that look alike are one
-enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2 };
+enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2, ROUNDS = 6, POLISH_ROUNDS = 15 };
 
 // What is needed for one frame at a time.
 struct desk {
@@ -53,6 +53,7 @@ static void visit(struct map *m, struct desk *d, struct map_frame *f)
 {
     struct fit_tag tags[FIT_MAX_TAGS];
     int count = 0, tag_count = map_fit_tags(m, f, tags), with_depth = 0;
+    f->visited = true;
     lay_out(d, m, f);
     bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
                                &f->camera_from_world, d->matches, MAP_FEATURES, &count);
@@ -170,27 +171,49 @@ enum status map_add_points(struct map *m)
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     int32_t start = best_frame(m);
-    enum status status = OK;
     for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
-        if (m->frames[i].placed)
+        if (m->frames[i].placed && !m->frames[i].visited)
             visit(m, d, &m->frames[i]);
     for (int32_t i = start - 1; i >= 0; i--)
-        if (m->frames[i].placed)
+        if (m->frames[i].placed && !m->frames[i].visited)
             visit(m, d, &m->frames[i]);
-    for (int round = 0; round < 2 && status == OK; round++) {
-        forget_bad(m);
-        status = map_adjust(m, 8);
-        if (round == 0)
-            merge_twins(m);
-        look_again(m, d);
-    }
-    if (status == OK) {
-        forget_bad(m);
-        status = map_adjust(m, 8);
-        forget_bad(m);
+    forget_bad(m);
+    free(d);
+    return map_adjust(m, ROUNDS, false, NULL);
+}
+
+enum status map_place_by_points(struct map *m, int *placed)
+{
+    struct desk *d = malloc(sizeof *d);
+    const struct lens *lens = &m->calibration.color;
+    *placed = 0;
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        struct fit_tag tags[FIT_MAX_TAGS];
+        struct camera_fit fit;
+        if (f->placed)
+            continue;
+        int count = map_fit_tags(m, f, tags), agree[2] = {0, 0};
+        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, &fit) != AMBIGUOUS)
+            continue;
+        struct pose pose[2] = {fit.camera_from_world, fit.other};
+        lay_out(d, m, f);
+        for (int k = 0; k < 2; k++)
+            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, &pose[k], d->matches,
+                               MAP_FEATURES, &agree[k]))
+                agree[k] = 0;
+        int best = agree[1] > agree[0];
+        // Both may lead to the same pose: the search reaches far.
+        if (!agree[best] || (2 * agree[best] < 3 * agree[!best] && pose_angle(pose[0], pose[1]) > 0.02))
+            continue;
+        f->camera_from_world = pose[best];
+        f->placed = true;
+        ++*placed;
     }
     free(d);
-    return status;
+    return OK;
 }
 
 struct ranked {
@@ -205,57 +228,90 @@ static int most_sightings_first(const void *left, const void *right)
     return (a->point > b->point) - (a->point < b->point);
 }
 
-// Gives each kept point the descriptor that differs least from its other sightings'.
-static void typical_descriptors(struct map *m, struct ranked *order, int32_t kept)
-{
-    enum { MOST = 16 };
-    for (int32_t n = 0; n < kept; n++) {
-        const uint8_t *seen[MOST];
-        int count = 0, least = 1 << 30;
-        for (int32_t i = 0; i < m->frame_count && count < MOST; i++)
-            for (int32_t k = 0; k < m->frames[i].feature_count && count < MOST; k++)
-                if (m->frames[i].features[k].point == order[n].point)
-                    seen[count++] = m->frames[i].features[k].feature.descriptor;
-        uint8_t best[32];
-        memcpy(best, m->points[order[n].point].descriptor, sizeof best);
-        for (int a = 0; a < count; a++) {
-            int sum = 0;
-            for (int b = 0; b < count; b++)
-                sum += feature_distance(seen[a], seen[b]);
-            if (sum < least) {
-                least = sum;
-                memcpy(best, seen[a], sizeof best);
-            }
-        }
-        memcpy(m->points[order[n].point].descriptor, best, sizeof best);
-    }
-}
-
-enum status map_choose_points(struct map *m, int32_t most)
+// The `most` points with most sightings stay. ERR_MEMORY.
+static enum status keep_best(struct map *m, int32_t most)
 {
     struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
+    int32_t *now = malloc((size_t)(m->point_count + 1) * sizeof *now);
     struct place_point *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
-    if (!order || !chosen) {
-        free(order);
-        free(chosen);
-        return fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
-    }
-    count_sightings(m);
+    enum status status = order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
     int32_t count = 0;
-    for (int32_t i = 0; i < m->point_count; i++)
+    for (int32_t i = 0; i < m->point_count && status == OK; i++) {
+        now[i] = -1;
         if (m->point_sightings[i] >= LEAST_SIGHTINGS && v3_finite(m->points[i].world))
             order[count++] = (struct ranked){i, m->point_sightings[i]};
-    qsort(order, (size_t)count, sizeof *order, most_sightings_first);
-    int32_t kept = count < most ? count : most;
-    typical_descriptors(m, order, kept);
-    for (int32_t n = 0; n < kept; n++)
-        chosen[n] = m->points[order[n].point];
-    memcpy(m->points, chosen, (size_t)kept * sizeof *chosen);
-    m->point_count = kept;
-    for (int32_t i = 0; i < m->frame_count; i++) // their numbers mean nothing any more
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
-            m->frames[i].features[k].point = -1;
+    }
+    if (status == OK) {
+        qsort(order, (size_t)count, sizeof *order, most_sightings_first);
+        count = count < most ? count : most;
+        for (int32_t n = 0; n < count; n++) {
+            chosen[n] = m->points[order[n].point];
+            now[order[n].point] = n;
+        }
+        memcpy(m->points, chosen, (size_t)count * sizeof *chosen);
+        m->point_count = count;
+        for (int32_t i = 0; i < m->frame_count; i++)
+            for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+                if (m->frames[i].features[k].point >= 0)
+                    m->frames[i].features[k].point = now[m->frames[i].features[k].point];
+        count_sightings(m);
+    }
     free(order);
+    free(now);
     free(chosen);
-    return OK;
+    return status;
 }
+
+// Gives each point the descriptor that differs least from its other sightings'. ERR_MEMORY.
+static enum status typical_descriptors(struct map *m)
+{
+    enum { MOST = 12 };
+    const uint8_t **seen = calloc((size_t)m->point_count * MOST + 1, sizeof *seen);
+    int *count = calloc((size_t)m->point_count + 1, sizeof *count);
+    for (int32_t i = 0; i < m->frame_count && seen && count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
+            const struct map_feature *s = &m->frames[i].features[k];
+            if (s->point >= 0 && count[s->point] < MOST)
+                seen[s->point * MOST + count[s->point]++] = s->feature.descriptor;
+        }
+    for (int32_t i = 0; i < m->point_count && seen && count; i++) {
+        int least = 1 << 30;
+        for (int a = 0; a < count[i]; a++) {
+            int sum = 0;
+            for (int b = 0; b < count[i]; b++)
+                sum += feature_distance(seen[i * MOST + a], seen[i * MOST + b]);
+            if (sum < least) {
+                least = sum;
+                memcpy(m->points[i].descriptor, seen[i * MOST + a], sizeof m->points[i].descriptor);
+            }
+        }
+    }
+    enum status status = seen && count ? OK : fail(ERR_MEMORY, "no memory to describe %d points", (int)m->point_count);
+    free(seen);
+    free(count);
+    return status;
+}
+
+enum status map_polish_points(struct map *m, int32_t most)
+{
+    struct desk *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    merge_twins(m);
+    enum status status = OK;
+    for (int round = 0; round < 2 && status == OK; round++) {
+        look_again(m, d);
+        forget_bad(m);
+        status = keep_best(m, most);
+        if (status == OK)
+            status = map_adjust(m, POLISH_ROUNDS, false, NULL);
+    }
+    forget_bad(m);
+    if (status == OK)
+        status = keep_best(m, most);
+    if (status == OK)
+        status = typical_descriptors(m);
+    free(d);
+    return status;
+}
+

@@ -353,15 +353,13 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     *report = (struct mapper_report){0};
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
-    enum status status = map_grow(&m->map);
+    enum status status = map_grow(&m->map, m->options.most_points > 0);
     if (status == OK && m->options.most_points)
-        status = map_add_points(&m->map);
+        status = map_polish_points(&m->map, m->options.most_points);
     if (status == OK)
         map_measure(&m->map);
     if (status == OK)
         status = map_level(&m->map, &report->floor_from_depth);
-    if (status == OK)
-        status = map_choose_points(&m->map, m->options.most_points);
     if (status == OK)
         status = hand_over(m, out);
     report_tags(m, report);

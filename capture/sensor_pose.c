@@ -1,26 +1,34 @@
 #include "capture/sensor_pose.h"
 
+#include "capture/upright.h"
+
 #include <stdlib.h>
 
 // After the first frames, every so many frames are checked: twice a second.
 enum { CHECK_EVERY = 15 };
 
-// A pose further than this from the one held counts as moved, once a second one
-// agrees with it; a single one may be a person in front of a tag.
+// A pose further than this from the one held is a rival. It wins when enough
+// checks in a row agree with it: a person who covers a tag makes poses that err
+// by centimetres, and the same way for seconds. From as many tags as the pose held
+// it takes fewer checks than from less.
 static const double MOVED_M = 0.05, MOVED_RAD = 0.02;
+enum { CHECKS_AS_GOOD = 3, CHECKS_AT_ALL = 8 };
 
 // The mean stops moving after this many poses, so that it also stops costing.
 enum { ENOUGH_POSES = 40 };
 
 struct sensor_pose {
     struct locator *locator;
-    bool registered;
+    struct calibration calibration;
+    struct vec3 *tags; // their middles, world axes
+    int32_t tag_count;
     int64_t frame;
     int poses;         // in the mean; 0 = not located
     struct pose mean;
     double mean_weight;
-    bool has_rival;
-    struct pose rival; // a pose that disagrees with the mean
+    int32_t most_tags; // that a pose of the mean was found by
+    int rival_checks;  // that agreed with the rival in a row; 0 = there is none
+    struct pose rival;
     int moves;
 };
 
@@ -31,22 +39,29 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
     *out = NULL;
     if (!s)
         return fail(ERR_MEMORY, "no memory to locate the sensor");
+    s->calibration = *calibration;
+    s->mean = POSE_IDENTITY;
+    s->tag_count = place->tag_count;
     struct locator_options options = locator_default_options();
     enum status status = locator_open(&s->locator, place, &calibration->color, &options);
+    if (status == OK && !(s->tags = malloc(sizeof *s->tags * (size_t)(place->tag_count + 1))))
+        status = fail(ERR_MEMORY, "no memory to locate the sensor");
     if (status != OK) {
-        free(s);
+        sensor_pose_close(&s);
         return status;
     }
-    s->registered = calibration->registered;
-    s->mean = POSE_IDENTITY;
+    for (int32_t i = 0; i < place->tag_count; i++)
+        s->tags[i] = place->tags[i].world_from_tag.translation;
     *out = s;
     return OK;
 }
 
 void sensor_pose_close(struct sensor_pose **s)
 {
-    if (*s)
+    if (*s) {
         locator_close(&(*s)->locator);
+        free((*s)->tags);
+    }
     free(*s);
     *s = NULL;
 }
@@ -66,12 +81,52 @@ static void average(struct sensor_pose *s, struct pose pose, double weight)
     s->poses++;
 }
 
-static void restart_from(struct sensor_pose *s, struct pose pose, double weight)
+static void restart_from(struct sensor_pose *s, const struct location *found, double weight)
 {
-    s->mean = pose;
+    s->mean = found->world_from_camera;
     s->mean_weight = weight;
+    s->most_tags = found->tags_used;
     s->poses = 1;
-    s->has_rival = false;
+    s->rival_checks = 0;
+}
+
+// True when the rival has been there often enough to be believed.
+static bool rival_wins(struct sensor_pose *s, const struct location *found)
+{
+    bool goes_on = s->rival_checks && agree(found->world_from_camera, s->rival);
+    s->rival = found->world_from_camera;
+    s->rival_checks = goes_on ? s->rival_checks + 1 : 1;
+    return s->rival_checks >= (found->tags_used >= s->most_tags ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
+}
+
+// The middle of the tags that the pose puts into the picture.
+static struct vec3 tags_in_sight(const struct sensor_pose *s, struct pose world_from_camera)
+{
+    struct pose camera_from_world = pose_inverse(world_from_camera);
+    struct vec3 sum = {0, 0, 0};
+    int count = 0;
+    for (int32_t i = 0; i < s->tag_count; i++) {
+        struct vec3 p = pose_apply(camera_from_world, s->tags[i]);
+        if (p.z < 0.1)
+            continue;
+        struct pixel at = lens_project(&s->calibration.color, p);
+        if (at.x >= 0 && at.y >= 0 && at.x < s->calibration.color.width && at.y < s->calibration.color.height) {
+            sum = v3_add(sum, s->tags[i]);
+            count++;
+        }
+    }
+    return count ? v3_scale(sum, 1.0 / count) : world_from_camera.translation;
+}
+
+// Makes the pose agree with the floor that the depth picture shows.
+static void stand_upright(const struct sensor_pose *s, const uint16_t *depth, struct pose *world_from_color)
+{
+    struct floor_plane floor;
+    if (!depth || !upright_floor(&s->calibration.depth, depth, &floor))
+        return;
+    struct pose world_from_depth = pose_multiply(*world_from_color, s->calibration.color_from_depth);
+    if (upright_turn(&world_from_depth, tags_in_sight(s, *world_from_color), &floor))
+        *world_from_color = pose_multiply(world_from_depth, pose_inverse(s->calibration.color_from_depth));
 }
 
 enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
@@ -81,24 +136,24 @@ enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const 
     if (!due || !color)
         return OK;
     struct location found;
-    enum status status = locator_find(s->locator, color, s->registered ? depth : NULL, &found);
+    enum status status = locator_find(s->locator, color, s->calibration.registered ? depth : NULL, &found);
     if (status == NOTHING || status == AMBIGUOUS)
         return OK;
     if (status != OK)
         return status;
+    stand_upright(s, depth, &found.world_from_camera);
     double weight = found.tags_used * found.tags_used;
     if (!s->poses) {
-        restart_from(s, found.world_from_camera, weight);
+        restart_from(s, &found, weight);
     } else if (agree(found.world_from_camera, s->mean)) {
-        s->has_rival = false;
+        s->rival_checks = 0;
+        if (found.tags_used > s->most_tags)
+            s->most_tags = found.tags_used;
         if (s->poses < ENOUGH_POSES)
             average(s, found.world_from_camera, weight);
-    } else if (s->has_rival && agree(found.world_from_camera, s->rival)) {
+    } else if (rival_wins(s, &found)) {
         s->moves += frame >= SENSOR_POSE_SETTLE;
-        restart_from(s, found.world_from_camera, weight);
-    } else {
-        s->rival = found.world_from_camera;
-        s->has_rival = true;
+        restart_from(s, &found, weight);
     }
     return OK;
 }

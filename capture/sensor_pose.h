@@ -17,7 +17,7 @@ MUST_CHECK enum status sensor_pose_open(struct sensor_pose **out, const struct p
 void sensor_pose_close(struct sensor_pose **s);
 
 // Looks at one frame, in order, each once. OK also when nothing was found in it.
-// `depth` may be NULL; it is used only where it is registered.
+// `depth` may be NULL; where it is there, the pose is made to agree with the floor.
 MUST_CHECK enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
 
 // The pose as far as known. False: not located yet; *out is then the identity.

@@ -11,7 +11,7 @@ static const double MAP_PX = 0.1;
 // the one that gave the start can pull although they are pixels off.
 static const double STAGES_PX[] = {8, 2, 0.5, 0};
 static const double ROBUST = 3;      // standard deviations from where on errors lose weight
-static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together
+static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together, even where the steps are fine
 // Two poses count as different from here on, and as equally good up to here.
 static const double APART_RAD = 0.05, ALIKE_COST = 12;
 
@@ -60,11 +60,18 @@ void tag_read_depth(const struct sighting *seen, const struct lens *lens, const 
         cholesky_solve(n, 3, g);
         a = g[0], b = g[1], c = g[2];
     }
-    int kept = 0;
+    int kept = 0, levels = 0;
     for (int i = 0; i < out->count; i++)
         if (fabs(values[i]) < 4)
             out->sample[kept++] = out->sample[i];
     out->count = kept;
+    for (int i = 0; i < kept; i++) {
+        bool fresh = true;
+        for (int k = 0; k < i; k++)
+            fresh = fresh && out->sample[k].z != out->sample[i].z;
+        levels += fresh;
+    }
+    out->share = DEPTH_SHARE * fmin(1, 3.0 * levels / fmax(1, kept));
 }
 
 struct normal6 {
@@ -119,8 +126,8 @@ static double add_depth(struct normal6 *n, const struct fit_tag *tag, const stru
         struct vec3 turn = v3_scale(v3_cross(normal, ray), -z / slant), shift = v3_scale(normal, 1 / slant);
         double by[6] = {turn.x / sigma, turn.y / sigma, turn.z / sigma, shift.x / sigma, shift.y / sigma, shift.z / sigma};
         double ratio = 1 + e * e / (ROBUST * ROBUST);
-        add(n, e, by, DEPTH_SHARE / ratio);
-        cost += DEPTH_SHARE * ROBUST * ROBUST * log(ratio);
+        add(n, e, by, tag->depth->share / ratio);
+        cost += tag->depth->share * ROBUST * ROBUST * log(ratio);
     }
     return cost;
 }
@@ -146,7 +153,7 @@ static void stage_information(const struct sighting *seen, double extra_px, doub
 
 // One tag's whole part. Returns its robust cost; a tag behind the camera costs a lot.
 static double add_tag(struct normal6 *n, const struct fit_tag *tag, const double information[64],
-                      const struct pose *camera_from_world, double fx, double fy)
+                      const struct pose *camera_from_world, bool with_depth, double fx, double fy)
 {
     struct pose camera_from_tag = pose_multiply(*camera_from_world, tag->world_from_tag);
     double e[8], by[8][6], weighed[8], chi2 = 0;
@@ -172,7 +179,7 @@ static double add_tag(struct normal6 *n, const struct fit_tag *tag, const double
                 n->a[a * 6 + b] += slope * half[i] * by[i][b];
     }
     double cost = bound * log(1 + chi2 / bound);
-    return tag->depth ? cost + add_depth(n, tag, &camera_from_tag) : cost;
+    return tag->depth && with_depth ? cost + add_depth(n, tag, &camera_from_tag) : cost;
 }
 
 // One point's part.
@@ -210,6 +217,7 @@ struct evidence {
     const struct fit_point *points;
     int point_count;
     double point_px, fx, fy;
+    bool depth; // of the tags
     struct weights information[FIT_MAX_TAGS];
 };
 
@@ -218,7 +226,7 @@ static void normal_equations(const struct evidence *all, const struct pose *came
     memset(n, 0, sizeof *n);
     for (int i = 0; i < all->tag_count; i++)
         if (all->tags[i].used)
-            n->cost += add_tag(n, &all->tags[i], all->information[i].a, camera_from_world, all->fx, all->fy);
+            n->cost += add_tag(n, &all->tags[i], all->information[i].a, camera_from_world, all->depth, all->fx, all->fy);
     for (int i = 0; i < all->point_count; i++)
         n->cost += add_point(n, &all->points[i], all->point_px, camera_from_world, all->fx, all->fy);
 }
@@ -233,7 +241,9 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
                   double point_px, double fx, double fy, struct pose *pose)
 {
     struct evidence all = {.tags = tags, .tag_count = count, .points = points, .point_count = point_count,
-                           .point_px = point_px, .fx = fx, .fy = fy};
+                           .point_px = point_px, .fx = fx, .fy = fy,
+                           // Beside corners that count for little, depth would bend the pose at will.
+                           .depth = tag_px == 0};
     struct normal6 n, after;
     double damping = 1e-6;
     for (int i = 0; i < count; i++)
@@ -274,7 +284,7 @@ double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_wo
     struct normal6 n = {0};
     struct weights w;
     stage_information(tag->seen, extra_px, w.a);
-    return add_tag(&n, tag, w.a, camera_from_world, fx, fy);
+    return add_tag(&n, tag, w.a, camera_from_world, true, fx, fy);
 }
 
 double fit_point_error(const struct fit_point *point, const struct pose *camera_from_world, double fx, double fy)
@@ -320,13 +330,15 @@ struct candidate {
     uint64_t which; // bit i: tag i
 };
 
-// From one start to the pose that most tags agree on.
-static struct candidate follow(struct fit_tag *tags, int count, struct pose pose, double fx, double fy, double max_rms_px)
+// From one start to the pose that most tags agree on; `loose`: with corners loose at
+// first, which leads out of a mirrored pose where other tags are against it.
+static struct candidate follow(struct fit_tag *tags, int count, struct pose pose, bool loose, double fx, double fy,
+                               double max_rms_px)
 {
     struct candidate c = {.pose = pose};
     for (int i = 0; i < count; i++)
         tags[i].used = true;
-    for (size_t s = 0; s < COUNT_OF(STAGES_PX); s++)
+    for (size_t s = loose ? 0 : COUNT_OF(STAGES_PX) - 1; s < COUNT_OF(STAGES_PX); s++)
         c.cost = fit_refine(tags, count, STAGES_PX[s], NULL, 0, 0, fx, fy, &c.pose);
     for (int round = 0; round < 3; round++) {
         uint64_t before = c.which;
@@ -354,6 +366,21 @@ static bool twin(const struct fit_tag *tags, int count, int i)
     return false;
 }
 
+// Keeps the best pose and the best of those apart from it.
+static void rank(const struct candidate *c, struct candidate *best, struct candidate *second)
+{
+    bool apart = !best->used || pose_angle(c->pose, best->pose) > APART_RAD;
+    if (!best->used || better(c, best)) {
+        if (best->used && apart)
+            *second = *best;
+        *best = *c;
+        if (second->used && pose_angle(second->pose, best->pose) <= APART_RAD)
+            second->used = 0;
+    } else if (apart && (!second->used || better(c, second))) {
+        *second = *c;
+    }
+}
+
 enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
                        struct camera_fit *out)
 {
@@ -362,19 +389,14 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
     for (int i = 0; i < count; i++) {
         struct pose two[2];
         int n = square_poses(tags[i].side_m, tags[i].seen->ray, two);
-        for (int k = 0; k < n; k++) {
-            struct pose start = pose_multiply(two[k], pose_inverse(tags[i].world_from_tag));
-            struct candidate c = follow(tags, count, start, fx, fy, max_rms_px);
-            if (!c.used || !pose_finite(c.pose))
-                continue;
-            bool apart = pose_angle(c.pose, best.pose) > APART_RAD;
-            if (!best.used || better(&c, &best)) {
-                if (best.used && apart)
-                    second = best;
-                best = c;
-            } else if (apart && (!second.used || better(&c, &second))) {
-                second = c;
-            }
+        for (int k = 0; k < 2 * n; k++) {
+            bool loose = k >= n;
+            if (loose && count == 1)
+                break;
+            struct pose start = pose_multiply(two[k % n], pose_inverse(tags[i].world_from_tag));
+            struct candidate c = follow(tags, count, start, loose, fx, fy, max_rms_px);
+            if (c.used && pose_finite(c.pose))
+                rank(&c, &best, &second);
         }
     }
     if (!best.used)

@@ -15,6 +15,8 @@ struct depth_sample {
 
 struct tag_depth {
     int32_t count;
+    double share; // what one reading is worth beside independent ones: far off, a whole
+                  // tag falls on two or three of the sensor's steps
     struct depth_sample sample[TAG_DEPTH_SAMPLES];
 };
 

@@ -17,7 +17,7 @@ enum {
 
 // Everything below is in the tag's own (u, v): -1 .. 1 over the black square, v up.
 static const double CELL = 2.0 / TAG_CELLS;
-static const double BLUR_START_PX = 0.6, BLUR_LOOSE_PX = 0.3, BLUR_LEAST_PX = 0.2, BLUR_MOST_PX = 3;
+static const double BLUR_START_PX = 0.45, BLUR_LOOSE_PX = 0.3, BLUR_LEAST_PX = 0.1, BLUR_MOST_PX = 3;
 static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
@@ -131,16 +131,35 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9])
     }
 }
 
-// How much of each cell along one axis the blurred point at `a` (in cells, 0..RIM)
-// sees, with derivatives by a and by the blur. Cells first .. first + count - 1.
+// A pixel sees an edge through its own square and through the lens's blur. Across the
+// edge the square is two even windows, as wide as the normal's two components: the
+// wider one is kept exactly, since edges along the rows or columns would come out
+// wrong by a fifth of a pixel, the narrower one is counted to the blur.
+struct window {
+    double width;  // of the even window, cells
+    double blur;   // standard deviation of the rest, cells
+    double blur_by_px; // its derivative by the lens's blur in pixels
+};
+
+static struct window window_of(double by_x, double by_y, double blur_px)
+{
+    double steep = sqrt(by_x * by_x + by_y * by_y), per_px = steep / CELL;
+    double wide = fmax(fabs(by_x), fabs(by_y)) / steep, narrow = fmin(fabs(by_x), fabs(by_y)) / steep;
+    double blur = sqrt(blur_px * blur_px + narrow * narrow / 12);
+    return (struct window){wide * per_px, blur * per_px, blur_px / blur * per_px};
+}
+
+// How much of each cell along one axis the point at `a` (in cells, 0..RIM) sees,
+// with derivatives by a and by the lens's blur. Cells first .. first + count - 1.
 struct axis {
     int first, count;
     double share[RIM], by_a[RIM], by_blur[RIM];
 };
 
-static void look_along(double a, double blur, struct axis *out)
+static void look_along(double a, const struct window *w, struct axis *out)
 {
-    int first = (int)floor(a - 3 * blur), last = (int)floor(a + 3 * blur);
+    double reach = w->width / 2 + 3 * w->blur;
+    int first = (int)floor(a - reach), last = (int)floor(a + reach);
     first = first < 0 ? 0 : first > RIM - 1 ? RIM - 1 : first;
     last = last < first ? first : last > RIM - 1 ? RIM - 1 : last;
     out->first = first;
@@ -149,11 +168,12 @@ static void look_along(double a, double blur, struct axis *out)
     for (int i = first; i <= last; i++) {
         double above = 1, above_a = 0, above_blur = 0;
         if (i < last) {
-            double t = (i + 1 - a) / blur;
-            double bell = exp(-t * t / 2) * 0.3989422804014327 / blur;
-            above = 0.5 * erfc(-t * 0.7071067811865476);
-            above_a = -bell;
-            above_blur = -t * bell;
+            double p = (i + 1 - a + w->width / 2) / w->blur, m = (i + 1 - a - w->width / 2) / w->blur;
+            double bell_p = exp(-p * p / 2) * 0.3989422804014327, bell_m = exp(-m * m / 2) * 0.3989422804014327;
+            double below_p = 0.5 * erfc(-p * 0.7071067811865476), below_m = 0.5 * erfc(-m * 0.7071067811865476);
+            above = (p * below_p + bell_p - m * below_m - bell_m) * w->blur / w->width;
+            above_a = (below_m - below_p) / w->width;
+            above_blur = (bell_p - bell_m) / w->width * w->blur_by_px;
         }
         out->share[i - first] = above - below;
         out->by_a[i - first] = above_a - below_a;
@@ -167,12 +187,11 @@ struct shade {
     double white, by_u, by_v, by_blur;
 };
 
-static struct shade look(const struct model *m, double u, double v, double u_per_px, double v_per_px)
+static struct shade look(const struct model *m, double u, double v, const struct window *wu, const struct window *wv)
 {
     struct axis across, up;
-    double cu = u_per_px / CELL, cv = v_per_px / CELL; // cells a pixel
-    look_along((u + 1) / CELL + 1, m->blur_px * cu, &across);
-    look_along((v + 1) / CELL + 1, m->blur_px * cv, &up);
+    look_along((u + 1) / CELL + 1, wu, &across);
+    look_along((v + 1) / CELL + 1, wv, &up);
     struct shade s = {0};
     for (int j = 0; j < up.count; j++) {
         double row = 0, row_a = 0, row_blur = 0;
@@ -185,7 +204,7 @@ static struct shade look(const struct model *m, double u, double v, double u_per
         s.white += row * up.share[j];
         s.by_u += row_a * up.share[j];
         s.by_v += row * up.by_a[j];
-        s.by_blur += row_blur * up.share[j] * cu + row * up.by_blur[j] * cv;
+        s.by_blur += row_blur * up.share[j] + row * up.by_blur[j];
     }
     s.by_u /= CELL;
     s.by_v /= CELL;
@@ -212,7 +231,8 @@ static bool predict(const struct refiner *r, const struct model *m, const double
         return false;
     double u_x = (inverse[0] - u * inverse[6]) / (w * r->lens.fx), u_y = (inverse[1] - u * inverse[7]) / (w * r->lens.fy);
     double v_x = (inverse[3] - v * inverse[6]) / (w * r->lens.fx), v_y = (inverse[4] - v * inverse[7]) / (w * r->lens.fy);
-    struct shade shade = look(m, u, v, sqrt(u_x * u_x + u_y * u_y), sqrt(v_x * v_x + v_y * v_y));
+    struct window across = window_of(u_x, u_y, m->blur_px), up = window_of(v_x, v_y, m->blur_px);
+    struct shade shade = look(m, u, v, &across, &up);
     double white = m->white + m->white_u * u + m->white_v * v;
     *value = m->black + (white - m->black) * shade.white;
     double by_u = (white - m->black) * shade.by_u + m->white_u * shade.white;

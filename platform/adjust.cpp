@@ -14,7 +14,6 @@ static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not thr
 namespace {
 
 constexpr double ROBUST = 3;         // standard deviations
-constexpr double DEPTH_SHARE = 0.25; // neighbouring readings of one tag err together
 constexpr double NEAREST_M = 1e-3;
 
 template <typename T> void turn(const T *q, const T *p, T *out) // q: x, y, z, w
@@ -77,21 +76,61 @@ struct plane_error {
     }
 };
 
-struct point_error {
-    const adjust_sighting *seen;
-    double fx, fy;
+// By far the most frequent error, so its derivatives are written out.
+class point_error : public ceres::SizedCostFunction<3, 7, 3> {
+public:
+    point_error(const adjust_sighting *s, double fx, double fy) : seen(s), focal_x(fx), focal_y(fy) {}
 
-    template <typename T> bool operator()(const T *camera, const T *point, T *residual) const
+    bool Evaluate(double const *const *parameters, double *residual, double **by) const override
     {
-        T p[3];
+        const double *camera = parameters[0], *point = parameters[1];
+        double p[3];
         move(camera, point, p);
         if (!(p[2] > NEAREST_M))
             return false;
-        residual[0] = (p[0] / p[2] - seen->x) * fx / seen->sigma_px;
-        residual[1] = (p[1] / p[2] - seen->y) * fy / seen->sigma_px;
-        residual[2] = seen->z > 0 ? (p[2] - seen->z) / seen->sigma_m : T(0);
+        double ux = focal_x / seen->sigma_px, uy = focal_y / seen->sigma_px, uz = seen->z > 0 ? 1 / seen->sigma_m : 0;
+        double x = p[0] / p[2], y = p[1] / p[2];
+        residual[0] = (x - seen->x) * ux;
+        residual[1] = (y - seen->y) * uy;
+        residual[2] = (p[2] - seen->z) * uz;
+        if (!by)
+            return true;
+        const double by_p[3][3] = {{ux / p[2], 0, -ux * x / p[2]}, {0, uy / p[2], -uy * y / p[2]}, {0, 0, uz}};
+        if (by[0]) {
+            double turned[3][4]; // derivative of turn() by x, y, z, w
+            turn_by_rotation(camera, point, turned);
+            for (int r = 0; r < 3; r++) {
+                for (int c = 0; c < 4; c++)
+                    by[0][7 * r + c] = by_p[r][0] * turned[0][c] + by_p[r][1] * turned[1][c] + by_p[r][2] * turned[2][c];
+                for (int c = 0; c < 3; c++)
+                    by[0][7 * r + 4 + c] = by_p[r][c];
+            }
+        }
+        for (int c = 0; by[1] && c < 3; c++) {
+            const double axis[3] = {c == 0 ? 1.0 : 0, c == 1 ? 1.0 : 0, c == 2 ? 1.0 : 0};
+            double column[3];
+            turn(camera, axis, column);
+            for (int r = 0; r < 3; r++)
+                by[1][3 * r + c] = by_p[r][0] * column[0] + by_p[r][1] * column[1] + by_p[r][2] * column[2];
+        }
         return true;
     }
+
+private:
+    // p + 2 w (u x p) + 2 (u (u.p) - p (u.u)), u = (x, y, z)
+    static void turn_by_rotation(const double *q, const double *p, double out[3][4])
+    {
+        double dot = q[0] * p[0] + q[1] * p[1] + q[2] * p[2];
+        const double cross[3][3] = {{0, p[2], -p[1]}, {-p[2], 0, p[0]}, {p[1], -p[0], 0}}; // of u x p by u
+        for (int r = 0; r < 3; r++) {
+            for (int c = 0; c < 3; c++)
+                out[r][c] = 2 * (q[3] * cross[r][c] + q[r] * p[c] - 2 * p[r] * q[c] + (r == c ? dot : 0));
+            out[r][3] = 2 * (cross[r][0] * q[0] + cross[r][1] * q[1] + cross[r][2] * q[2]);
+        }
+    }
+
+    const adjust_sighting *seen;
+    double focal_x, focal_y;
 };
 
 void add_errors(const adjust_problem &in, std::vector<adjust_camera> &cameras, std::vector<adjust_square> &squares,
@@ -100,7 +139,7 @@ void add_errors(const adjust_problem &in, std::vector<adjust_camera> &cameras, s
     auto pose_of_camera = [&](int32_t i) { return &cameras[(size_t)i].camera_from_world.rotation.x; };
     auto pose_of_square = [&](int32_t i) { return &squares[(size_t)i].world_from_square.rotation.x; };
     auto *corner_loss = new ceres::CauchyLoss(ROBUST * std::sqrt(8.0)); // of all eight numbers
-    auto *depth_loss = new ceres::ScaledLoss(new ceres::CauchyLoss(ROBUST), DEPTH_SHARE, ceres::TAKE_OWNERSHIP);
+    auto *depth_loss = new ceres::CauchyLoss(ROBUST);
     auto *point_loss = new ceres::CauchyLoss(ROBUST);
     std::vector<std::unique_ptr<ceres::LossFunction>> owner; // the problem owns what it uses
     if (!in.corner_count)
@@ -122,9 +161,8 @@ void add_errors(const adjust_problem &in, std::vector<adjust_camera> &cameras, s
     }
     for (int32_t i = 0; i < in.sighting_count; i++) {
         const adjust_sighting &s = in.sightings[i];
-        auto *error = new point_error{&s, in.fx, in.fy};
-        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<point_error, 3, 7, 3>(error), point_loss,
-                                 pose_of_camera(s.camera), &points[(size_t)s.point].x);
+        problem.AddResidualBlock(new point_error(&s, in.fx, in.fy), point_loss, pose_of_camera(s.camera),
+                                 &points[(size_t)s.point].x);
     }
 }
 
@@ -151,7 +189,8 @@ enum status solve(const adjust_problem &in)
     // The group with most blocks is eliminated first; its blocks never meet in one error.
     int camera_group = in.sighting_count ? 1 : 0;
     for (auto &c : cameras)
-        add_pose(&c.camera_from_world.rotation.x, camera_group);
+        if (add_pose(&c.camera_from_world.rotation.x, camera_group) && in.hold_cameras)
+            problem.SetParameterBlockConstant(&c.camera_from_world.rotation.x);
     for (size_t i = 0; i < squares.size(); i++)
         if (add_pose(&squares[i].world_from_square.rotation.x, 1) && (int32_t)i == in.held_square)
             problem.SetParameterBlockConstant(&squares[i].world_from_square.rotation.x);
@@ -164,7 +203,7 @@ enum status solve(const adjust_problem &in)
     options.linear_solver_type = ceres::DENSE_SCHUR;
     options.num_threads = 1;
     options.max_num_iterations = in.most_rounds;
-    options.function_tolerance = 1e-5;
+    options.function_tolerance = 1e-6;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
@@ -172,6 +211,8 @@ enum status solve(const adjust_problem &in)
         delete manifold;
     if (!summary.IsSolutionUsable())
         return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
+    if (in.cost)
+        *in.cost = summary.final_cost;
     for (int32_t i = 0; i < in.camera_count; i++)
         in.cameras[i] = cameras[(size_t)i];
     for (int32_t i = 0; i < in.square_count; i++)

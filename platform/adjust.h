@@ -50,7 +50,9 @@ struct adjust_problem {
     int32_t camera_count, square_count, point_count;
     int32_t corner_count, plane_depth_count, sighting_count;
     int32_t held_square; // stays where it is
+    bool hold_cameras;   // all of them stay where they are
     int32_t most_rounds; // of Ceres
+    double *cost;        // out: the robust cost in the end; or NULL
 };
 
 // ERR_SOLVER: no usable solution, everything stays as it was. ERR_MEMORY.

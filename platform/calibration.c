@@ -10,10 +10,13 @@
 // At least one LENS. With both, "registered" says whether the depth pixels are
 // already the colour camera's; if not, "color_from_depth" is needed. Other
 // members are ignored.
+#include "platform/file.h"
 #include "platform/json.h"
 #include "platform/source_kinds.h"
 
+#include <ctype.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 // The number `name` of the object `what`. ERR_INPUT names both.
 static enum status need(const struct json *object, const char *what, const char *name, const char *path, double *out)
@@ -152,4 +155,61 @@ enum status calibration_read(const char *path, struct calibration *out)
 {
     double unit_m;
     return calibration_read_with_unit(path, out, &unit_m);
+}
+
+// ------------------------------------------------------------- the tablet's cameras
+
+// ERR_INPUT: there is no home folder, or the path is too long.
+static enum status camera_file(const char *id, char *path, size_t size)
+{
+    const char *config = getenv("XDG_CONFIG_HOME"), *home = getenv("HOME");
+    int length = config && *config == '/' ? snprintf(path, size, "%s/reenact/cameras/", config)
+                                          : snprintf(path, size, "%s/.config/reenact/cameras/", home ? home : "");
+    size_t at = length < 0 ? size : (size_t)length;
+    for (; *id && at + sizeof ".json" < size; id++)
+        path[at++] = isalnum((unsigned char)*id) || *id == '-' || *id == '.' ? *id : '_';
+    if (*id || at + sizeof ".json" >= size)
+        return fail(ERR_INPUT, "the path of the camera's calibration is too long");
+    snprintf(path + at, size - at, ".json");
+    return OK;
+}
+
+enum status camera_lens_read(const char *id, struct lens *out)
+{
+    char path[4096];
+    struct calibration c;
+    enum status status = camera_file(id, path, sizeof path);
+    if (status != OK)
+        return status;
+    if (!file_exists(path))
+        return NOTHING;
+    status = calibration_read(path, &c);
+    if (status == OK && !c.color.width)
+        status = fail(ERR_INPUT, "%s does not describe 'color'", path);
+    if (status == OK)
+        *out = c.color;
+    return status;
+}
+
+enum status camera_lens_scale(struct lens *lens, int width, int height, const char *id)
+{
+    double x = (double)width / lens->width, y = (double)height / lens->height;
+    if (fabs(x / y - 1) > 0.005)
+        return fail(ERR_INPUT,
+                    "the camera %s gives pictures of %d x %d, but was calibrated with %d x %d: calibrate it anew", id,
+                    width, height, lens->width, lens->height);
+    lens->fx *= x;
+    lens->fy *= y;
+    lens->cx = (lens->cx + 0.5) * x - 0.5; // pixels are counted from their centres
+    lens->cy = (lens->cy + 0.5) * y - 0.5;
+    lens->width = width;
+    lens->height = height;
+    return OK;
+}
+
+struct lens camera_lens_guess(int width, int height)
+{
+    double f = 0.5 * width * sqrt(3); // tan 30 degrees is 1 / sqrt 3
+    return (struct lens){
+        .width = width, .height = height, .fx = f, .fy = f, .cx = 0.5 * (width - 1), .cy = 0.5 * (height - 1)};
 }

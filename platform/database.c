@@ -37,7 +37,9 @@ static enum status refuse(const struct database *db, int code)
     case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
     case SQLITE_CANTOPEN: return fail(ERR_IO, "%s cannot be opened: %s", path, system_errno ? strerror(system_errno) : why);
     case SQLITE_IOERR:
-        if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT)
+        // SQLite looks at errno late, and may find it overwritten with 0.
+        if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
+            (!system_errno && (code == SQLITE_IOERR_WRITE || code == SQLITE_IOERR_SHMSIZE)))
             return fail(ERR_IO, "%s cannot grow: the disk is full", path);
         return fail(ERR_IO, "%s: %s%s%s", path, why, system_errno ? ": " : "",
                     system_errno ? strerror(system_errno) : "");

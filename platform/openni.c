@@ -33,6 +33,11 @@
 // folder for a moment; so only one thread at a time opens or closes.
 static pthread_mutex_t opening = PTHREAD_MUTEX_INITIALIZER;
 
+// OpenNI2's player of files walks its list of streams without a lock, every 10 ms while no stream
+// runs, and crashes when it meets a stream coming or going. So streams are made right after it has
+// looked for the first time, and destroyed when it has had time to finish a picture and rest.
+static const int64_t PLAYER_RESTS_NS = 25000000;
+
 // ------------------------------------------------------------- sentences
 
 // What OpenNI2 last complained of, on one line.
@@ -237,10 +242,13 @@ static enum status start(struct sensor *s)
         return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, complaint(why));
     if (s->color.stream && oniStreamStart(s->color.stream) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, complaint(why));
-    if (s->file)
+    if (s->file) {
         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &no_waiting, sizeof no_waiting);
-    else if (s->color.stream)
+        for (int ms = 0; !s->heard && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
+            (void)!take_picture(s, SLICE_MS); // the first one waits for openni_next
+    } else if (s->color.stream) {
         oniDeviceEnableDepthColorSync(s->device); // nice to have; pairs are made by time anyway
+    }
     return OK;
 }
 
@@ -250,6 +258,9 @@ static void openni_close(void *self)
     if (!s)
         return;
     pthread_mutex_lock(&opening);
+    // A player closed before its thread has begun never ends: OpenNI2 waits 3 s and then shoots it.
+    if (s->file && s->device && !s->heard)
+        clock_sleep_until_ns(clock_now_ns() + 100000000);
     gate_open(&s->gate);
     lane_release_all(&s->depth);
     lane_release_all(&s->color);
@@ -259,6 +270,8 @@ static void openni_close(void *self)
         oniStreamStop(s->color.stream);
     if (s->depth.stream)
         oniStreamStop(s->depth.stream);
+    if (s->file && s->device)
+        clock_sleep_until_ns(clock_now_ns() + PLAYER_RESTS_NS);
     if (s->color.stream)
         oniStreamDestroy(s->color.stream);
     if (s->depth.stream)
@@ -321,6 +334,8 @@ static enum status open_device(struct sensor *s)
         return s->file ? fail(ERR_INPUT, "%s is no recording that OpenNI2 can play", s->name)
                        : fail(ERR_DEVICE, "%s does not open: %s", s->name, complaint(why));
     }
+    if (s->file)
+        clock_sleep_until_ns(clock_now_ns() + PLAYER_RESTS_NS / 5);
     enum status status = make_streams(s);
     return status == OK ? start(s) : status;
 }

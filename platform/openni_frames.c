@@ -7,10 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SLICE_MS = 50 };                            // how long to wait before looking whether the sensor is still there
-static const int64_t LIVE_SILENCE_NS = 5000000000; // a sensor silent for so long is gone
-static const int64_t FILE_SILENCE_NS = 3000000000; // a file's next picture takes milliseconds
-
 // Goes before the pixels in memory that the gate hands out.
 struct block {
     struct lane *lane;
@@ -89,8 +85,7 @@ static void drop_oldest(struct lane *lane, int how_many)
     memmove(lane->queue, lane->queue + how_many, (size_t)lane->count * sizeof *lane->queue);
 }
 
-// Waits at most `wait_ms` for a picture and puts it into its queue. NOTHING: none came.
-static enum status take_picture(struct sensor *s, int wait_ms)
+enum status take_picture(struct sensor *s, int wait_ms)
 {
     struct lane *lanes[2] = {&s->depth, &s->color};
     OniStreamHandle streams[2] = {s->depth.stream, s->color.stream};
@@ -105,6 +100,7 @@ static enum status take_picture(struct sensor *s, int wait_ms)
     if (lane->count == LANE_QUEUE)
         drop_oldest(lane, 1);
     lane->queue[lane->count++] = frame;
+    s->heard = true;
     return OK;
 }
 
@@ -269,10 +265,10 @@ enum status openni_next(void *self, struct frame *out)
             return at_end(s);
         if (take_picture(s, SLICE_MS) == OK)
             since_ns = clock_now_ns();
-        else if (s->file && clock_now_ns() - since_ns > FILE_SILENCE_NS)
+        else if (s->file && clock_now_ns() - since_ns > FILE_SILENCE_MS * INT64_C(1000000))
             atomic_store(&s->ended, true);
-        else if (!s->file && clock_now_ns() - since_ns > LIVE_SILENCE_NS)
+        else if (!s->file && clock_now_ns() - since_ns > LIVE_SILENCE_MS * INT64_C(1000000))
             return fail(ERR_DEVICE, "%s has sent no picture for %d seconds; is it still plugged in?", s->name,
-                        (int)(LIVE_SILENCE_NS / 1000000000));
+                        LIVE_SILENCE_MS / 1000);
     }
 }

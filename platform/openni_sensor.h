@@ -12,7 +12,12 @@ typedef struct _OniStream _OniStream;
 typedef struct _OniRecorder _OniRecorder;
 #include <OniCAPI.h>
 
-enum { LANE_QUEUE = 8 };
+enum {
+    LANE_QUEUE = 8,
+    SLICE_MS = 50,          // how long to wait before looking whether the source is still there
+    LIVE_SILENCE_MS = 5000, // a sensor silent for so long is gone
+    FILE_SILENCE_MS = 3000, // a file's next picture takes milliseconds
+};
 
 // Keeps a file's player from running ahead: OpenNI2 holds only one picture per
 // stream and overwrites it, so the next one's memory is handed out only when
@@ -42,6 +47,7 @@ struct sensor {
     OniCallbackHandle callbacks;
     struct gate gate;
     struct lane depth, color; // color.stream is NULL where there is none
+    bool heard;               // a picture has come
     atomic_bool gone, ended;  // set from OpenNI2's threads
     uint16_t *mm;
     uint8_t *rgb;
@@ -55,6 +61,9 @@ struct sensor {
 void *gate_alloc(int size, void *cookie);
 void gate_free(void *data, void *cookie);
 void gate_open(struct gate *gate);
+
+// Waits at most `wait_ms` for a picture and puts it into its queue. NOTHING: none came.
+enum status take_picture(struct sensor *s, int wait_ms);
 
 void lane_release_all(struct lane *lane);
 

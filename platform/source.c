@@ -24,6 +24,7 @@ struct scheme {
 static const struct scheme schemes[] = {
     {"openni", true, false, MAY_HAVE_REST, "openni:0", openni_open, &openni_kind},
     {"oni", true, false, NEEDS_REST, "oni:FILE", oni_open, &openni_kind},
+    {"libcamera", false, true, MAY_HAVE_REST, "libcamera:0", libcamera_open, &libcamera_kind},
     {"folder", true, true, NEEDS_REST, "folder:DIR", folder_open, &folder_kind},
 };
 
@@ -96,7 +97,15 @@ void source_close(struct source **s)
     *s = NULL;
 }
 
+// A kind that cannot even look (no driver, no camera stack) has no devices: the others may.
 enum status source_devices(struct source_device *out, int capacity, int *count)
 {
-    return openni_devices(out, capacity, count);
+    int sensors = 0, cameras = 0;
+    if (openni_devices(out, capacity, &sensors) != OK)
+        sensors = 0;
+    int filled = sensors < capacity ? sensors : capacity;
+    if (libcamera_devices(out + filled, capacity - filled, &cameras) != OK)
+        cameras = 0;
+    *count = sensors + cameras;
+    return OK;
 }

@@ -29,12 +29,31 @@ source_opener openni_open;                   // where: "" or the number of the d
 source_opener oni_open;                      // where: the file
 extern const struct source_kind openni_kind; // of both
 
+source_opener libcamera_open; // where: "" or the number of the camera
+extern const struct source_kind libcamera_kind;
+
 // As source_devices, for one kind.
 MUST_CHECK enum status openni_devices(struct source_device *out, int capacity, int *count);
+MUST_CHECK enum status libcamera_devices(struct source_device *out, int capacity, int *count);
 
 // calibration_read(), and the length of one unit of the depth pictures in
 // metres (`unit_m`, 0.001 where the file does not say).
 MUST_CHECK enum status calibration_read_with_unit(const char *path, struct calibration *out, double *unit_m);
+
+// What is known of the camera with that id: "color" of the calibration.json
+// named reenact/cameras/ID.json in $XDG_CONFIG_HOME (else ~/.config), where /
+// and other letters that no file name should have are written as _.
+// NOTHING: there is no such file, *out is untouched. ERR_INPUT: it is wrong.
+MUST_CHECK enum status camera_lens_read(const char *id, struct lens *out);
+
+// The same lens for pictures of another size. ERR_INPUT unless they have the
+// same proportions: nobody could tell what was cut off.
+MUST_CHECK enum status camera_lens_scale(struct lens *lens, int width, int height, const char *id);
+
+// A lens that sees 60 degrees from left to right, for a camera of which nothing
+// is known. Most see between 50 and 75, so what is placed by it may be off by a
+// quarter: good to begin with, not to stay with.
+struct lens camera_lens_guess(int width, int height);
 
 #ifdef __cplusplus
 }

@@ -34,6 +34,17 @@ static void ring_at(enum cylinder_shape shape, double cap, int i, int rings, dou
     }
 }
 
+void cylinder_mesh_indices(uint16_t *index, int around, int rings)
+{
+    for (int i = 0; i + 1 < rings; i++)
+        for (int k = 0; k < around; k++) {
+            int a = i * around + k, b = i * around + (k + 1) % around;
+            int corners[6] = {a, b, a + around, b, b + around, a + around};
+            for (int c = 0; c < 6; c++)
+                *index++ = (uint16_t)corners[c];
+        }
+}
+
 enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around, int along, struct cylinder_mesh *out)
 {
     assert(around >= 3 && along >= 1 && cap >= 0);
@@ -58,14 +69,7 @@ enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around
             *v++ = (float)z;
         }
     }
-    uint16_t *index = out->indices;
-    for (int i = 0; i + 1 < rings; i++)
-        for (int k = 0; k < around; k++) {
-            int a = i * around + k, b = i * around + (k + 1) % around;
-            int corners[6] = {a, b, a + around, b, b + around, a + around};
-            for (int c = 0; c < 6; c++)
-                *index++ = (uint16_t)corners[c];
-        }
+    cylinder_mesh_indices(out->indices, around, rings);
     return OK;
 }
 

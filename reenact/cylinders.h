@@ -31,5 +31,8 @@ MUST_CHECK enum status cylinder_mesh_make(enum cylinder_shape shape, double cap,
                                           struct cylinder_mesh *out);
 void cylinder_mesh_free(struct cylinder_mesh *mesh);
 
+// The triangles between `rings` rings of `around` vertices each: (rings - 1) * around * 6 indices.
+void cylinder_mesh_indices(uint16_t *indices, int around, int rings);
+
 // Sides that keep a circle of `radius_px` true within `error_px`: 8, 16, 32 or 64.
 int cylinder_sides(double radius_px, double error_px);

@@ -4,12 +4,13 @@
 #include "reenact/motion.h"
 #include "reenact/select.h"
 #include "reenact/shaders.h"
+#include "reenact/shape.h"
 #include "reenact/texture_cache.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4 };
+enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4, SHAPE_FRAMES = 60 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double AUTO_FULL_PX = 48;
@@ -25,6 +26,7 @@ struct painter {
     struct motion *motion;
     struct selector *selector;
     struct texture_cache *textures;
+    struct gpu_mesh *shaped[PART_COUNT]; // NULL: the part's shape was not seen, draw it rounded
     struct gpu_program *actor_program, *compose_program;
     struct gpu_mesh *whole;                      // one triangle over everything
     struct gpu_mesh *open[SIDES];                // the paper's cylinder
@@ -120,6 +122,34 @@ static enum status open_selector(struct painter *p)
     return status;
 }
 
+static enum status open_shapes(struct painter *p)
+{
+    const struct calibration *c = take_calibration(p->take);
+    if (p->detail == DETAIL_PAPER || c->depth.width <= 0)
+        return OK;
+    struct source_rays *rays;
+    enum status status = source_rays_open(&rays, c);
+    struct shape *shape = malloc(sizeof *shape);
+    if (status == OK && !shape)
+        status = fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = shape_measure(shape, p->take, rays, SHAPE_FRAMES);
+    for (int part = 0; part < PART_COUNT && status == OK; part++) {
+        struct cylinder_mesh mesh;
+        if (!shape->parts[part].known)
+            continue;
+        status = shape_mesh(&shape->parts[part], &mesh);
+        if (status != OK)
+            break;
+        status = gpu_mesh_open(&p->shaped[part], p->gpu, mesh.vertices, 3, mesh.vertex_count, mesh.indices,
+                               mesh.index_count);
+        cylinder_mesh_free(&mesh);
+    }
+    free(shape);
+    source_rays_close(&rays);
+    return status;
+}
+
 enum status painter_open(struct painter **out, struct gpu *gpu, struct take *take, const struct lens *lens,
                          const struct painter_options *options)
 {
@@ -145,6 +175,8 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     if (status == OK)
         status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes);
     if (status == OK)
+        status = open_shapes(p);
+    if (status == OK)
         status = open_programs(p);
     if (status == OK)
         status = open_targets(p);
@@ -166,6 +198,8 @@ void painter_close(struct painter **out)
         for (int part = 0; part < PART_COUNT; part++)
             gpu_mesh_close(&p->rounded[part][i]);
     }
+    for (int part = 0; part < PART_COUNT; part++)
+        gpu_mesh_close(&p->shaped[part]);
     gpu_mesh_close(&p->whole);
     gpu_target_close(&p->plain);
     gpu_target_close(&p->smooth);
@@ -231,6 +265,7 @@ static enum status draw_part(struct painter *p, enum detail level, const struct 
     const struct body *body = take_body(p->take);
     const struct vec3 eye = v3(0, 0, 0);
     struct part_frame here, there;
+    struct gpu_mesh *mesh = NULL;
     if (!part_is_known(body, in_viewer, part) || !part_frame_facing(in_viewer, part, eye, &here))
         return NOTHING;
     double radius = body->radius_rate[part] * here.length;
@@ -245,8 +280,15 @@ static enum status draw_part(struct painter *p, enum detail level, const struct 
     const struct skeleton *source = &take_entry(p->take, frame)->skeleton;
     if (!part_frame_facing(source, part, eye, &there))
         return NOTHING;
-    struct gpu_mesh *mesh;
-    status = mesh_for(p, level, part, p->lens.fx * radius / fmax(near, NEAREST_M), &mesh);
+    struct part_frame here_bodily, there_bodily;
+    if (level != DETAIL_PAPER && p->shaped[part] && part_frame_bodily(in_viewer, part, &here_bodily) &&
+        part_frame_bodily(source, part, &there_bodily)) { // flesh meets flesh
+        mesh = p->shaped[part];
+        here = here_bodily;
+        there = there_bodily;
+    }
+    if (!mesh)
+        status = mesh_for(p, level, part, p->lens.fx * radius / fmax(near, NEAREST_M), &mesh);
     if (status != OK)
         return status;
     struct part_map viewer_from_part = cylinder_map(&here, radius);

@@ -12,8 +12,8 @@
 enum detail {
     DETAIL_PAPER, // 2014 to the letter: the yardstick. One frame for the whole body
                   // (equation 5), that frame's plain colours, open cylinders
-    DETAIL_FULL,  // our best: a frame for each part, its own pixels only, rounded
-                  // ends, smooth edges, joints between recorded instants
+    DETAIL_FULL,  // our best: measured shapes, a frame for each part, its own pixels
+                  // only, smooth edges, joints between recorded instants
     DETAIL_AUTO,  // full, or less where the eye cannot tell: see painter_level
 };
 
@@ -46,9 +46,8 @@ struct painter_result {
     double height_px;  // of the actor's bones in the picture
 };
 
-// Draws. view NULL in `world_from_camera`'s place is not possible: for a picture
-// that could not be placed, use painter_draw_nobody. OK also when nobody is to be
-// seen. ERR_INPUT: a pose that is not finite. ERR_DEVICE; ERR_CORRUPT, ERR_IO: the take.
+// Draws. For a picture that could not be placed there is painter_draw_nobody.
+// OK also when nobody is to be seen. ERR_INPUT: a pose that is not finite. ERR_DEVICE; ERR_CORRUPT, ERR_IO: the take.
 MUST_CHECK enum status painter_draw(struct painter *p, const struct painter_view *view, struct painter_result *result);
 
 // The camera's picture alone.

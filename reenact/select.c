@@ -40,10 +40,11 @@ static const enum joint around_joints[PART_COUNT][3] = {
     [PART_RIGHT_SHIN] = {JOINT_RIGHT_HIP, JOINT_WAIST, JOINT_LEFT_HIP},
 };
 
-// Costs are metres. One radian round a part moves its visible side by about its
-// radius and brings as much unseen surface in; the others are set beside it.
-static const double SIDE_M = 0.5;    // a chord of 1 between the two directions to the camera
-static const double AROUND_M = 0.15; // a metre of mean difference of the joints around
+// Costs are metres. That the body is bent alike about the part counts most: cloth,
+// light and what lies over what follow it. The side comes next: a chord of one
+// brings about a radius of unseen surface in.
+static const double SIDE_M = 0.25;   // a chord of 1 between the two directions to the camera
+static const double AROUND_M = 1.5;  // a metre of mean difference of the joints around
 static const double HIDDEN_M = 0.5;  // the whole bone hidden
 static const double COARSE_M = 0.06; // twice as far away as what is to be shown
 static const double GUESS_M = 0.3;   // ends of confidence 0

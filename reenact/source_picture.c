@@ -3,43 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PERSON = 1 << 15 };
-
 // Neighbouring parts share the pixels between them, as far as this.
 static const double SHARED_M = 0.03;
-// Farther outside every part than this is not this person, whatever the mask says.
-static const double OUTSIDE_M = 0.25;
-// The same where the recording has no mask.
-static const double OUTSIDE_UNMASKED_M = 0.10;
-
-struct source_rays {
-    int count;
-    float xy[][2]; // z = 1
-};
-
-enum status source_rays_open(struct source_rays **out, const struct calibration *c)
-{
-    *out = NULL;
-    int width = c->depth.width, height = c->depth.height;
-    struct source_rays *r = malloc(sizeof *r + sizeof r->xy[0] * (size_t)width * (size_t)height);
-    if (!r)
-        return fail(ERR_MEMORY, "out of memory");
-    r->count = width * height;
-    for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++) {
-            struct vec3 ray = lens_ray(&c->depth, (struct pixel){x, y});
-            r->xy[y * width + x][0] = (float)ray.x;
-            r->xy[y * width + x][1] = (float)ray.y;
-        }
-    *out = r;
-    return OK;
-}
-
-void source_rays_close(struct source_rays **r)
-{
-    free(*r);
-    *r = NULL;
-}
 
 void source_picture_free(struct source_picture *picture)
 {
@@ -49,48 +14,6 @@ void source_picture_free(struct source_picture *picture)
 }
 
 // ---------------------------------------------------------------- whose pixel is it
-
-struct bones {
-    int count;
-    int part[PART_COUNT];
-    struct vec3 from[PART_COUNT], along[PART_COUNT];
-    double along2[PART_COUNT], radius[PART_COUNT];
-};
-
-static struct bones bones_of(const struct take_entry *e, const struct body *body)
-{
-    struct bones b = {0};
-    for (int p = 0; p < PART_COUNT && e->has_skeleton; p++) {
-        if (!part_is_known(body, &e->skeleton, (enum part)p))
-            continue;
-        int i = b.count++;
-        b.part[i] = p;
-        b.from[i] = e->skeleton.joint[part_ends[p].from];
-        b.along[i] = v3_sub(e->skeleton.joint[part_ends[p].to], b.from[i]);
-        b.along2[i] = v3_dot(b.along[i], b.along[i]);
-        b.radius[i] = body->radius_rate[p] * sqrt(b.along2[i]);
-    }
-    return b;
-}
-
-static uint16_t parts_at(const struct bones *b, struct vec3 p, double outside)
-{
-    double gap[PART_COUNT], best = outside;
-    for (int i = 0; i < b->count; i++) {
-        struct vec3 d = v3_sub(p, b->from[i]);
-        double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
-        t = t < 0 ? 0 : t > 1 ? 1 : t;
-        gap[i] = v3_length(v3_sub(d, v3_scale(b->along[i], t))) - b->radius[i];
-        best = fmin(best, gap[i]);
-    }
-    if (!(best < outside))
-        return 0;
-    uint16_t parts = PERSON;
-    for (int i = 0; i < b->count; i++)
-        if (gap[i] <= best + SHARED_M)
-            parts |= (uint16_t)(1 << b->part[i]);
-    return parts;
-}
 
 // Marks the colour pixels that a depth pixel covers.
 static void mark(struct source_picture *picture, struct pixel at, double half, uint16_t parts)
@@ -106,18 +29,15 @@ static void label(struct source_picture *picture, const struct take *take, const
                   const struct source_rays *rays)
 {
     const struct calibration *c = take_calibration(take);
-    struct bones bones = bones_of(take_entry(take, picture->frame), take_body(take));
+    struct part_bones bones = part_bones_of(&take_entry(take, picture->frame)->skeleton, take_body(take));
     bool same = c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
     double half = fmax(0.5, 0.55 * c->color.fx / c->depth.fx);
-    double outside = seen->mask ? OUTSIDE_M : OUTSIDE_UNMASKED_M;
-    for (int i = 0; i < rays->count; i++) {
-        if (!seen->depth[i] || (seen->mask && !seen->mask[i]))
+    double outside = part_outside_m(seen->mask != NULL);
+    for (int i = 0; i < source_rays_count(rays); i++) {
+        if (!part_pixel_solid(seen->depth, seen->mask, c->depth.width, c->depth.height, i))
             continue;
-        double z = seen->depth[i] * 1e-3;
-        struct vec3 p = v3(rays->xy[i][0] * z, rays->xy[i][1] * z, z);
-        if (!c->registered)
-            p = pose_apply(c->color_from_depth, p);
-        uint16_t parts = parts_at(&bones, p, outside);
+        struct vec3 p = source_rays_point(rays, i, seen->depth[i]);
+        uint16_t parts = part_label(&bones, p, SHARED_M, outside);
         if (!parts)
             continue;
         if (same)
@@ -184,7 +104,7 @@ enum status source_picture_load(struct source_picture *picture, struct take *tak
     if (!rays)
         return OK;
     memset(picture->parts, 0, pixels * sizeof(uint16_t));
-    if (seen.depth)
+    if (seen.depth && take_entry(take, frame)->has_skeleton)
         label(picture, take, &seen, rays);
     status = shave(picture);
     picture->labelled = true;

@@ -4,7 +4,7 @@
 // nearer another one; never at the very edge of the person, where colours mix
 // with the background's. Pure; the take is only read.
 #pragma once
-#include "capture/recording/recording.h"
+#include "reenact/part_label.h"
 
 struct source_picture {
     int64_t frame; // -1: nothing loaded
@@ -13,11 +13,6 @@ struct source_picture {
     uint16_t *parts; // width * height; bit p: may colour part p
     bool labelled;   // parts was asked for and is filled
 };
-
-struct source_rays; // the direction of every depth pixel, made once for a take
-
-MUST_CHECK enum status source_rays_open(struct source_rays **out, const struct calibration *calibration);
-void source_rays_close(struct source_rays **r);
 
 // Loads frame `frame` into *picture, which is zeroed or was loaded before from
 // the same take (its memory is used again). rays NULL: colours only.

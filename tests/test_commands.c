@@ -85,6 +85,10 @@ static void expect_sentence(struct said said, const char *word, int line)
                     said.exit_code, lines, word, said.err);
         fail_test();
     }
+    if (file_exists(scratch_file(&scratch, "never.reenact"))) {
+        print_error("line %d: a file was left behind\n", line);
+        fail_test();
+    }
 }
 #define EXPECT_SENTENCE(said, word) expect_sentence(said, word, __LINE__)
 
@@ -129,7 +133,8 @@ static void test_an_empty_room_is_recorded_all_the_same(void **state)
 static void test_bad_sensors(void **state)
 {
     (void)state;
-    const char *out = scratch_file(&scratch, "never.reenact");
+    char out[512];
+    snprintf(out, sizeof out, "%s", scratch_file(&scratch, "never.reenact"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", "nonsense:1", "--out", out, "--take", "x"), "nonsense");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("nowhere"), "--out", out, "--take", "x"), "nowhere");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", "oni:/no/such.oni", "--out", out, "--take", "x"), "such.oni");
@@ -157,13 +162,13 @@ static void test_bad_sensors(void **state)
     remove(scratch_file(&scratch, "depthless/depth.txt"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("depthless"), "--out", out, "--take", "x"), "depth");
 
-    EXPECT_TRUE(!file_exists(out));
 }
 
 static void test_bad_places_and_tags(void **state)
 {
     (void)state;
-    const char *out = scratch_file(&scratch, "never.reenact");
+    char out[512];
+    snprintf(out, sizeof out, "%s", scratch_file(&scratch, "never.reenact"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--tags", "/no/tags.json", "--out", out),
                     "tags.json");
     scratch_text(&scratch, "broken.json", "{\"family\": ");
@@ -172,7 +177,6 @@ static void test_bad_places_and_tags(void **state)
     scratch_text(&scratch, "tags.json", "{\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--tags", scratch_file(&scratch, "tags.json"),
                             "--out", out), "tag"); // a blank wall
-    EXPECT_TRUE(!file_exists(out));
 }
 
 static void test_bad_recordings(void **state)

@@ -32,14 +32,22 @@ static struct skeleton upright(void)
 {
     struct skeleton s;
     static const double at[JOINT_COUNT][3] = {
-        [JOINT_HEAD] = {0, -0.25, 0},           [JOINT_NECK] = {0, 0, 0},
-        [JOINT_LEFT_SHOULDER] = {0.18, 0, 0},   [JOINT_LEFT_ELBOW] = {0.25, 0.28, 0},
-        [JOINT_LEFT_HAND] = {0.32, 0.56, 0},    [JOINT_RIGHT_SHOULDER] = {-0.18, 0, 0},
-        [JOINT_RIGHT_ELBOW] = {-0.25, 0.28, 0}, [JOINT_RIGHT_HAND] = {-0.32, 0.56, 0},
-        [JOINT_TORSO] = {0, 0.3, 0},            [JOINT_WAIST] = {0, 0.5, 0},
-        [JOINT_LEFT_HIP] = {0.1, 0.55, 0},      [JOINT_LEFT_KNEE] = {0.1, 1, 0},
-        [JOINT_LEFT_FOOT] = {0.1, 1.4, 0},      [JOINT_RIGHT_HIP] = {-0.1, 0.55, 0},
-        [JOINT_RIGHT_KNEE] = {-0.1, 1, 0},      [JOINT_RIGHT_FOOT] = {-0.1, 1.4, 0},
+        [JOINT_HEAD] = {0, -0.25, 0},
+        [JOINT_NECK] = {0, 0, 0},
+        [JOINT_LEFT_SHOULDER] = {0.18, 0, 0},
+        [JOINT_LEFT_ELBOW] = {0.25, 0.28, 0},
+        [JOINT_LEFT_HAND] = {0.32, 0.56, 0},
+        [JOINT_RIGHT_SHOULDER] = {-0.18, 0, 0},
+        [JOINT_RIGHT_ELBOW] = {-0.25, 0.28, 0},
+        [JOINT_RIGHT_HAND] = {-0.32, 0.56, 0},
+        [JOINT_TORSO] = {0, 0.3, 0},
+        [JOINT_WAIST] = {0, 0.5, 0},
+        [JOINT_LEFT_HIP] = {0.1, 0.55, 0},
+        [JOINT_LEFT_KNEE] = {0.1, 1, 0},
+        [JOINT_LEFT_FOOT] = {0.1, 1.4, 0},
+        [JOINT_RIGHT_HIP] = {-0.1, 0.55, 0},
+        [JOINT_RIGHT_KNEE] = {-0.1, 1, 0},
+        [JOINT_RIGHT_FOOT] = {-0.1, 1.4, 0},
     };
     for (int j = 0; j < JOINT_COUNT; j++) {
         s.joint[j] = v3_add(v3(at[j][0], at[j][1], at[j][2]), v3(0, 0, 3));
@@ -136,7 +144,8 @@ static void twist_passes_smoothly_from_carried_to_hinge(void **state)
             struct skeleton s = upright();
             struct vec3 down = v3_unit(v3_sub(s.joint[JOINT_LEFT_ELBOW], s.joint[JOINT_LEFT_SHOULDER]));
             double a = (side - 1) * PI / 6;
-            struct vec3 ahead = v3_unit(v3_sub(v3(sin(a), 0, -cos(a)), v3_scale(down, v3_dot(down, v3(sin(a), 0, -cos(a))))));
+            struct vec3 ahead =
+                v3_unit(v3_sub(v3(sin(a), 0, -cos(a)), v3_scale(down, v3_dot(down, v3(sin(a), 0, -cos(a))))));
             double bend = degree * PI / 180;
             struct vec3 along = v3_add(v3_scale(down, cos(bend)), v3_scale(ahead, sin(bend)));
             s.joint[JOINT_LEFT_HAND] = v3_add(s.joint[JOINT_LEFT_ELBOW], v3_scale(along, 0.28));
@@ -155,8 +164,9 @@ static void frames_move_with_the_body(void **state)
     struct dice dice = {SEED + 2};
     for (int round = 0; round < 100; round++) {
         struct skeleton s = random_skeleton(&dice);
-        struct pose move = {quat_unit((struct quat){dice_normal(&dice), dice_normal(&dice), dice_normal(&dice), dice_normal(&dice)}),
-                            v3(dice_normal(&dice), dice_normal(&dice), dice_normal(&dice))};
+        struct pose move = {
+            quat_unit((struct quat){dice_normal(&dice), dice_normal(&dice), dice_normal(&dice), dice_normal(&dice)}),
+            v3(dice_normal(&dice), dice_normal(&dice), dice_normal(&dice))};
         struct skeleton moved = skeleton_transform(move, &s);
         for (int p = 0; p < PART_COUNT; p++) {
             struct part_frame a, b;

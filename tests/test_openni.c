@@ -3,6 +3,8 @@
 // arrives must be the folder's pictures, bit for bit, unmirrored, in order.
 #include "tests/test.h"
 
+#include "tests/openni_driver/keep_player.h"
+
 #include "platform/clock.h"
 #include "platform/file.h"
 #include "platform/png.h"
@@ -405,6 +407,7 @@ static void test_recording_damaged(void **state)
 
 int main(void)
 {
+    keep_player();
 #define IN_A_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, clear_room)
     const struct CMUnitTest tests[] = {
         IN_A_ROOM(test_sensor),

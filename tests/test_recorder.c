@@ -8,8 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { FRAMES = 24 };
-static const double SCALE = 0.5;
+enum { FRAMES = 14 };
+static const double SCALE = 1; // a tag on the far wall is 15 pixels wide
 
 static struct scratch scratch;
 static struct world *world;
@@ -51,7 +51,8 @@ static void test_a_take_tells_the_truth(void **state)
     for (int i = 0; i < FRAMES; i++) {
         const struct take_entry *entry = take_entry(take, i);
         EXPECT_TRUE(entry->located && entry->has_skeleton && entry->has_mask && entry->has_depth && entry->has_color);
-        EXPECT_AT_MOST(v3_distance(entry->world_from_camera.translation, truth.translation), 0.03);
+        // two tags of 15 pixels and the floor are all that this place has to go by
+        EXPECT_AT_MOST(v3_distance(entry->world_from_camera.translation, truth.translation), 0.05);
         EXPECT_AT_MOST(pose_angle(entry->world_from_camera, truth), 0.01);
         struct skeleton wanted = world_joints_in_camera(world, (double)(entry->time_ns - 50000000000) / 1e9, truth);
         for (int j = 0; j < JOINT_COUNT; j++)
@@ -97,6 +98,7 @@ static void test_without_a_place_nothing_is_located(void **state)
     (void)state;
     struct recorder_result result = record("d.reenact", NULL, OK);
     EXPECT_INT(result.frames, FRAMES);
+    EXPECT_INT(result.tracked, FRAMES);
     EXPECT_TRUE(!result.located);
 }
 

@@ -1,182 +1,11 @@
 // A recording gives back what was put in, bit for bit, and answers wrong files
 // and wrong names with a status and a sentence.
-#include "tests/test.h"
+#include "tests/recording_sample.h"
 
-#include "capture/recording/recording.h"
-#include "platform/file.h"
-#include "platform/jpeg.h"
+#include "platform/clock.h"
+#include "platform/database.h"
 
-#include <stdio.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-enum { WIDTH = 61, HEIGHT = 47, COLOR_WIDTH = 80, COLOR_HEIGHT = 60, FRAMES = 40, SEED = 20140601 };
-
-static char folder[64];
-
-static const char *path_of(const char *name)
-{
-    static char path[2][128];
-    static int turn;
-    turn = !turn;
-    snprintf(path[turn], sizeof path[turn], "%s/%s", folder, name);
-    return path[turn];
-}
-
-static int make_folder(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/test_recording.XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int remove_folder(void **state)
-{
-    (void)state;
-    char command[200];
-    snprintf(command, sizeof command, "chmod -R u+w %s; rm -rf %s", folder, folder);
-    return system(command);
-}
-
-// ------------------------------------------------------------- things to record
-
-static double number(struct dice *dice)
-{
-    return dice_normal(dice) * 3;
-}
-
-static struct pose some_pose(struct dice *dice)
-{
-    return (struct pose){quat_unit((struct quat){number(dice), number(dice), number(dice), number(dice)}),
-                         v3(number(dice), number(dice), -0.0)};
-}
-
-static struct calibration some_calibration(void)
-{
-    return (struct calibration){
-        .color = {COLOR_WIDTH, COLOR_HEIGHT, 70.1, 70.2, 39.5, 29.5, 0.1, -0.02, 1e-3, -1e-3, 0.003},
-        .depth = {WIDTH, HEIGHT, 55.5, 55.7, 30, 23, 0, 0, 0, 0, 0},
-        .color_from_depth = {{0.01, 0.02, 0.03, 0.9993}, {0.025, -1e-3, 1e-4}},
-    };
-}
-
-static uint8_t *some_jpeg(struct dice *dice, size_t *bytes)
-{
-    static uint8_t rgb[COLOR_WIDTH * COLOR_HEIGHT * 3];
-    for (size_t i = 0; i < sizeof rgb; i++)
-        rgb[i] = (uint8_t)(i / 37 + 40 * dice_uniform(dice));
-    uint8_t *jpeg;
-    assert_int_equal(jpeg_encode(rgb, COLOR_WIDTH, COLOR_HEIGHT, 90, &jpeg, bytes), OK);
-    return jpeg;
-}
-
-static void some_depth(struct dice *dice, uint16_t *depth)
-{
-    for (int i = 0; i < WIDTH * HEIGHT; i++)
-        depth[i] = (uint16_t)(dice_uniform(dice) < 0.1 ? 0 : dice_uniform(dice) < 0.01 ? 65535 : 2000 + i / 3);
-}
-
-static struct place some_place(struct dice *dice)
-{
-    struct place p = {.calibration = some_calibration(), .rms_px = 0.31, .rms_m = 0.004};
-    p.tag_count = 3;
-    p.point_count = 1000;
-    p.view_count = 3;
-    p.tags = calloc((size_t)p.tag_count, sizeof *p.tags);
-    p.points = calloc((size_t)p.point_count, sizeof *p.points);
-    p.views = calloc((size_t)p.view_count, sizeof *p.views);
-    for (int i = 0; i < p.tag_count; i++)
-        p.tags[i] = (struct place_tag){7 * i, 0.16, some_pose(dice), number(dice), 5 + i};
-    for (int i = 0; i < p.point_count; i++) {
-        p.points[i].world = v3(number(dice), number(dice), number(dice));
-        for (int k = 0; k < 32; k++)
-            p.points[i].descriptor[k] = (uint8_t)(256 * dice_uniform(dice));
-    }
-    for (int i = 0; i < p.view_count; i++) {
-        p.views[i].world_from_camera = some_pose(dice);
-        if (i != 1)
-            p.views[i].jpeg = some_jpeg(dice, &p.views[i].jpeg_bytes);
-        if (i != 2) {
-            p.views[i].depth = malloc(WIDTH * HEIGHT * 2);
-            some_depth(dice, p.views[i].depth);
-        }
-    }
-    return p;
-}
-
-// A frame and the memory it points to. Some pictures are missing on purpose.
-struct made {
-    struct take_frame frame;
-    uint8_t *jpeg;
-    uint16_t depth[WIDTH * HEIGHT];
-    uint8_t mask[WIDTH * HEIGHT];
-};
-
-static void make_frame(struct made *m, int index)
-{
-    struct dice dice = {SEED + (uint64_t)index};
-    memset(m, 0, sizeof *m);
-    m->frame.time_ns = -5 + index * INT64_C(33333333);
-    m->frame.world_from_camera = some_pose(&dice);
-    m->frame.located = index % 3 == 0;
-    some_depth(&dice, m->depth);
-    for (int i = 0; i < WIDTH * HEIGHT; i++)
-        m->mask[i] = (i % WIDTH - 30) * (i % WIDTH - 30) + (i / WIDTH - 20) * (i / WIDTH - 20) < 150 + index;
-    m->jpeg = some_jpeg(&dice, &m->frame.jpeg_bytes);
-    m->frame.jpeg = index % 7 == 3 ? NULL : m->jpeg;
-    m->frame.depth = index % 7 == 4 ? NULL : m->depth;
-    m->frame.mask = index % 7 == 5 ? NULL : m->mask;
-    if (index % 7 == 6)
-        m->frame.jpeg = NULL, m->frame.depth = NULL, m->frame.mask = NULL;
-    m->frame.has_skeleton = index % 5 != 2;
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        m->frame.skeleton.joint[j] = v3(number(&dice), number(&dice), number(&dice));
-        m->frame.skeleton.confidence[j] = (float)(j % 3) / 2;
-    }
-}
-
-static void add_frames(struct recording_writer *w, int from, int to)
-{
-    static struct made m;
-    for (int i = from; i < to; i++) {
-        make_frame(&m, i);
-        EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
-        free(m.jpeg);
-    }
-}
-
-static const struct body some_body = {
-    .representative_frame = 17,
-    .radius_rate = {0.3, 0.5, 0.45, 0.2, 0.19, 0, 0.18, 0.21, 0.2, 0.2, 0.1},
-};
-
-// Two takes and a place; the second take stays open.
-static void write_recording(const char *path)
-{
-    struct dice dice = {SEED};
-    struct place place = some_place(&dice);
-    struct calibration calibration = some_calibration();
-    struct recording_writer *w;
-    EXPECT_STATUS(recording_create(&w, path), OK);
-    EXPECT_STATUS(recording_put_place(w, &place), OK);
-    place.rms_px = 0.25;
-    EXPECT_STATUS(recording_put_place(w, &place), OK); // replaces
-    EXPECT_STATUS(recording_begin_take(w, "höher", &calibration), OK);
-    add_frames(w, 0, FRAMES / 2);
-    struct body body = some_body;
-    body.representative_frame = 3;
-    EXPECT_STATUS(recording_put_body(w, &body), OK);
-    add_frames(w, FRAMES / 2, FRAMES);
-    EXPECT_STATUS(recording_put_body(w, &some_body), OK);
-    EXPECT_STATUS(recording_put_dropped(w, 12), OK);
-    EXPECT_STATUS(recording_end_take(w), OK);
-    EXPECT_STATUS(recording_begin_take(w, "second", &calibration), OK);
-    add_frames(w, 0, 3);
-    EXPECT_STATUS(recording_close(&w), OK);
-    EXPECT_TRUE(w == NULL);
-    place_free(&place);
-}
+#include <sys/wait.h>
 
 // ------------------------------------------------------------- round trip
 
@@ -248,7 +77,7 @@ static void test_round_trip(void **state)
 
     struct recording *r;
     EXPECT_STATUS(recording_open(&r, path), OK);
-    struct dice dice = {SEED};
+    struct dice dice = {SAMPLE_SEED};
     struct place wanted = some_place(&dice), got;
     EXPECT_STATUS(recording_read_place(r, &got), OK);
     same_place(&wanted, &got);
@@ -282,11 +111,303 @@ static void test_round_trip(void **state)
     recording_free(&r);
 }
 
+// ------------------------------------------------------------- order and names
+
+static void test_frames_out_of_order_are_refused(void **state)
+{
+    (void)state;
+    struct calibration calibration = some_calibration();
+    struct recording_writer *w;
+    const char *path = path_of("order");
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "a", &calibration), OK);
+    struct take_frame frame = {.time_ns = 100, .world_from_camera = POSE_IDENTITY};
+    EXPECT_STATUS(recording_add_frame(w, &frame), OK);
+    EXPECT_STATUS(recording_add_frame(w, &frame), ERR_ORDER);
+    frame.time_ns = 99;
+    EXPECT_STATUS(recording_add_frame(w, &frame), ERR_ORDER);
+    frame.time_ns = 101;
+    EXPECT_STATUS(recording_add_frame(w, &frame), OK);
+    frame.time_ns = 102;
+    frame.world_from_camera.translation.x = NAN;
+    EXPECT_STATUS(recording_add_frame(w, &frame), ERR_INPUT);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    struct recording_report report;
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.frames, 2);
+    EXPECT_INT(report.interrupted_takes, 0);
+}
+
+static void test_unknown_joints_do_not_spoil_the_file(void **state)
+{
+    (void)state;
+    struct calibration calibration = some_calibration();
+    struct recording_writer *w;
+    const char *path = path_of("joints");
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "a", &calibration), OK);
+    struct take_frame frame = {.world_from_camera = POSE_IDENTITY, .has_skeleton = true};
+    frame.skeleton.joint[JOINT_HEAD] = v3(NAN, 1, 2);
+    EXPECT_STATUS(recording_add_frame(w, &frame), OK); // confidence 0: its position means nothing
+    frame.time_ns = 1;
+    frame.skeleton.confidence[JOINT_HEAD] = 1;
+    EXPECT_STATUS(recording_add_frame(w, &frame), ERR_INPUT);
+    EXPECT_STATUS(recording_close(&w), OK);
+    struct recording_report report;
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+}
+
+static void test_names_of_takes(void **state)
+{
+    (void)state;
+    struct calibration calibration = some_calibration();
+    struct recording_writer *w;
+    struct recording *r;
+    struct take *t;
+    struct place place;
+    const char *path = path_of("names");
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    char longest[202];
+    memset(longest, 'x', 201);
+    longest[201] = 0;
+    EXPECT_STATUS(recording_begin_take(w, longest, &calibration), ERR_INPUT);
+    EXPECT_STATUS(recording_begin_take(w, "", &calibration), ERR_INPUT);
+    EXPECT_STATUS(recording_begin_take(w, "a\nb", &calibration), ERR_INPUT);
+    longest[200] = 0;
+    EXPECT_STATUS(recording_begin_take(w, longest, &calibration), OK);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_begin_take(w, "b'c", &calibration), OK);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_begin_take(w, "b'c", &calibration), ERR_EXISTS);
+    EXPECT_STATUS(recording_begin_take(w, "d", &calibration), OK); // the refusal broke nothing
+    EXPECT_STATUS(recording_close(&w), OK);
+
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_INT(recording_take_count(r), 3);
+    assert_string_equal(recording_take_name(r, 0), longest);
+    EXPECT_STATUS(take_open(&t, r, "e"), ERR_MISSING);
+    EXPECT_TRUE(t == NULL);
+    EXPECT_TRUE(strstr(status_sentence(), "'b'c'"));
+    EXPECT_STATUS(recording_read_place(r, &place), NOTHING);
+    recording_free(&r);
+
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "d", &calibration), ERR_EXISTS);
+    EXPECT_STATUS(recording_begin_take(w, "e", &calibration), OK);
+    add_frames(w, 0, 2);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_open(&t, r, "e"), OK);
+    same_frame(t, 1);
+    take_close(&t);
+    recording_free(&r);
+}
+
+// ------------------------------------------------------------- wrong files
+
+static enum status opened(const char *path)
+{
+    struct recording *r;
+    enum status status = recording_open(&r, path);
+    EXPECT_INT(r != NULL, status == OK);
+    recording_free(&r);
+    if (status != OK && !strstr(status_sentence(), path)) {
+        print_error("'%s' does not name %s\n", status_sentence(), path);
+        fail_test();
+    }
+    struct recording_report report;
+    EXPECT_INT(recording_verify(path, &report), status);
+    return status;
+}
+
+static void test_wrong_files(void **state)
+{
+    (void)state;
+    static const uint8_t zeros[200000];
+    EXPECT_STATUS(opened(path_of("nothing there")), ERR_MISSING);
+    EXPECT_STATUS(opened(folder), ERR_FORMAT);
+    EXPECT_STATUS(file_write(path_of("zeros"), zeros, sizeof zeros), OK);
+    EXPECT_STATUS(opened(path_of("zeros")), ERR_FORMAT);
+    EXPECT_STATUS(file_write(path_of("empty"), zeros, 0), OK);
+    EXPECT_STATUS(opened(path_of("empty")), ERR_FORMAT);
+    EXPECT_STATUS(file_write(path_of("text"), "PK hello", 8), OK);
+    EXPECT_STATUS(opened(path_of("text")), ERR_FORMAT);
+
+    struct database *db; // a database, but not ours
+    EXPECT_STATUS(database_open(&db, path_of("other"), DATABASE_CREATE), OK);
+    EXPECT_STATUS(database_run(db, "CREATE TABLE take(id); INSERT INTO take VALUES(1)"), OK);
+    database_close(&db);
+    EXPECT_STATUS(opened(path_of("other")), ERR_FORMAT);
+
+    write_recording(path_of("newer"));
+    EXPECT_STATUS(opened(path_of("newer")), OK);
+    EXPECT_STATUS(database_open(&db, path_of("newer"), DATABASE_WRITE), OK);
+    EXPECT_STATUS(database_run(db, "PRAGMA user_version = 2"), OK);
+    database_close(&db);
+    EXPECT_STATUS(opened(path_of("newer")), ERR_FORMAT);
+    EXPECT_TRUE(strstr(status_sentence(), "schema 2"));
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_append(&w, path_of("newer")), ERR_FORMAT);
+    EXPECT_TRUE(w == NULL);
+    EXPECT_STATUS(recording_append(&w, path_of("nothing there")), ERR_MISSING);
+}
+
+static void test_never_overwrites(void **state)
+{
+    (void)state;
+    struct recording_writer *w;
+    EXPECT_STATUS(file_write(path_of("mine"), "mine", 4), OK);
+    EXPECT_STATUS(recording_create(&w, path_of("mine")), ERR_EXISTS);
+    EXPECT_TRUE(w == NULL);
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("mine"), &bytes, &count), OK);
+    EXPECT_INT(count, 4);
+    free(bytes);
+    EXPECT_STATUS(recording_create(&w, path_of("no/such/folder")), ERR_IO);
+}
+
+// Runs `check` as a user to whom folder permissions mean something; returns what it returned.
+static int as_ordinary_user(int (*check)(void))
+{
+    pid_t child = fork();
+    if (!child) {
+        if (geteuid() == 0 && (setgid(65534) || setuid(65534)))
+            _exit(99);
+        _exit(check());
+    }
+    int how;
+    waitpid(child, &how, 0);
+    return WIFEXITED(how) ? WEXITSTATUS(how) : 98;
+}
+
+static int read_settled(void)
+{
+    struct recording_report report;
+    struct recording_writer *w;
+    if (recording_verify(path_of("locked/settled"), &report) != OK || report.frames != FRAMES + 3) {
+        print_error("settled: %s\n", status_sentence());
+        return 1;
+    }
+    if (recording_append(&w, path_of("locked/settled")) != ERR_IO)
+        return 2;
+    if (recording_create(&w, path_of("locked/new")) != ERR_IO)
+        return 3;
+    return recording_verify(path_of("locked/secret"), &report) == ERR_IO ? 0 : 4;
+}
+
+static int read_with_log(void)
+{
+    struct recording_report report;
+    enum status status = recording_verify(path_of("locked/logged"), &report);
+    // Either is right: read in full, or a sentence that says why not.
+    if (status == OK && report.frames == 3)
+        return 0;
+    print_error("logged: %s\n", status_sentence());
+    return status == ERR_IO && strstr(status_sentence(), "-wal") ? 0 : 1;
+}
+
+static void test_read_only_folder(void **state)
+{
+    (void)state;
+    chmod(folder, 0755);
+    EXPECT_STATUS(folder_make(path_of("locked")), OK);
+    write_recording(path_of("locked/settled"));
+    write_recording(path_of("locked/secret"));
+    chmod(path_of("locked/settled"), 0444);
+    chmod(path_of("locked/secret"), 0);
+    // A writer that dies leaves its log.
+    pid_t child = fork();
+    if (!child) {
+        struct recording_writer *w;
+        struct calibration calibration = some_calibration();
+        if (recording_create(&w, path_of("locked/logged")) == OK && recording_begin_take(w, "a", &calibration) == OK) {
+            add_frames(w, 0, 3);
+            _exit(recording_end_take(w) == OK ? 0 : 1);
+        }
+        _exit(1);
+    }
+    int how;
+    waitpid(child, &how, 0);
+    EXPECT_INT(how, 0);
+    EXPECT_TRUE(file_exists(path_of("locked/logged-wal")));
+    chmod(path_of("locked"), 0555);
+    EXPECT_INT(as_ordinary_user(read_settled), 0);
+    EXPECT_INT(as_ordinary_user(read_with_log), 0);
+    unlink(path_of("locked/logged-shm")); // only root can; then it is the harder case
+    EXPECT_INT(as_ordinary_user(read_with_log), 0);
+    chmod(path_of("locked"), 0755);
+}
+
+// ------------------------------------------------------------- two at once
+
+static int64_t frames_seen(const char *path)
+{
+    struct recording *r;
+    struct take *t;
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_open(&t, r, "a"), OK);
+    int64_t count = take_frame_count(t);
+    if (count)
+        same_frame(t, (int)count - 1);
+    take_close(&t);
+    recording_free(&r);
+    return count;
+}
+
+static void test_reading_while_writing(void **state)
+{
+    (void)state;
+    struct calibration calibration = some_calibration();
+    struct recording_writer *w, *second;
+    const char *path = path_of("live");
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "a", &calibration), OK);
+    EXPECT_INT(frames_seen(path), 0);
+    EXPECT_STATUS(recording_append(&second, path), ERR_IO);
+    EXPECT_TRUE(second == NULL);
+
+    // Without another frame or call, the wall clock commits.
+    add_frames(w, 0, 5);
+    int64_t deadline = clock_now_ns() + INT64_C(5000000000);
+    while (frames_seen(path) < 5 && clock_now_ns() < deadline)
+        clock_sleep_until_ns(clock_now_ns() + 20000000);
+    EXPECT_INT(frames_seen(path), 5);
+
+    struct recording *r;
+    struct take *t;
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_open(&t, r, "a"), OK);
+    add_frames(w, 5, FRAMES);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_INT(frames_seen(path), FRAMES);
+    EXPECT_INT(take_frame_count(t), 5); // what it was when it was opened
+    same_frame(t, 4);
+    EXPECT_STATUS(recording_close(&w), OK); // with a reader there
+    same_frame(t, 3);
+    take_close(&t);
+    recording_free(&r);
+    EXPECT_INT(frames_seen(path), FRAMES);
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_TRUE(database_is_settled(path));
+    EXPECT_INT(frames_seen(path), FRAMES);
+}
+
 int main(void)
 {
-    printf("seed %d\n", SEED);
+    printf("seed %d\n", SAMPLE_SEED);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_frames_out_of_order_are_refused),
+        cmocka_unit_test(test_unknown_joints_do_not_spoil_the_file),
+        cmocka_unit_test(test_names_of_takes),
+        cmocka_unit_test(test_wrong_files),
+        cmocka_unit_test(test_never_overwrites),
+        cmocka_unit_test(test_read_only_folder),
+        cmocka_unit_test(test_reading_while_writing),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

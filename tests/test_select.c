@@ -165,19 +165,28 @@ static struct skeleton standing(double angle)
 {
     static const double at[JOINT_COUNT][3] = {
         // to the person's left, up, to the front
-        [JOINT_HEAD] = {0, 0.25, 0.02},        [JOINT_NECK] = {0, 0, 0},
-        [JOINT_LEFT_SHOULDER] = {0.18, -0.03, 0}, [JOINT_LEFT_ELBOW] = {0.30, -0.28, 0},
-        [JOINT_LEFT_HAND] = {0.38, -0.5, 0.05},   [JOINT_RIGHT_SHOULDER] = {-0.18, -0.03, 0},
-        [JOINT_RIGHT_ELBOW] = {-0.30, -0.28, 0},  [JOINT_RIGHT_HAND] = {-0.38, -0.5, 0.05},
-        [JOINT_TORSO] = {0, -0.3, 0},             [JOINT_WAIST] = {0, -0.52, 0},
-        [JOINT_LEFT_HIP] = {0.1, -0.55, 0},       [JOINT_LEFT_KNEE] = {0.12, -0.98, 0.03},
-        [JOINT_LEFT_FOOT] = {0.12, -1.4, 0},      [JOINT_RIGHT_HIP] = {-0.1, -0.55, 0},
-        [JOINT_RIGHT_KNEE] = {-0.12, -0.98, 0.03}, [JOINT_RIGHT_FOOT] = {-0.12, -1.4, 0},
+        [JOINT_HEAD] = {0, 0.25, 0.02},
+        [JOINT_NECK] = {0, 0, 0},
+        [JOINT_LEFT_SHOULDER] = {0.18, -0.03, 0},
+        [JOINT_LEFT_ELBOW] = {0.30, -0.28, 0},
+        [JOINT_LEFT_HAND] = {0.38, -0.5, 0.05},
+        [JOINT_RIGHT_SHOULDER] = {-0.18, -0.03, 0},
+        [JOINT_RIGHT_ELBOW] = {-0.30, -0.28, 0},
+        [JOINT_RIGHT_HAND] = {-0.38, -0.5, 0.05},
+        [JOINT_TORSO] = {0, -0.3, 0},
+        [JOINT_WAIST] = {0, -0.52, 0},
+        [JOINT_LEFT_HIP] = {0.1, -0.55, 0},
+        [JOINT_LEFT_KNEE] = {0.12, -0.98, 0.03},
+        [JOINT_LEFT_FOOT] = {0.12, -1.4, 0},
+        [JOINT_RIGHT_HIP] = {-0.1, -0.55, 0},
+        [JOINT_RIGHT_KNEE] = {-0.12, -0.98, 0.03},
+        [JOINT_RIGHT_FOOT] = {-0.12, -1.4, 0},
     };
     struct skeleton s;
     for (int j = 0; j < JOINT_COUNT; j++) {
         double left = at[j][0], front = at[j][2];
-        s.joint[j] = v3(left * cos(angle) + front * sin(angle), -at[j][1] - 0.5, 3 - front * cos(angle) + left * sin(angle));
+        s.joint[j] =
+            v3(left * cos(angle) + front * sin(angle), -at[j][1] - 0.5, 3 - front * cos(angle) + left * sin(angle));
         s.confidence[j] = 1;
     }
     return s;

@@ -159,20 +159,35 @@ static inline int predict(struct near filled)
     return plane < low ? low : plane > high ? high : plane;
 }
 
-// -2 .. 2, without branches: how far a pixel is from the next is hard to foresee.
-static inline int slope(int step, int noise, int edge)
+// What every step between two levels means as a slope, -2 .. 2: a table, because
+// how far a pixel is from the next is hard to foresee for a branch. Returns its
+// middle, the step 0.
+static const int8_t *make_slopes(struct depth_coder *c, int noise)
 {
-    return (step > noise) + (step > edge) - (step < -noise) - (step < -edge);
+    const int middle = 65536, edge = 3 * noise + 1;
+    int8_t *slopes = c->slopes;
+    memset(slopes, -2, sizeof c->slopes);
+    memset(slopes + middle - edge, -1, (size_t)(edge - noise));
+    memset(slopes + middle - noise, 0, (size_t)(2 * noise + 1));
+    memset(slopes + middle + noise + 1, 1, (size_t)(edge - noise));
+    memset(slopes + middle + edge + 1, 2, sizeof c->slopes - (size_t)(middle + edge + 1));
+    return slopes + middle;
 }
 
-// Which odds hold. *sign -1: the mirrored neighbourhood shares them, its residual turned.
-static inline int context_of(struct near level, struct near filled, int noise, int edge, int *sign)
+// Which odds hold. ahead: the slope from above to above right, behind: from
+// above left to above. *sign -1: the mirrored neighbourhood shares them, its
+// residual turned.
+static inline int context_of(struct near level, int ahead, int behind, int down, int *sign)
 {
     int holes = (level.a == HOLE) | (level.b == HOLE) << 1 | (level.d == HOLE) << 2;
-    int index = 25 * slope(filled.d - filled.b, noise, edge) + 5 * slope(filled.b - filled.c, noise, edge) +
-                slope(filled.c - filled.a, noise, edge);
-    *sign = index < 0 && !holes ? -1 : 1;
-    return holes ? HOLE_CONTEXTS + holes : abs(index);
+    if (holes) {
+        *sign = 1;
+        return HOLE_CONTEXTS + holes;
+    }
+    // Which sign it has is a toss-up, so no branch: all bits set below zero.
+    int index = 25 * ahead + 5 * behind + down, below = -(index < 0);
+    *sign = below | 1;
+    return (index ^ below) - below;
 }
 
 // ------------------------------------------------------------- encoding
@@ -190,11 +205,11 @@ static inline int unfold(uint32_t folded)
 static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t *depth, int width, int height,
                           int noise)
 {
-    struct range_coder *range = c->range;
+    struct range_coder range = *c->range; // a copy that no store can be feared to change
     size_t run_place = 0;
     uint32_t run = 0;
     bool in_run = false;
-    const int edge = 3 * noise + 1;
+    const int8_t *slopes = make_slopes(c, noise);
     for (int y = 0; y < height; y++) {
         rows_next(r, width);
         uint16_t *restrict level = r->level, *restrict filled = r->filled;
@@ -203,36 +218,47 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
             level[x + 1] = c->level_of[depth[(size_t)y * (size_t)width + (size_t)x]];
         struct near l = {level[0], level_above[1], level_above[0], 0};
         struct near f = {filled[0], filled_above[1], filled_above[0], 0};
+        int behind = slopes[f.b - f.c], ahead;
         for (int x = 1; x <= width; x++) {
             const int here = level[x];
             l.d = level_above[x + 1];
             f.d = filled_above[x + 1];
+            ahead = slopes[f.d - f.b];
             bool flat = is_flat(l);
             if (flat && !in_run) {
                 in_run = true;
                 run = 0;
-                run_place = range_reserve(range);
+                run_place = range_reserve(&range);
             }
             if (flat && here == l.a) {
-                run++;
+                // Most of a picture: on to the last pixel for which nothing changes.
+                const int first = x;
+                filled[x] = (uint16_t)f.a;
+                while (x < width && level[x + 1] == here && level_above[x + 2] == here)
+                    filled[++x] = (uint16_t)f.a;
+                run += (uint32_t)(x - first + 1);
+                f.d = filled_above[x + 1];
+                ahead = slopes[f.d - filled_above[x]];
             } else {
                 int sign = 1, context = FLAT_MISS, predicted = predict(f);
                 if (flat) {
-                    range_fill(range, run_place, FLAT_RUN, run);
+                    range_fill(&range, run_place, FLAT_RUN, run);
                     in_run = false;
                 } else {
-                    context = context_of(l, f, noise, edge, &sign);
+                    context = context_of(l, ahead, behind, slopes[f.c - f.a], &sign);
                 }
-                range_push(range, context, here == HOLE ? 0 : 1 + fold(sign * (here - predicted)));
+                range_push(&range, context, here == HOLE ? 0 : 1 + fold(sign * (here - predicted)));
                 f.a = here == HOLE ? predicted : here;
             }
             filled[x] = (uint16_t)f.a;
             l = (struct near){here, l.d, l.b, 0};
-            f = (struct near){f.a, f.d, f.b, 0};
+            f = (struct near){f.a, f.d, filled_above[x], 0};
+            behind = ahead;
         }
     }
     if (in_run)
-        range_fill(range, run_place, FLAT_RUN, run);
+        range_fill(&range, run_place, FLAT_RUN, run);
+    *c->range = range;
 }
 
 static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int width, int height,
@@ -329,16 +355,19 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
     struct range_coder range = *c->range; // a copy that no store can be feared to change
     int64_t run = -1; // pixels left until the one that differs; -1: not read yet
     uint32_t value;
-    const int edge = 3 * noise + 1, most = levels ? levels : 65536;
+    const int8_t *slopes = make_slopes(c, noise);
+    const int most = levels ? levels : 65536;
     for (int y = 0; y < height; y++) {
         rows_next(r, width);
         uint16_t *restrict level = r->level, *restrict filled = r->filled;
         const uint16_t *restrict level_above = r->level_above, *restrict filled_above = r->filled_above;
         struct near l = {level[0], level_above[1], level_above[0], 0};
         struct near f = {filled[0], filled_above[1], filled_above[0], 0};
+        int behind = slopes[f.b - f.c], ahead;
         for (int x = 1; x <= width; x++) {
             l.d = level_above[x + 1];
             f.d = filled_above[x + 1];
+            ahead = slopes[f.d - f.b];
             int here = l.a;
             bool flat = is_flat(l);
             if (flat && run < 0) {
@@ -346,8 +375,21 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
                     return false;
                 run = value;
             }
-            if (!flat || run-- == 0) {
-                int sign = 1, context = flat ? FLAT_MISS : context_of(l, f, noise, edge, &sign);
+            if (flat && run > 0) {
+                const int first = x, last = run < width - x + 1 ? x + (int)run - 1 : width;
+                level[x] = (uint16_t)here;
+                filled[x] = (uint16_t)f.a;
+                while (x < last && level_above[x + 2] == here) {
+                    level[++x] = (uint16_t)here;
+                    filled[x] = (uint16_t)f.a;
+                }
+                run -= x - first + 1;
+                f.d = filled_above[x + 1];
+                ahead = slopes[f.d - filled_above[x]];
+            } else {
+                if (flat)
+                    run = -1;
+                int sign = 1, context = flat ? FLAT_MISS : context_of(l, ahead, behind, slopes[f.c - f.a], &sign);
                 int predicted = predict(f);
                 if (!range_pull(&range, context, &value))
                     return false;
@@ -359,7 +401,8 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
             level[x] = (uint16_t)here;
             filled[x] = (uint16_t)f.a;
             l = (struct near){here, l.d, l.b, 0};
-            f = (struct near){f.a, f.d, f.b, 0};
+            f = (struct near){f.a, f.d, filled_above[x], 0};
+            behind = ahead;
         }
         for (int x = 0; x < width; x++)
             depth[(size_t)y * (size_t)width + (size_t)x] = c->depth_of[level[x + 1]];

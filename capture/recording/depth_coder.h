@@ -12,6 +12,7 @@ struct depth_coder {
     size_t out_capacity, head_capacity;
     uint8_t *rows; // four rows of levels, 16 bits each
     size_t rows_capacity;
+    int8_t slopes[2 * 65536 + 1];
     uint8_t seen[65536];
     uint16_t level_of[65536], depth_of[65536];
 };

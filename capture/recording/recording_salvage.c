@@ -9,7 +9,7 @@
 #include <string.h>
 
 enum {
-    LOST_ROWS_MOST = 100000, // so many keys in a row that lead nowhere: there is nothing behind them
+    LOST_ROWS_MOST = 20000, // so many keys in a row that lead nowhere: there is nothing behind them
     LOST_TAKES_MOST = 100,
 };
 

@@ -4,6 +4,7 @@
 #include "platform/clock.h"
 #include "platform/file.h"
 #include "platform/source.h"
+#include "tests/openni_driver/keep_player.h"
 
 #include <argp.h>
 #include <stdio.h>
@@ -179,6 +180,7 @@ int main(int argc, char **argv)
                                      .parser = parse,
                                      .doc = "Turns a folder of pictures into an OpenNI2 recording, without loss."};
     struct options options = {0};
+    keep_player();
     argp_err_exit_status = 2;
     argp_parse(&argp, argc, argv, 0, NULL, &options);
     if (make(&options) != OK) {

@@ -2,6 +2,7 @@
 
 #include "tests/world/parallel.h"
 #include "tests/world/shadow.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +10,7 @@
 enum { CHUNK = 2048 }; // vertices of one piece of work
 
 struct sample {
-    float z;      // 0: nothing
+    float z; // 0: nothing
     int triangle;
 };
 
@@ -29,7 +30,7 @@ struct actor {
 
     struct corner *corner;
     struct vec3 eye;
-    int x0, y0, x1, y1; // pixels
+    int x0, y0, x1, y1;    // pixels
     struct sample *centre; // (x1 - x0) x (y1 - y0)
     struct sample *fine;   // the same, ACTOR_SAMPLES each, NULL: not asked for
 };
@@ -53,11 +54,11 @@ static void light_chunk(void *context, int chunk)
         float *out = a->light[i];
         shadow_light(a->shadow, a->at[i], n, out);
         // The floor gives warm light back, less of it where one is close and looks down.
-        float near_floor = fminf(1, 0.45f + (float)a->at[i].z);
+        float near_floor = minf(1, 0.45f + (float)a->at[i].z);
         float low = (1 - up) * near_floor;
-        out[0] += open * (0.34f * up + 0.30f * low);
-        out[1] += open * (0.34f * up + 0.26f * low);
-        out[2] += open * (0.34f * up + 0.22f * low);
+        out[0] += open * (0.43f * up + 0.38f * low);
+        out[1] += open * (0.43f * up + 0.33f * low);
+        out[2] += open * (0.43f * up + 0.28f * low);
     }
 }
 
@@ -122,8 +123,9 @@ enum status actor_aim(struct actor *a, const struct lens *lens, struct pose worl
     double x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
     for (int i = 0; i < a->mesh->vertex_count; i++) {
         struct vec3 p = a->at[i];
-        struct vec3 c = v3(m[0][0] * p.x + m[0][1] * p.y + m[0][2] * p.z + t.x, m[1][0] * p.x + m[1][1] * p.y + m[1][2] * p.z + t.y,
-                           m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z + t.z);
+        struct vec3 c =
+            v3(m[0][0] * p.x + m[0][1] * p.y + m[0][2] * p.z + t.x, m[1][0] * p.x + m[1][1] * p.y + m[1][2] * p.z + t.y,
+               m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z + t.z);
         // Behind the camera, or so far aside that the lens's polynomial means nothing: not drawn.
         if (c.z < 0.05 || fabs(c.x) > 1.6 * c.z || fabs(c.y) > 1.6 * c.z) {
             a->corner[i] = (struct corner){0, 0, 0};
@@ -131,11 +133,11 @@ enum status actor_aim(struct actor *a, const struct lens *lens, struct pose worl
         }
         struct pixel px = lens_project(lens, c);
         a->corner[i] = (struct corner){px.x, px.y, c.z};
-        x0 = fmin(x0, px.x), x1 = fmax(x1, px.x);
-        y0 = fmin(y0, px.y), y1 = fmax(y1, px.y);
+        x0 = least(x0, px.x), x1 = most(x1, px.x);
+        y0 = least(y0, px.y), y1 = most(y1, px.y);
     }
-    a->x0 = (int)fmin(lens->width, fmax(0, floor(x0))), a->x1 = (int)fmax(a->x0, fmin(lens->width, ceil(x1) + 1));
-    a->y0 = (int)fmin(lens->height, fmax(0, floor(y0))), a->y1 = (int)fmax(a->y0, fmin(lens->height, ceil(y1) + 1));
+    a->x0 = (int)least(lens->width, most(0, floor(x0))), a->x1 = (int)most(a->x0, least(lens->width, ceil(x1) + 1));
+    a->y0 = (int)least(lens->height, most(0, floor(y0))), a->y1 = (int)most(a->y0, least(lens->height, ceil(y1) + 1));
     size_t n = (size_t)(a->x1 - a->x0) * (size_t)(a->y1 - a->y0);
     a->centre = calloc(n + 1, sizeof *a->centre);
     a->fine = fine ? calloc(n * ACTOR_SAMPLES + 1, sizeof *a->fine) : NULL;
@@ -167,12 +169,13 @@ static bool edges_of(const struct corner *p, const struct corner *q, const struc
 }
 
 // Draws one triangle into samples of `side` a pixel's side, rows [first, end) of pixels.
-static void draw(struct actor *a, int triangle, const struct edges *e, struct sample *samples, int side, int first, int end)
+static void draw(struct actor *a, int triangle, const struct edges *e, struct sample *samples, int side, int first,
+                 int end)
 {
     const int *t = a->mesh->triangles[triangle];
     const struct corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
-    double low_x = fmin(p->x, fmin(q->x, r->x)), high_x = fmax(p->x, fmax(q->x, r->x));
-    double low_y = fmin(p->y, fmin(q->y, r->y)), high_y = fmax(p->y, fmax(q->y, r->y));
+    double low_x = least(p->x, least(q->x, r->x)), high_x = most(p->x, most(q->x, r->x));
+    double low_y = least(p->y, least(q->y, r->y)), high_y = most(p->y, most(q->y, r->y));
     // Sample s of a row is at x = x0 - 0.5 + (s + 0.5) / side.
     int s0 = (int)ceil((low_x - a->x0 + 0.5) * side - 0.5), s1 = (int)floor((high_x - a->x0 + 0.5) * side - 0.5);
     int r0 = (int)ceil((low_y - a->y0 + 0.5) * side - 0.5), r1 = (int)floor((high_y - a->y0 + 0.5) * side - 0.5);
@@ -207,8 +210,8 @@ void actor_draw_rows(struct actor *a, int first, int end)
     for (int i = 0; i < a->mesh->triangle_count; i++) {
         const int *t = a->mesh->triangles[i];
         const struct corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
-        if (p->z == 0 || q->z == 0 || r->z == 0 || fmax(p->y, fmax(q->y, r->y)) < first - 0.5 ||
-            fmin(p->y, fmin(q->y, r->y)) > end - 0.5)
+        if (p->z == 0 || q->z == 0 || r->z == 0 || most(p->y, most(q->y, r->y)) < first - 0.5 ||
+            least(p->y, least(q->y, r->y)) > end - 0.5)
             continue;
         struct edges e;
         if (!edges_of(p, q, r, &e))
@@ -241,8 +244,8 @@ int actor_cover(const struct actor *a, int x, int y, double *near, double *far)
     for (int i = 0; s && i < ACTOR_SAMPLES; i++)
         if (s[i].z > 0) {
             count++;
-            *near = fmin(*near, (double)s[i].z);
-            *far = fmax(*far, (double)s[i].z);
+            *near = least(*near, (double)s[i].z);
+            *far = most(*far, (double)s[i].z);
         }
     return count;
 }
@@ -258,7 +261,7 @@ static void shade(const struct actor *a, int triangle, double x, double y, float
         return;
     double share[3], sum = 0;
     for (int i = 0; i < 3; i++) {
-        share[i] = fmax(0, e.a[i] * x + e.b[i] * y + e.c[i]) * e.iz[i];
+        share[i] = most(0, e.a[i] * x + e.b[i] * y + e.c[i]) * e.iz[i];
         sum += share[i];
     }
     struct vec3f rest = {0, 0, 0}, n = {0, 0, 0};
@@ -276,11 +279,11 @@ static void shade(const struct actor *a, int triangle, double x, double y, float
     float albedo[3], shine = figure_albedo(&a->w->physique, rest, albedo);
     // Where it shines it mirrors the lamps, broadly, and the room at its edges.
     struct vec3 normal = v3_unit(v3((double)n.x, (double)n.y, (double)n.z)), view = v3_unit(v3_sub(a->eye, at));
-    float facing = (float)fmax(0, v3_dot(normal, view)), edge = 1 - facing, rim = edge * edge * edge * edge;
+    float facing = (float)most(0, v3_dot(normal, view)), edge = 1 - facing, rim = edge * edge * edge * edge;
     float gloss = 0;
     for (int i = 0; i < LAMP_COUNT; i++) {
         struct vec3 lamp = v3_unit(v3_sub(v3_mix(scene_lamps[i].low, scene_lamps[i].high, 0.5), at));
-        float h = (float)fmax(0, v3_dot(normal, v3_unit(v3_add(lamp, view))));
+        float h = (float)most(0, v3_dot(normal, v3_unit(v3_add(lamp, view))));
         float h2 = h * h, h4 = h2 * h2, h8 = h4 * h4, h16 = h8 * h8;
         gloss += h16 * h4;
     }
@@ -298,7 +301,8 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
         int best = -1, seen = 0;
         for (int i = 0; i < 4; i++) {
             // inner sample first: for quarter (0,0) that is (1,1)
-            int sx = (quarter & 1) * 2 + ((i & 1) ^ !(quarter & 1)), sy = (quarter >> 1) * 2 + ((i >> 1) ^ !(quarter >> 1));
+            int sx = (quarter & 1) * 2 + ((i & 1) ^ !(quarter & 1)),
+                sy = (quarter >> 1) * 2 + ((i >> 1) ^ !(quarter >> 1));
             int k = sy * ACTOR_SIDE + sx;
             if (s[k].z > 0 && (!room_z || (double)s[k].z < room_z[k])) {
                 seen++;
@@ -309,7 +313,8 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
         if (!seen)
             continue;
         float part[3] = {0};
-        shade(a, s[best].triangle, x - 0.5 + (best % ACTOR_SIDE + 0.5) / ACTOR_SIDE, y - 0.5 + (best / ACTOR_SIDE + 0.5) / ACTOR_SIDE, part);
+        shade(a, s[best].triangle, x - 0.5 + (best % ACTOR_SIDE + 0.5) / ACTOR_SIDE,
+              y - 0.5 + (best / ACTOR_SIDE + 0.5) / ACTOR_SIDE, part);
         for (int c = 0; c < 3; c++)
             color[c] += part[c] * (float)seen;
         *count += seen;
@@ -318,7 +323,10 @@ void actor_color(const struct actor *a, int x, int y, const double *room_z, floa
         color[c] /= (float)*count;
 }
 
-bool actor_shades(const struct actor *a, int surface, double u, double v) { return shadow_reaches(a->shadow, surface, u, v); }
+bool actor_shades(const struct actor *a, int surface, double u, double v)
+{
+    return shadow_reaches(a->shadow, surface, u, v);
+}
 
 void actor_shadow(const struct actor *a, struct vec3 at, struct vec3 normal, float lost[3], float *ambient)
 {

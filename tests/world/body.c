@@ -1,4 +1,5 @@
 #include "tests/world/body.h"
+#include "tests/world/numbers.h"
 
 #include <string.h>
 
@@ -9,7 +10,7 @@ struct physique physique_of(const struct world_figure *figure)
     struct physique p = {.figure = *figure};
     double h = figure->height_m;
     // Children have larger heads and shorter legs for their height.
-    double young = fmin(1, fmax(0, (1.55 - h) / 0.35));
+    double young = least(1, most(0, (1.55 - h) / 0.35));
     double legs = 1 - 0.05 * young;
     p.girth = 0.84 + 0.42 * figure->build + 0.05 * young;
     double hip_x = (figure->woman ? 0.054 : 0.051) * h;
@@ -67,7 +68,7 @@ static struct quat turn_between(struct vec3 along0, struct vec3 side0, struct ve
 
 static double ramp(double from, double to, double x)
 {
-    double t = fmin(1, fmax(0, (x - from) / (to - from)));
+    double t = least(1, most(0, (x - from) / (to - from)));
     return t * t * (3 - 2 * t);
 }
 
@@ -117,12 +118,12 @@ static void pose_leg(const struct physique *p, const struct stance *s, int side,
     struct vec3 hip = pose_apply(out->world_from_rest[BONE_PELVIS], p->rest[l]);
     struct vec3 to = v3_sub(s->ankle[side], hip);
     double a = p->thigh_m, b = p->shin_m;
-    double d = fmin(fmax(v3_length(to), fabs(a - b) + 0.02), (a + b) * 0.9995);
+    double d = least(most(v3_length(to), fabs(a - b) + 0.02), (a + b) * 0.9995);
     struct vec3 straight = v3_unit(to);
     struct vec3 forward = v3_sub(s->knee[side], v3_scale(straight, v3_dot(s->knee[side], straight)));
     forward = v3_dot(forward, forward) > 1e-6 ? v3_unit(forward) : v3_perpendicular(straight);
     double along = (a * a - b * b + d * d) / (2 * d); // of the knee, law of cosines
-    double off = sqrt(fmax(0, a * a - along * along));
+    double off = sqrt(most(0, a * a - along * along));
     struct vec3 knee = v3_add(hip, v3_add(v3_scale(straight, along), v3_scale(forward, off)));
     struct vec3 ankle = v3_add(hip, v3_scale(straight, d));
 
@@ -150,7 +151,7 @@ static double sink(const struct physique *p, const struct stance *s)
         double reach = 0.997 * (p->thigh_m + p->shin_m);
         double flat = d.x * d.x + d.y * d.y;
         if (flat < reach * reach)
-            need = fmax(need, d.z - sqrt(reach * reach - flat));
+            need = most(need, d.z - sqrt(reach * reach - flat));
     }
     return need;
 }

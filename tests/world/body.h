@@ -6,11 +6,23 @@
 #include "tests/world/world.h"
 
 enum bone {
-    BONE_PELVIS, BONE_BELLY, BONE_CHEST, BONE_NECK, BONE_HEAD,
-    BONE_LEFT_UPPER_ARM, BONE_LEFT_FOREARM, BONE_LEFT_HAND,
-    BONE_RIGHT_UPPER_ARM, BONE_RIGHT_FOREARM, BONE_RIGHT_HAND,
-    BONE_LEFT_THIGH, BONE_LEFT_SHIN, BONE_LEFT_FOOT,
-    BONE_RIGHT_THIGH, BONE_RIGHT_SHIN, BONE_RIGHT_FOOT,
+    BONE_PELVIS,
+    BONE_BELLY,
+    BONE_CHEST,
+    BONE_NECK,
+    BONE_HEAD,
+    BONE_LEFT_UPPER_ARM,
+    BONE_LEFT_FOREARM,
+    BONE_LEFT_HAND,
+    BONE_RIGHT_UPPER_ARM,
+    BONE_RIGHT_FOREARM,
+    BONE_RIGHT_HAND,
+    BONE_LEFT_THIGH,
+    BONE_LEFT_SHIN,
+    BONE_LEFT_FOOT,
+    BONE_RIGHT_THIGH,
+    BONE_RIGHT_SHIN,
+    BONE_RIGHT_FOOT,
     BONE_COUNT
 };
 
@@ -20,10 +32,10 @@ struct physique {
     struct world_figure figure;
     struct vec3 rest[JOINT_COUNT]; // the joints in the rest frame
     struct vec3 wrist[2];
-    struct vec3 skull;             // where the head turns on the neck
-    struct vec3 arm;               // the left arm's direction at rest; the right's has -x
+    struct vec3 skull; // where the head turns on the neck
+    struct vec3 arm;   // the left arm's direction at rest; the right's has -x
     double thigh_m, shin_m, upper_arm_m, forearm_m;
-    double girth;                  // thickness of trunk and limbs, 1 for a middling build
+    double girth; // thickness of trunk and limbs, 1 for a middling build
 };
 
 // What a motion asks of a body. World axes; directions of unit length.

@@ -1,4 +1,5 @@
 #include "tests/world/figure.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -26,7 +27,7 @@ static const int8_t neighbours[BONE_COUNT][5] = {
 
 static float ramp(float from, float to, float x)
 {
-    float t = fminf(1, fmaxf(0, (x - from) / (to - from)));
+    float t = minf(1, maxf(0, (x - from) / (to - from)));
     return t * t * (3 - 2 * t);
 }
 
@@ -51,7 +52,7 @@ static void keep_best(const float weight[BONE_COUNT], struct binding *b)
 // A vertex follows the bones whose shapes are nearest, falling off over two centimetres.
 static void bind(const struct form *form, const struct physique *p, struct vec3f at, struct binding *b)
 {
-    float distance[BONE_COUNT], hanging = 10, least = 10;
+    float distance[BONE_COUNT], hanging = 10, closest = 10;
     int nearest = 0;
     for (int k = 0; k < BONE_COUNT; k++)
         distance[k] = 10;
@@ -59,15 +60,15 @@ static void bind(const struct form *form, const struct physique *p, struct vec3f
         const struct shape *s = &form->shapes[i];
         float d = shape_distance(s, at);
         if (s->hangs)
-            hanging = fminf(hanging, d);
+            hanging = minf(hanging, d);
         else
-            distance[s->bone] = fminf(distance[s->bone], d);
+            distance[s->bone] = minf(distance[s->bone], d);
     }
     for (int k = 0; k < BONE_COUNT; k++)
-        if (distance[k] < least)
-            least = distance[k], nearest = k;
+        if (distance[k] < closest)
+            closest = distance[k], nearest = k;
     float weight[BONE_COUNT] = {0};
-    if (hanging < least) { // a skirt: from the hips down more and more with the thigh of its side
+    if (hanging < closest) { // a skirt: from the hips down more and more with the thigh of its side
         float hip = (float)p->rest[JOINT_LEFT_HIP].z, knee = (float)p->rest[JOINT_LEFT_KNEE].z;
         float leg = 0.85f * ramp(hip + 0.02f, knee, at.z), left = ramp(-0.10f * form->scale, 0.10f * form->scale, at.x);
         weight[BONE_PELVIS] = 1 - leg;
@@ -77,51 +78,53 @@ static void bind(const struct form *form, const struct physique *p, struct vec3f
         weight[nearest] = 1;
         for (int i = 0; neighbours[nearest][i] >= 0 && i < 5; i++) {
             int k = neighbours[nearest][i];
-            weight[k] = expf(-(distance[k] - least) / (0.020f * form->scale));
+            weight[k] = expf(-(distance[k] - closest) / (0.020f * form->scale));
         }
     }
     keep_best(weight, b);
 }
 
 // How much of the light from all round gets past the body's own bulk.
-static float openness(const struct form *form, struct vec3f at, struct vec3f n)
+static float openness(const struct form *form, struct vec3f at, struct vec3f n, struct near *near)
 {
     static const float steps[2] = {0.035f, 0.11f};
     float lost = 0;
+    form_near(form, at, 0.12f * form->scale, 0.16f * form->scale, near);
     for (int i = 0; i < 2; i++) {
         float r = steps[i] * form->scale;
         struct vec3f q = {at.x + r * n.x, at.y + r * n.y, at.z + r * n.z};
-        float d = form_distance(form, q, NULL, 0);
-        lost += 0.40f * fmaxf(0, (r - d) / r);
+        float d = form_distance(form, q, near);
+        lost += 0.40f * maxf(0, (r - d) / r);
     }
-    return fmaxf(0.15f, 1 - lost);
+    return maxf(0.15f, 1 - lost);
 }
 
 // From a joint towards -y and y until outside; the longer of the two.
 static double radius_at(const struct form *form, struct vec3 joint)
 {
-    double most = 0;
+    double longest = 0;
     for (int way = -1; way <= 1; way += 2) {
         struct vec3f q = {(float)joint.x, (float)joint.y, (float)joint.z};
         double gone = 0;
         for (int i = 0; i < 64; i++) {
-            float d = -form_distance(form, q, NULL, 0);
+            float d = -form_distance(form, q, NULL);
             if (d < 0.0005f)
                 break;
             q.y += (float)way * d;
             gone += (double)d;
         }
-        most = fmax(most, gone);
+        longest = most(longest, gone);
     }
-    return most;
+    return longest;
 }
 
-enum status figure_build(struct figure *f, const struct physique *p)
+enum status figure_build(struct figure *f, const struct physique *p, bool plain)
 {
     memset(f, 0, sizeof *f);
     f->physique = *p;
     struct form form = form_of(p);
-    enum status status = mesh_of(&f->mesh, &form, 0.0080f * form.scale);
+    form.smooth = plain;
+    enum status status = mesh_of(&f->mesh, &form, (plain ? 0.011f : 0.008f) * form.scale);
     if (status)
         return status;
     f->bindings = malloc((size_t)f->mesh.vertex_count * sizeof *f->bindings);
@@ -129,9 +132,10 @@ enum status figure_build(struct figure *f, const struct physique *p)
         figure_free(f);
         return fail(ERR_MEMORY, "out of memory for the figure's skin");
     }
+    struct near near = {.reach = 0};
     for (int i = 0; i < f->mesh.vertex_count; i++) {
         bind(&form, p, f->mesh.at[i], &f->bindings[i]);
-        f->bindings[i].open = openness(&form, f->mesh.at[i], f->mesh.normal[i]);
+        f->bindings[i].open = openness(&form, f->mesh.at[i], f->mesh.normal[i], &near);
     }
     for (int j = 0; j < JOINT_COUNT; j++)
         f->joint_radius[j] = radius_at(&form, p->rest[j]);

@@ -14,13 +14,13 @@ struct binding {
 
 struct figure {
     struct physique physique;
-    struct mesh mesh;          // at rest
-    struct binding *bindings;  // one a vertex
+    struct mesh mesh;         // at rest
+    struct binding *bindings; // one a vertex
     double joint_radius[JOINT_COUNT];
 };
 
-// ERR_MEMORY.
-MUST_CHECK enum status figure_build(struct figure *f, const struct physique *p);
+// `plain`: a coarser mesh without folds. ERR_MEMORY.
+MUST_CHECK enum status figure_build(struct figure *f, const struct physique *p, bool plain);
 void figure_free(struct figure *f); // zeroed is fine
 
 // Where vertices stand in a pose, from number `first` on, `count` of them: at and normal

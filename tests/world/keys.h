@@ -9,13 +9,13 @@
 // a curve may run through each number.
 struct key {
     double t;
-    double x, y, heading;          // the path, world; heading 0 faces the sensor
-    double sink;                   // of the pelvis
+    double x, y, heading; // the path, world; heading 0 faces the sensor
+    double sink;          // of the pelvis
     double pelvis_yaw, pelvis_pitch;
     double chest_yaw, chest_pitch, chest_roll;
     double head_yaw, head_pitch;
-    double apart;                  // the feet, each this much further out
-    struct vec3 hips;              // the pelvis beside the path, in the figure's axes
+    double apart;     // the feet, each this much further out
+    struct vec3 hips; // the pelvis beside the path, in the figure's axes
     struct vec3 left_upper, left_fore, right_upper, right_fore;
     struct vec3 left_foot, right_foot; // off the floor point, in the figure's axes
     double left_toes, right_toes;      // pitch of the foot: positive lifts the heel

@@ -1,4 +1,5 @@
 #include "tests/world/mesh.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +10,7 @@ struct grid {
     const struct form *form;
     float cell;
     struct vec3f low;
-    int n[3];        // points along each axis, a multiple of BLOCK plus 1
+    int n[3]; // points along each axis, a multiple of BLOCK plus 1
     int blocks[3];
     float *value;    // at the points
     int *vertex;     // of the cell whose low corner the point is, -1
@@ -26,37 +27,23 @@ static struct vec3f place(const struct grid *g, float x, float y, float z)
     return (struct vec3f){g->low.x + x * g->cell, g->low.y + y * g->cell, g->low.z + z * g->cell};
 }
 
-// The shapes that matter within `reach` of a point; returns how many.
-static int near_shapes(const struct form *f, struct vec3f p, float reach, int out[MAX_SHAPES])
-{
-    float d[MAX_SHAPES], least = 10;
-    for (int i = 0; i < f->count; i++) {
-        d[i] = shape_distance(&f->shapes[i], p);
-        least = fminf(least, d[i]);
-    }
-    int n = 0;
-    for (int i = 0; i < f->count; i++)
-        if (d[i] < least + 2.5f * reach + f->shapes[i].melt)
-            out[n++] = i;
-    return n;
-}
-
 static void fill_block(struct grid *g, int bx, int by, int bz)
 {
     struct vec3f middle = place(g, ((float)bx + 0.5f) * BLOCK, ((float)by + 0.5f) * BLOCK, ((float)bz + 0.5f) * BLOCK);
     float reach = 0.87f * BLOCK * g->cell; // half the diagonal
-    float d = form_distance(g->form, middle, NULL, 0);
+    float d = form_distance(g->form, middle, NULL);
     bool active = fabsf(d) < 1.6f * reach + 0.01f; // the distance is one only nearly
     g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx] = active;
-    int some[MAX_SHAPES], n = active ? near_shapes(g->form, middle, reach, some) : 0;
+    if (!active)
+        return;
+    struct near near = {.reach = 0};
+    form_near(g->form, middle, reach, reach, &near);
     for (int z = bz * BLOCK; z <= (bz + 1) * BLOCK; z++)
         for (int y = by * BLOCK; y <= (by + 1) * BLOCK; y++)
             for (int x = bx * BLOCK; x <= (bx + 1) * BLOCK; x++) {
                 float *v = &g->value[point(g, x, y, z)];
-                if (!isnan(*v))
-                    continue; // a neighbouring block's point, exact already
-                if (active)
-                    *v = form_distance(g->form, place(g, (float)x, (float)y, (float)z), some, n);
+                if (isnan(*v)) // else a neighbouring block's point, exact already
+                    *v = form_distance(g->form, place(g, (float)x, (float)y, (float)z), &near);
             }
 }
 
@@ -112,7 +99,8 @@ static void place_vertex(struct grid *g, int x, int y, int z, struct mesh *m)
                 sum[k] += (float)(i >> k & 1) + (k == axis ? t : 0);
             count++;
         }
-    m->at[index] = place(g, (float)x + sum[0] / (float)count, (float)y + sum[1] / (float)count, (float)z + sum[2] / (float)count);
+    m->at[index] =
+        place(g, (float)x + sum[0] / (float)count, (float)y + sum[1] / (float)count, (float)z + sum[2] / (float)count);
 }
 
 // A quad for each crossed edge that starts at the cell's low corner.
@@ -150,14 +138,14 @@ static enum status grid_make(struct grid *g, const struct form *form, float cell
     float low[3] = {10, 10, 10}, high[3] = {-10, -10, -10};
     for (int i = 0; i < form->count; i++) {
         const struct shape *s = &form->shapes[i];
-        float r = fmaxf(s->ra, s->rb), a[3] = {s->a.x, s->a.y, s->a.z}, b[3] = {s->b.x, s->b.y, s->b.z};
+        float r = maxf(s->ra, s->rb), a[3] = {s->a.x, s->a.y, s->a.z}, b[3] = {s->b.x, s->b.y, s->b.z};
         for (int k = 0; k < 3; k++) {
             bool blob = s->kind == SHAPE_ELLIPSOID;
-            low[k] = fminf(low[k], blob ? a[k] - b[k] : fminf(a[k], b[k]) - r);
-            high[k] = fmaxf(high[k], blob ? a[k] + b[k] : fmaxf(a[k], b[k]) + r);
+            low[k] = minf(low[k], blob ? a[k] - b[k] : minf(a[k], b[k]) - r);
+            high[k] = maxf(high[k], blob ? a[k] + b[k] : maxf(a[k], b[k]) + r);
         }
     }
-    low[2] = fmaxf(low[2], 0); // soles
+    low[2] = maxf(low[2], 0); // soles
     *g = (struct grid){.form = form, .cell = cell};
     size_t points = 1, blocks = 1;
     for (int k = 0; k < 3; k++) {
@@ -178,16 +166,16 @@ static enum status grid_make(struct grid *g, const struct form *form, float cell
     return OK;
 }
 
+// Steps onto the folded surface: that also evens out the grid's own pattern.
 static void finish_vertices(struct mesh *m, const struct form *f, float cell)
 {
-    for (int i = 0; i < m->vertex_count; i++) {
-        int some[MAX_SHAPES], n = near_shapes(f, m->at[i], 2 * cell, some);
+    struct near near = {.reach = 0};
+    for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `near` lasts
         struct vec3f *p = &m->at[i];
-        // One step onto the surface: evens out the grid's own pattern.
-        struct vec3f normal = form_normal(f, *p, some, n);
-        float d = fmaxf(-0.5f * cell, fminf(0.5f * cell, form_distance(f, *p, some, n)));
+        form_near(f, *p, 0.01f, 0.04f, &near);
+        struct vec3f normal = m->normal[i] = form_normal(f, *p, &near);
+        float d = maxf(-0.7f * cell, minf(0.7f * cell, form_folded(f, *p, &near)));
         p->x -= d * normal.x, p->y -= d * normal.y, p->z -= d * normal.z;
-        m->normal[i] = form_normal(f, *p, some, n);
     }
 }
 

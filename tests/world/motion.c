@@ -2,6 +2,7 @@
 
 #include "tests/world/keys.h"
 #include "tests/world/retarget.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -42,8 +43,8 @@ static struct key key_at(const struct named_motion *m, double t)
         double before = p1[c] - p0[c], here = p2[c] - p1[c], after = p3[c] - p2[c];
         double m1 = before * here > 0 ? (p2[c] - p0[c]) / (p2[0] - p0[0]) * dt : 0;
         double m2 = here * after > 0 ? (p3[c] - p1[c]) / (p3[0] - p1[0]) * dt : 0;
-        m1 = copysign(fmin(fabs(m1), 3 * fabs(here)), m1);
-        m2 = copysign(fmin(fabs(m2), 3 * fabs(here)), m2);
+        m1 = copysign(least(fabs(m1), 3 * fabs(here)), m1);
+        m2 = copysign(least(fabs(m2), 3 * fabs(here)), m2);
         o[c] = (2 * u3 - 3 * u2 + 1) * p1[c] + (u3 - 2 * u2 + u) * m1 + (3 * u2 - 2 * u3) * p2[c] + (u3 - u2) * m2;
     }
     o[0] = t;
@@ -51,7 +52,7 @@ static struct key key_at(const struct named_motion *m, double t)
 }
 
 struct footing {
-    struct vec3 at; // of the sole's middle below the ankle: x, y, lift z
+    struct vec3 at;    // of the sole's middle below the ankle: x, y, lift z
     double yaw, pitch; // degrees
 };
 
@@ -78,10 +79,10 @@ static struct footing footing_at(const struct named_motion *m, const struct phys
         return here;
     double go = u * u * (3 - 2 * u);
     double way = v3_distance(here.at, next.at) + fabs(here.yaw - next.yaw) * DEGREE * 0.3;
-    double lift = fmin(1, way / 0.2) * 4 * u * (1 - u);
+    double lift = least(1, way / 0.2) * 4 * u * (1 - u);
     struct footing f = {v3_mix(here.at, next.at, go), here.yaw + (next.yaw - here.yaw) * go, 0};
     f.at.z = 0.075 * lift;
-    f.pitch = fmin(1, way / 0.3) * (u < 0.5 ? 34 : 14) * sin(u * 6.283185307179586) * (u < 0.5 ? 1 : 1);
+    f.pitch = least(1, way / 0.3) * (u < 0.5 ? 34 : 14) * sin(u * 6.283185307179586) * (u < 0.5 ? 1 : 1);
     return f;
 }
 
@@ -96,8 +97,9 @@ static void place_foot(const struct physique *p, const struct key *k, struct foo
     s->foot[side] = turn(f.yaw, pitch, 0);
     // The heel (positive pitch: it is up) or the toes must not go through the floor.
     double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->rest[JOINT_LEFT_FOOT].z;
-    double tip = fmin(quat_rotate(s->foot[side], v3(0, -toe, -sole)).z, quat_rotate(s->foot[side], v3(0, heel, -sole)).z);
-    s->ankle[side] = v3(ankle.x, ankle.y, fmax(ankle.z, -tip));
+    double tip =
+        least(quat_rotate(s->foot[side], v3(0, -toe, -sole)).z, quat_rotate(s->foot[side], v3(0, heel, -sole)).z);
+    s->ankle[side] = v3(ankle.x, ankle.y, most(ankle.z, -tip));
     struct vec3 forward = quat_rotate(turn(f.yaw + (side == LEFT ? 4 : -4), 0, 0), v3(0, -1, 0));
     s->knee[side] = v3_add(forward, v3(0, 0, 0.25)); // up as well, for a leg stretched forward
 }
@@ -171,6 +173,6 @@ double motion_seconds(const struct motion *m)
 
 struct stance motion_at(const struct motion *m, const struct physique *p, double time_s)
 {
-    double t = fmin(fmax(time_s, 0), motion_seconds(m));
+    double t = least(most(time_s, 0), motion_seconds(m));
     return m->file ? retarget_at(m->file, p, t) : named_at(m->named, p, t);
 }

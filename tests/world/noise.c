@@ -1,6 +1,7 @@
 // What a depth sensor and a camera do to a true picture.
 #include "tests/world/texture.h"
 #include "tests/world/world.h"
+#include "tests/world/numbers.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -35,14 +36,14 @@ static const double BASELINE_M = 0.075, SIGMA = 1.5e-3, NEAR_M = 0.4, FAR_M = 8.
 // falls right of what was already there is behind it.
 static void find_shadow(const struct lens *l, const uint16_t *row, uint8_t *dark)
 {
-    double fb = l->fx * BASELINE_M, least = 1e9;
+    double fb = l->fx * BASELINE_M, right_of = 1e9;
     for (int x = l->width - 1; x >= 0; x--) {
         dark[x] = 0;
         if (!row[x])
             continue;
         double seen = x - fb / (row[x] * 1e-3);
-        dark[x] = seen > least + 0.75;
-        least = fmin(least, seen);
+        dark[x] = seen > right_of + 0.75;
+        right_of = least(right_of, seen);
     }
 }
 
@@ -71,8 +72,8 @@ static uint16_t read_pixel(const struct spot *s, int x, int y)
             if (nx < 0 || ny < 0 || nx >= w || ny >= h || !s->ideal[(size_t)ny * (size_t)w + (size_t)nx])
                 continue;
             double n = s->ideal[(size_t)ny * (size_t)w + (size_t)nx] * 1e-3;
-            low = fmin(low, n);
-            high = fmax(high, n);
+            low = least(low, n);
+            high = most(high, n);
         }
     if (high - low > 0.04 + 0.03 * low) { // an edge
         double luck = uniform(s->seed, at, 4);
@@ -127,7 +128,7 @@ void world_color_noise(uint8_t *color, int width, int height, uint64_t seed)
         for (int c = 0; c < 3; c++) {
             double own = (double)(d >> (32 + 10 * c) & 0x3ff) / 0x3ff - 0.5;
             double value = color[i * 3 + (size_t)c] + 2.2 * common + 3.0 * own;
-            color[i * 3 + (size_t)c] = (uint8_t)fmin(255, fmax(0, floor(value + 0.5)));
+            color[i * 3 + (size_t)c] = (uint8_t)least(255, most(0, floor(value + 0.5)));
         }
     }
 }

@@ -1,6 +1,7 @@
 #include "tests/world/paint.h"
 
 #include "tests/world/glyphs.h"
+#include "tests/world/numbers.h"
 
 #include <math.h>
 #include <string.h>
@@ -18,14 +19,14 @@ static struct rgb hex(uint32_t code)
 
 static struct rgb mix(struct rgb a, struct rgb b, float t)
 {
-    t = fminf(1, fmaxf(0, t));
+    t = minf(1, maxf(0, t));
     return (struct rgb){a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
 }
 
 static struct rgb dim(struct rgb a, float s) { return (struct rgb){a.r * s, a.g * s, a.b * s}; }
 
 // 1 inside (negative distance), 0 outside, over one texel.
-static float cover(float distance, float texel) { return fminf(1, fmaxf(0, 0.5f - distance / texel)); }
+static float cover(float distance, float texel) { return minf(1, maxf(0, 0.5f - distance / texel)); }
 
 static const uint32_t schemes[6][5] = {
     {0xf2e8d5, 0xd1495b, 0xedae49, 0x00798c, 0x30343f}, {0xfaf3dd, 0x264653, 0x2a9d8f, 0xe9c46a, 0xe76f51},
@@ -49,7 +50,8 @@ static struct rgb landscape(const struct spot *s)
     struct rgb c = mix(sky, hex(s->scheme[2]), cover(r - 0.17f * s->w, s->texel));
     for (int layer = 0; layer < 5; layer++) {
         float height = 0.62f - 0.13f * (float)layer;
-        height += 0.20f * (fractal2(u * (2.0f + (float)layer), 3.7f * (float)layer, 4, s->seed + 11u * (uint32_t)layer) - 0.5f);
+        height += 0.20f *
+                  (fractal2(u * (2.0f + (float)layer), 3.7f * (float)layer, 4, s->seed + 11u * (uint32_t)layer) - 0.5f);
         struct rgb hill = mix(hex(s->scheme[3]), hex(s->scheme[1]), 0.25f * (float)layer);
         hill = dim(hill, 0.8f + 0.4f * noise2(u * 30, v * 40, s->seed));
         c = mix(c, hill, cover((v - height) * s->h, s->texel));
@@ -91,9 +93,9 @@ static struct rgb contours(const struct spot *s)
     struct rgb c = mix(hex(s->scheme[0]), hex(s->scheme[2]), (floorf(step) - 7) / 9);
     if (n < 0.40f)
         c = mix(hex(s->scheme[1]), hex(s->scheme[4]), n * 1.6f);
-    c = mix(c, hex(s->scheme[1]), 0.85f * fminf(1, fmaxf(0, (line - 0.40f) * 12)));
+    c = mix(c, hex(s->scheme[1]), 0.85f * minf(1, maxf(0, (line - 0.40f) * 12)));
     float gx = fabsf(fmodf(s->x, 0.1f) - 0.05f), gy = fabsf(fmodf(s->y, 0.1f) - 0.05f);
-    return mix(c, hex(s->scheme[1]), 0.35f * cover(fminf(gx, gy) - 0.0008f, s->texel));
+    return mix(c, hex(s->scheme[1]), 0.35f * cover(minf(gx, gy) - 0.0008f, s->texel));
 }
 
 static struct rgb stripes(const struct spot *s)
@@ -108,7 +110,7 @@ static struct rgb stripes(const struct spot *s)
             break;
         float *low = across ? &x0 : &y0, *high = across ? &x1 : &y1, at = across ? s->x : s->y;
         float line = *low + cut * (*high - *low);
-        edge = fminf(edge, fabsf(at - line));
+        edge = minf(edge, fabsf(at - line));
         path = path * 2 + (at > line);
         *(at > line ? low : high) = line;
     }
@@ -121,7 +123,7 @@ static struct rgb night(const struct spot *s)
 {
     float v = s->y / s->h;
     struct rgb c = mix(hex(0x2b2d6e), hex(0x0b0c2a), v);
-    c = mix(c, hex(s->scheme[3]), 0.5f * fmaxf(0, fractal2(s->x * 5, s->y * 5, 4, s->seed) - 0.45f));
+    c = mix(c, hex(s->scheme[3]), 0.5f * maxf(0, fractal2(s->x * 5, s->y * 5, 4, s->seed) - 0.45f));
     int i = (int)floorf(s->x / 0.05f), j = (int)floorf(s->y / 0.05f);
     float sx = ((float)i + 0.2f + 0.6f * hash_unit((uint32_t)i, (uint32_t)j, s->seed)) * 0.05f;
     float sy = ((float)j + 0.2f + 0.6f * hash_unit((uint32_t)j, (uint32_t)i, s->seed + 1)) * 0.05f;
@@ -131,8 +133,9 @@ static struct rgb night(const struct spot *s)
         float px = s->w * (0.2f + 0.6f * hash_unit(k, 20, s->seed)), py = s->h * (0.15f + 0.2f * (float)k);
         float r = s->w * (0.07f + 0.12f * hash_unit(k, 21, s->seed)), dx = s->x - px, dy = s->y - py;
         float d = sqrtf(dx * dx + dy * dy);
-        struct rgb planet = mix(hex(s->scheme[k % 5]), hex(s->scheme[(k + 2) % 5]), noise2(dx * 9, dy * 60 / (r * 20), s->seed + k));
-        planet = dim(planet, fminf(1, fmaxf(0.12f, 0.75f - (dx - dy) / r * 0.55f)));
+        struct rgb planet =
+            mix(hex(s->scheme[k % 5]), hex(s->scheme[(k + 2) % 5]), noise2(dx * 9, dy * 60 / (r * 20), s->seed + k));
+        planet = dim(planet, minf(1, maxf(0.12f, 0.75f - (dx - dy) / r * 0.55f)));
         c = mix(c, planet, cover(d - r, s->texel));
         float ring = fabsf(hypotf(dx + 0.5f * dy, 3.2f * (dy - 0.3f * dx)) - 1.7f * r);
         if (k % 2 && (d > r || dy < 0.3f * dx))
@@ -151,10 +154,10 @@ static struct rgb words(const struct spot *s)
     const char *const *line = lines[s->seed % 8];
     struct rgb c = hex(s->scheme[0]);
     float band = s->h / 4;
-    int row = (int)fminf(3, fmaxf(0, floorf((s->h - s->y) / band)));
+    int row = (int)minf(3, maxf(0, floorf((s->h - s->y) / band)));
     if ((row + (int)(s->seed / 8)) % 2)
         c = hex(s->scheme[1 + s->seed % 4]);
-    float scale = fminf(0.86f * s->w / text_width(line[row]), 0.62f * band / 6);
+    float scale = minf(0.86f * s->w / text_width(line[row]), 0.62f * band / 6);
     float left = (s->w - scale * text_width(line[row])) / 2, low = s->h - ((float)row + 0.81f) * band;
     float d = text_distance(line[row], (s->x - left) / scale, (s->y - low) / scale) * scale;
     struct rgb ink = (row + (int)(s->seed / 8)) % 2 ? hex(s->scheme[0]) : hex(s->scheme[1 + (s->seed + 1) % 4]);
@@ -164,7 +167,7 @@ static struct rgb words(const struct spot *s)
 static struct rgb books(const struct spot *s)
 {
     float shelf = s->h / 5;
-    int row = (int)fminf(4, floorf(s->y / shelf));
+    int row = (int)minf(4, floorf(s->y / shelf));
     float y = s->y - (float)row * shelf, x = 0.02f;
     struct rgb wood = dim(hex(0x8a6642), 0.85f + 0.3f * noise2(s->x * 6, s->y * 90, s->seed));
     if (y < 0.022f || s->x < 0.02f || s->x > s->w - 0.02f || s->y > s->h - 0.02f)
@@ -194,7 +197,7 @@ static struct rgb books(const struct spot *s)
 
 static struct rgb rug(const struct spot *s)
 {
-    float in = fminf(fminf(s->x, s->w - s->x), fminf(s->y, s->h - s->y));
+    float in = minf(minf(s->x, s->w - s->x), minf(s->y, s->h - s->y));
     float weave = 0.86f + 0.28f * noise2(s->x * 260, s->y * 260, 5);
     float a = s->x - s->w / 2, b = s->y - s->h / 2;
     struct rgb c = hex(0x7d2e34);
@@ -202,7 +205,9 @@ static struct rgb rug(const struct spot *s)
         c = hash_unit((uint32_t)(s->y * 160), 3, 1) < 0.5f ? hex(0xe9dcc0) : hex(0xc9b38c);
     } else if (in < 0.09f) {
         c = hex(0x27364f);
-    } else if (in < 0.22f) { // a border of lozenges
+    } else if (in < 0.22f && fabsf(a) > s->w / 2 - 0.22f && fabsf(b) > s->h / 2 - 0.22f) {
+        c = in > 0.13f && in < 0.18f ? hex(0xd9a441) : hex(0x27364f); // its corners
+    } else if (in < 0.22f) {                                          // a border of lozenges
         float p = fmodf(fabsf(fabsf(a) > s->w / 2 - 0.22f ? b : a), 0.13f) / 0.13f - 0.5f, q = (in - 0.155f) / 0.13f;
         c = fabsf(p) + fabsf(q) < 0.26f ? hex(0xd9a441) : fabsf(p) + fabsf(q) < 0.42f ? hex(0xe9dcc0) : hex(0x7d2e34);
     } else if (in < 0.25f) {
@@ -211,8 +216,13 @@ static struct rgb rug(const struct spot *s)
         float r = sqrtf(a * a * 0.62f + b * b);
         float k = fmodf(r * 7.5f + 0.18f * cosf(8 * atan2f(b, a)), 1);
         float lozenge = fabsf(fmodf(fabsf(a) + 0.15f, 0.3f) - 0.15f) + fabsf(fmodf(fabsf(b) + 0.15f, 0.3f) - 0.15f);
-        c = r < 0.62f ? (k < 0.30f ? hex(0x27364f) : k < 0.5f ? hex(0xd9a441) : k < 0.62f ? hex(0xe9dcc0) : hex(0x8f353b))
-                      : (lozenge < 0.06f ? hex(0xe9dcc0) : lozenge < 0.10f ? hex(0x27364f) : hex(0x8a3238));
+        c = r < 0.62f ? (k < 0.30f   ? hex(0x27364f)
+                         : k < 0.5f  ? hex(0xd9a441)
+                         : k < 0.62f ? hex(0xe9dcc0)
+                                     : hex(0x8f353b))
+                      : (lozenge < 0.06f   ? hex(0xe9dcc0)
+                         : lozenge < 0.10f ? hex(0x27364f)
+                                           : hex(0x8a3238));
     }
     return dim(c, weave);
 }
@@ -220,16 +230,17 @@ static struct rgb rug(const struct spot *s)
 static struct rgb window_view(const struct spot *s)
 {
     float u = s->x / s->w, v = s->y / s->h;
-    float frame = fminf(fminf(s->x, s->w - s->x), fminf(s->y, s->h - s->y));
-    float bar = fminf(fabsf(s->x - s->w / 2), fabsf(s->y - 0.62f * s->h));
+    float frame = minf(minf(s->x, s->w - s->x), minf(s->y, s->h - s->y));
+    float bar = minf(fabsf(s->x - s->w / 2), fabsf(s->y - 0.62f * s->h));
     if (frame < 0.06f || bar < 0.018f) {
-        float edge = frame < 0.06f ? fminf(frame, 0.06f - frame) : bar;
+        float edge = frame < 0.06f ? minf(frame, 0.06f - frame) : bar;
         return dim(hex(0xe8e4da), edge < 0.006f && frame < 0.06f ? 0.45f : 0.62f);
     }
     struct rgb c = mix(hex(0xcfe6f5), hex(0x6fa8dc), v);
-    c = mix(c, hex(0xffffff), 1.6f * fmaxf(0, fractal2(u * 4, v * 7, 5, s->seed) - 0.5f));
+    c = mix(c, hex(0xffffff), 1.6f * maxf(0, fractal2(u * 4, v * 7, 5, s->seed) - 0.5f));
     for (int layer = 0; layer < 3; layer++) {
-        float height = 0.46f - 0.12f * (float)layer + 0.16f * (fractal2(u * 3 + (float)layer * 5, 0.5f, 4, s->seed + 3) - 0.5f);
+        float height =
+            0.46f - 0.12f * (float)layer + 0.16f * (fractal2(u * 3 + (float)layer * 5, 0.5f, 4, s->seed + 3) - 0.5f);
         if (layer == 2)
             height += 0.05f * noise2(u * 26, 0, s->seed);
         struct rgb land = mix(hex(0x9dbfa6), hex(0x3f6f3a), 0.5f * (float)layer);
@@ -241,14 +252,14 @@ static struct rgb window_view(const struct spot *s)
 
 static struct rgb door(const struct spot *s)
 {
-    float frame = fminf(fminf(s->x, s->w - s->x), s->h - s->y);
+    float frame = minf(minf(s->x, s->w - s->x), s->h - s->y);
     struct rgb c = hex(0xd8cdb8);
     if (frame < 0.07f)
         return dim(c, frame > 0.064f ? 0.35f : 0.95f);
     c = dim(hex(0x6b8f8a), 0.93f + 0.14f * noise2(s->x * 60, s->y * 5, s->seed));
     float px = fabsf(fabsf(s->x - s->w / 2) - 0.17f) - 0.12f;
     float py = fabsf(s->y - (s->y < 0.95f ? 0.52f : 1.42f)) - (s->y < 0.95f ? 0.32f : 0.42f);
-    float panel = fmaxf(px, py);
+    float panel = maxf(px, py);
     if (panel > -0.03f && panel < 0)
         c = dim(c, px > py ? 0.62f : 1.18f);
     float knob = hypotf(s->x - (s->w - 0.14f), s->y - 1.0f);
@@ -259,7 +270,7 @@ static struct rgb drawers(const struct spot *s)
 {
     float wide = s->w / 3;
     float x = fmodf(s->x, wide), y = fmodf(s->y, s->h / 2);
-    float edge = fminf(fminf(x, wide - x), fminf(y, s->h / 2 - y));
+    float edge = minf(minf(x, wide - x), minf(y, s->h / 2 - y));
     struct rgb c = dim(hex(0x3c7a80), 0.94f + 0.12f * noise2(s->x * 8, s->y * 70, s->seed));
     c = mix(c, hex(0x14282b), cover(edge - 0.006f, s->texel));
     float knob = hypotf(x - wide / 2, y - s->h / 4);
@@ -269,24 +280,35 @@ static struct rgb drawers(const struct spot *s)
 static struct rgb pixel_of(enum painting kind, const struct spot *s)
 {
     switch (kind) {
-    case PAINTING_LANDSCAPE: return landscape(s);
-    case PAINTING_CIRCLES: return circles(s);
-    case PAINTING_MAP: return contours(s);
-    case PAINTING_STRIPES: return stripes(s);
-    case PAINTING_NIGHT: return night(s);
-    case PAINTING_WORDS: return words(s);
-    case PAINTING_BOOKS: return books(s);
-    case PAINTING_RUG: return rug(s);
-    case PAINTING_WINDOW: return window_view(s);
-    case PAINTING_DOOR: return door(s);
-    case PAINTING_DRAWERS: return drawers(s);
+    case PAINTING_LANDSCAPE:
+        return landscape(s);
+    case PAINTING_CIRCLES:
+        return circles(s);
+    case PAINTING_MAP:
+        return contours(s);
+    case PAINTING_STRIPES:
+        return stripes(s);
+    case PAINTING_NIGHT:
+        return night(s);
+    case PAINTING_WORDS:
+        return words(s);
+    case PAINTING_BOOKS:
+        return books(s);
+    case PAINTING_RUG:
+        return rug(s);
+    case PAINTING_WINDOW:
+        return window_view(s);
+    case PAINTING_DOOR:
+        return door(s);
+    case PAINTING_DRAWERS:
+        return drawers(s);
     }
     return hex(0xffffff);
 }
 
 enum status paint(struct texture *t, enum painting kind, double width_m, double height_m, double texel_m, uint32_t seed)
 {
-    int w = (int)fmax(4, width_m / texel_m), h = (int)fmax(4, height_m / texel_m);
+    int w = (int)most(4, width_m / texel_m), h = (int)most(4, height_m / texel_m);
     enum status status = texture_make(t, w, h);
     if (status)
         return status;
@@ -294,14 +316,20 @@ enum status paint(struct texture *t, enum painting kind, double width_m, double 
     float margin = paper ? 0.028f : 0; // a white margin and a thin dark frame
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
-            float px = ((float)x + 0.5f) / (float)w * (float)width_m, py = ((float)y + 0.5f) / (float)h * (float)height_m;
-            float edge = fminf(fminf(px, (float)width_m - px), fminf(py, (float)height_m - py));
+            float px = ((float)x + 0.5f) / (float)w * (float)width_m,
+                  py = ((float)y + 0.5f) / (float)h * (float)height_m;
+            float edge = minf(minf(px, (float)width_m - px), minf(py, (float)height_m - py));
             struct rgb c;
             if (edge < margin) {
                 c = edge < 0.010f ? hex(0x2c2622) : hex(0xf3efe6);
             } else {
-                struct spot s = {px - margin, py - margin, (float)width_m - 2 * margin, (float)height_m - 2 * margin,
-                                 (float)texel_m, seed, schemes[seed % 6]};
+                struct spot s = {px - margin,
+                                 py - margin,
+                                 (float)width_m - 2 * margin,
+                                 (float)height_m - 2 * margin,
+                                 (float)texel_m,
+                                 seed,
+                                 schemes[seed % 6]};
                 c = pixel_of(kind, &s);
             }
             texture_set(t, x, y, (float[3]){0.9f * c.r, 0.9f * c.g, 0.9f * c.b});
@@ -333,8 +361,9 @@ enum status paint_grain(struct texture *t, uint32_t seed)
             float wave = tile_noise(u * 4, v * 6, 4, 6, seed) * 3 + tile_noise(u * 8, v * 12, 8, 12, seed + 1);
             float ring = v * 22 + wave * 1.6f;
             float line = fabsf(ring - floorf(ring) - 0.5f) * 2;
-            float fibre = tile_noise(u * 12, v * 128, 12, 128, seed + 2), pore = tile_noise(u * 48, v * 256, 48, 256, seed + 3);
-            float c = 0.52f + 0.14f * (line * line - 0.4f) + 0.10f * (fibre - 0.5f) - 0.16f * fmaxf(0, pore - 0.8f) * 5;
+            float fibre = tile_noise(u * 12, v * 128, 12, 128, seed + 2),
+                  pore = tile_noise(u * 48, v * 256, 48, 256, seed + 3);
+            float c = 0.52f + 0.14f * (line * line - 0.4f) + 0.10f * (fibre - 0.5f) - 0.16f * maxf(0, pore - 0.8f) * 5;
             texture_set(t, x, y, (float[3]){c, c, c});
         }
     texture_finish(t);
@@ -349,7 +378,8 @@ enum status paint_plaster(struct texture *t, uint32_t seed)
     for (int y = 0; y < TILE_TEXELS; y++)
         for (int x = 0; x < TILE_TEXELS; x++) {
             float u = (float)x / TILE_TEXELS, v = (float)y / TILE_TEXELS;
-            float c = 0.46f + 0.03f * tile_noise(u * 8, v * 8, 8, 8, seed) + 0.03f * tile_noise(u * 32, v * 32, 32, 32, seed + 1) +
+            float c = 0.46f + 0.03f * tile_noise(u * 8, v * 8, 8, 8, seed) +
+                      0.03f * tile_noise(u * 32, v * 32, 32, 32, seed + 1) +
                       0.02f * tile_noise(u * 128, v * 128, 128, 128, seed + 2);
             texture_set(t, x, y, (float[3]){c, c, c});
         }

@@ -1,12 +1,13 @@
 #include "tests/world/actor.h"
 #include "tests/world/parallel.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { TILE = 16, SIDE = ACTOR_SIDE }; // pixels of a tile's side; samples of a pixel's side
 
-struct corner { // what the ray through a corner of pixels meets
+struct corner {      // what the ray through a corner of pixels meets
     struct vec3 ray; // world, z = 1 in the camera
     struct hit hit;
     int decal;
@@ -20,14 +21,15 @@ struct job {
     double turn[3][3];   // world_from_camera
     struct vec3 eye;
     int tiles_across, bands;
-    uint32_t *boxes;      // bands x tiles_across: the boxes a tile may see
+    uint32_t *boxes;        // bands x tiles_across: the boxes a tile may see
     struct corner *corners; // for each band two rows of width + 1
 };
 
 static struct vec3 ray_at(const struct job *j, double x, double y)
 {
     struct vec3 d = lens_ray(&j->shot->lens, (struct pixel){x, y});
-    return v3(j->turn[0][0] * d.x + j->turn[0][1] * d.y + j->turn[0][2], j->turn[1][0] * d.x + j->turn[1][1] * d.y + j->turn[1][2],
+    return v3(j->turn[0][0] * d.x + j->turn[0][1] * d.y + j->turn[0][2],
+              j->turn[1][0] * d.x + j->turn[1][1] * d.y + j->turn[1][2],
               j->turn[2][0] * d.x + j->turn[2][1] * d.y + j->turn[2][2]);
 }
 
@@ -47,14 +49,14 @@ static void mark_box(struct job *j, int box)
             break;
         }
         // Far outside the picture the lens's polynomial means nothing: stop before.
-        struct vec3 q = v3(fmin(fmax(p.x / p.z, -1.5), 1.5), fmin(fmax(p.y / p.z, -1.5), 1.5), 1);
+        struct vec3 q = v3(least(most(p.x / p.z, -1.5), 1.5), least(most(p.y / p.z, -1.5), 1.5), 1);
         struct pixel px = lens_project(l, q);
-        x0 = fmin(x0, px.x), x1 = fmax(x1, px.x);
-        y0 = fmin(y0, px.y), y1 = fmax(y1, px.y);
+        x0 = least(x0, px.x), x1 = most(x1, px.x);
+        y0 = least(y0, px.y), y1 = most(y1, px.y);
     }
     double margin = 2 + 0.02 * l->width; // edges bend a little
-    int tx0 = (int)fmax(0, (x0 - margin) / TILE), tx1 = (int)fmin(j->tiles_across - 1, (x1 + margin) / TILE);
-    int ty0 = (int)fmax(0, (y0 - margin) / TILE), ty1 = (int)fmin(j->bands - 1, (y1 + margin) / TILE);
+    int tx0 = (int)most(0, (x0 - margin) / TILE), tx1 = (int)least(j->tiles_across - 1, (x1 + margin) / TILE);
+    int ty0 = (int)most(0, (y0 - margin) / TILE), ty1 = (int)least(j->bands - 1, (y1 + margin) / TILE);
     for (int y = ty0; y <= ty1; y++)
         for (int x = tx0; x <= tx1; x++)
             j->boxes[y * j->tiles_across + x] |= 1u << box;
@@ -71,7 +73,8 @@ static void tone(const float linear[3], uint8_t rgb[3])
 }
 
 // Light from a point of the room towards the camera.
-static void shade(const struct job *j, const struct hit *h, int decal, struct vec3 at, struct footprint foot, float color[3])
+static void shade(const struct job *j, const struct hit *h, int decal, struct vec3 at, struct footprint foot,
+                  float color[3])
 {
     const struct scene *s = &j->w->scene;
     const struct surface *f = &s->surfaces[h->surface];
@@ -82,7 +85,7 @@ static void shade(const struct job *j, const struct hit *h, int decal, struct ve
         float lost[3], ambient;
         actor_shadow(j->actor, at, f->normal, lost, &ambient);
         for (int c = 0; c < 3; c++)
-            light[c] = fmaxf(light[c] - lost[c], 0.1f * light[c]) * ambient;
+            light[c] = maxf(light[c] - lost[c], 0.1f * light[c]) * ambient;
     }
     for (int c = 0; c < 3; c++)
         color[c] = albedo[c] * (glow > 0 ? glow : light[c]);
@@ -105,8 +108,8 @@ static struct vec3 ray_inside(const struct corner *top, const struct corner *low
 }
 
 // How far u and v run over a sample at a hit, from the rays' spread.
-static struct footprint footprint_at(const struct job *j, const struct hit *h, struct vec3 ray, const struct corner *top,
-                                     const struct corner *low, float scale)
+static struct footprint footprint_at(const struct job *j, const struct hit *h, struct vec3 ray,
+                                     const struct corner *top, const struct corner *low, float scale)
 {
     const struct surface *f = &j->w->scene.surfaces[h->surface];
     double against = v3_dot(ray, f->normal);
@@ -127,7 +130,8 @@ static bool same_thing(const struct corner *a, const struct corner *b)
 }
 
 // One pixel of the room: one sample where it shows one thing, else SIDE x SIDE.
-static void room_color(const struct job *j, const struct corner *top, const struct corner *low, uint32_t boxes, float color[3])
+static void room_color(const struct job *j, const struct corner *top, const struct corner *low, uint32_t boxes,
+                       float color[3])
 {
     const struct scene *s = &j->w->scene;
     bool one = same_thing(&top[0], &top[1]) && same_thing(&top[0], &low[0]) && same_thing(&top[0], &low[1]) &&
@@ -165,12 +169,13 @@ static void color_pixel(const struct job *j, int x, int y, const struct corner *
     double near, far;
     int cover = j->actor ? actor_cover(j->actor, x, y, &near, &far) : 0;
     if (cover) {
-        double room_z[ACTOR_SAMPLES], nearest = fmin(fmin(top[0].hit.distance, top[1].hit.distance),
-                                                     fmin(low[0].hit.distance, low[1].hit.distance));
+        double room_z[ACTOR_SAMPLES], nearest = least(least(top[0].hit.distance, top[1].hit.distance),
+                                                      least(low[0].hit.distance, low[1].hit.distance));
         bool clear = far < nearest - 0.05;
         for (int i = 0; i < ACTOR_SAMPLES && !clear; i++)
             room_z[i] = scene_hit(&j->w->scene, j->eye,
-                                  ray_inside(top, low, (i % SIDE + 0.5) / SIDE, (i / SIDE + 0.5) / SIDE), boxes).distance;
+                                  ray_inside(top, low, (i % SIDE + 0.5) / SIDE, (i / SIDE + 0.5) / SIDE), boxes)
+                            .distance;
         actor_color(j->actor, x, y, clear ? NULL : room_z, body, &seen);
     }
     if (seen < ACTOR_SAMPLES)

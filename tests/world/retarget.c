@@ -2,16 +2,34 @@
 
 #include "platform/file.h"
 #include "tests/world/bvh.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 // What we take from the file; of the pairs the left one comes first.
 enum role {
-    ROLE_PELVIS, ROLE_SPINE, ROLE_NECK, ROLE_HEAD, ROLE_LEFT_EYE, ROLE_RIGHT_EYE,
-    ROLE_LEFT_UPPER_ARM, ROLE_RIGHT_UPPER_ARM, ROLE_LEFT_FOREARM, ROLE_RIGHT_FOREARM, ROLE_LEFT_HAND, ROLE_RIGHT_HAND,
-    ROLE_LEFT_THIGH, ROLE_RIGHT_THIGH, ROLE_LEFT_SHIN, ROLE_RIGHT_SHIN, ROLE_LEFT_FOOT, ROLE_RIGHT_FOOT,
-    ROLE_LEFT_TOE, ROLE_RIGHT_TOE, ROLE_COUNT
+    ROLE_PELVIS,
+    ROLE_SPINE,
+    ROLE_NECK,
+    ROLE_HEAD,
+    ROLE_LEFT_EYE,
+    ROLE_RIGHT_EYE,
+    ROLE_LEFT_UPPER_ARM,
+    ROLE_RIGHT_UPPER_ARM,
+    ROLE_LEFT_FOREARM,
+    ROLE_RIGHT_FOREARM,
+    ROLE_LEFT_HAND,
+    ROLE_RIGHT_HAND,
+    ROLE_LEFT_THIGH,
+    ROLE_RIGHT_THIGH,
+    ROLE_LEFT_SHIN,
+    ROLE_RIGHT_SHIN,
+    ROLE_LEFT_FOOT,
+    ROLE_RIGHT_FOOT,
+    ROLE_LEFT_TOE,
+    ROLE_RIGHT_TOE,
+    ROLE_COUNT
 };
 
 // The names in use: Character Creator, CMU as MotionBuilder exports it, Daz.
@@ -67,6 +85,27 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+// Keeps the longest of the stretches, one after another, in which the pelvis stays
+// within what the sensor sees well; `within` in the file's units.
+static void keep_longest(struct retarget *r, double within)
+{
+    int best = 0, best_count = 0, from = 0;
+    double low_x = 1e300, high_x = -1e300, low_y = 1e300, high_y = -1e300;
+    for (int f = 0; f < r->count; f++) {
+        struct vec3 w = r->at[f][ROLE_PELVIS];
+        low_x = least(low_x, w.x), high_x = most(high_x, w.x);
+        low_y = least(low_y, w.y), high_y = most(high_y, w.y);
+        if (high_x - low_x > within || high_y - low_y > within) {
+            from = f;
+            low_x = high_x = w.x, low_y = high_y = w.y;
+        }
+        if (f - from + 1 > best_count)
+            best = from, best_count = f - from + 1;
+    }
+    memmove(r->at, r->at + best, (size_t)best_count * sizeof *r->at);
+    r->count = best_count;
+}
+
 // From the file's axes and units to ours: legs as long as the figure's, facing the
 // sensor at first, the way covered centred, ankles as high over the floor as ours.
 static enum status settle(struct retarget *r, const struct physique *p, const char *path)
@@ -79,6 +118,7 @@ static enum status settle(struct retarget *r, const struct physique *p, const ch
     if (!(leg > 1e-6))
         return fail(ERR_INPUT, "%s: the legs have no length", path);
     double scale = ours / leg;
+    keep_longest(r, 2.6 / scale);
     struct vec3 left = v3_sub(first[ROLE_LEFT_THIGH], first[ROLE_RIGHT_THIGH]); // to become +x
     struct quat heading = quat_from_rotation_vector(v3(0, 0, -atan2(left.y, left.x)));
     double *heights = malloc((size_t)r->count * sizeof *heights);
@@ -89,15 +129,15 @@ static enum status settle(struct retarget *r, const struct physique *p, const ch
         for (int k = 0; k < ROLE_COUNT; k++)
             r->at[f][k] = v3_scale(quat_rotate(heading, r->at[f][k]), scale);
         struct vec3 w = r->at[f][ROLE_PELVIS];
-        low_x = fmin(low_x, w.x), high_x = fmax(high_x, w.x);
-        low_y = fmin(low_y, w.y), high_y = fmax(high_y, w.y);
-        heights[f] = fmin(r->at[f][ROLE_LEFT_FOOT].z, r->at[f][ROLE_RIGHT_FOOT].z);
+        low_x = least(low_x, w.x), high_x = most(high_x, w.x);
+        low_y = least(low_y, w.y), high_y = most(high_y, w.y);
+        heights[f] = least(r->at[f][ROLE_LEFT_FOOT].z, r->at[f][ROLE_RIGHT_FOOT].z);
     }
     // The floor is where the lower ankle mostly is when it is low: its 5th percentile.
     qsort(heights, (size_t)r->count, sizeof *heights, by_value);
     double floor_z = heights[r->count / 20];
     free(heights);
-    struct vec3 shift = v3(-(low_x + high_x) / 2, -0.1 - (low_y + high_y) / 2, p->rest[JOINT_LEFT_FOOT].z - floor_z);
+    struct vec3 shift = v3(-(low_x + high_x) / 2, 0.25 - (low_y + high_y) / 2, p->rest[JOINT_LEFT_FOOT].z - floor_z);
     for (int f = 0; f < r->count; f++)
         for (int k = 0; k < ROLE_COUNT; k++)
             r->at[f][k] = v3_add(r->at[f][k], shift);
@@ -176,10 +216,10 @@ static struct quat upright(struct vec3 left, struct vec3 up)
 struct stance retarget_at(const struct retarget *r, const struct physique *p, double time_s)
 {
     double at = time_s / r->frame_s;
-    int i = (int)fmin(fmax(floor(at), 0), r->count - 1), j = i + 1 < r->count ? i + 1 : i;
+    int i = (int)least(most(floor(at), 0), r->count - 1), j = i + 1 < r->count ? i + 1 : i;
     struct vec3 q[ROLE_COUNT];
     for (int k = 0; k < ROLE_COUNT; k++)
-        q[k] = v3_mix(r->at[i][k], r->at[j][k], fmin(1, at - i));
+        q[k] = v3_mix(r->at[i][k], r->at[j][k], least(1, at - i));
 
     struct stance s = {0};
     struct vec3 hips = v3_scale(v3_add(q[ROLE_LEFT_THIGH], q[ROLE_RIGHT_THIGH]), 0.5);
@@ -190,10 +230,10 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
     if (r->eyes) { // the eyes are in front of the head's joint and above it
         struct vec3 gaze = v3_sub(v3_scale(v3_add(q[ROLE_LEFT_EYE], q[ROLE_RIGHT_EYE]), 0.5), q[ROLE_HEAD]);
         struct vec3 left = v3_unit(v3_sub(q[ROLE_LEFT_EYE], q[ROLE_RIGHT_EYE]));
-        // Eyes sit about as far forward as above the joint: lean back by that to find "up".
+        // The eyes are 38 degrees above the joint when one looks straight ahead: lean back by that to find "up".
         struct vec3 forward = v3_unit(v3_sub(gaze, v3_scale(left, v3_dot(gaze, left))));
         struct vec3 over = v3_cross(forward, left); // across the gaze, towards the crown
-        s.head = upright(left, v3_add(over, v3_scale(forward, 0.6)));
+        s.head = upright(left, v3_add(over, v3_scale(forward, 0.78)));
     } else {
         s.head = upright(shoulders, v3_sub(q[ROLE_HEAD], q[ROLE_NECK]));
     }
@@ -217,8 +257,9 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
         struct quat foot = upright(across, v3_cross(toes, across));
         s.foot[side] = r->toes ? quat_multiply(foot, quat_from_rotation_vector(v3(-0.56, 0, 0))) : foot;
         double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->rest[JOINT_LEFT_FOOT].z;
-        double tip = fmin(quat_rotate(s.foot[side], v3(0, -toe, -sole)).z, quat_rotate(s.foot[side], v3(0, heel, -sole)).z);
-        s.ankle[side].z = fmax(s.ankle[side].z, -tip);
+        double tip =
+            least(quat_rotate(s.foot[side], v3(0, -toe, -sole)).z, quat_rotate(s.foot[side], v3(0, heel, -sole)).z);
+        s.ankle[side].z = most(s.ankle[side].z, -tip);
     }
     return s;
 }

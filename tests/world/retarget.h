@@ -6,7 +6,8 @@
 
 struct retarget;
 
-// Starts facing the sensor, the way covered centred in the room.
+// Starts facing the sensor, the way covered centred in the room; of a motion that goes
+// further than 2.6 m, the longest stretch that does not.
 // ERR_MISSING, ERR_IO; ERR_INPUT: no BVH file, or a joint we need is not in it. ERR_MEMORY.
 MUST_CHECK enum status retarget_open(struct retarget **out, const char *path, const struct physique *p);
 void retarget_close(struct retarget **r); // NULL is fine

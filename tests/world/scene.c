@@ -2,6 +2,7 @@
 
 #include "tests/world/paint.h"
 #include "tests/world/tag_bitmap.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -50,8 +51,8 @@ static struct decal *add_decal(struct scene *s, int surface, double u, double v,
     assert(s->decal_count < MAX_DECALS);
     struct decal *d = &s->decals[s->decal_count++];
     double a = turn_deg * 3.14159265358979323846 / 180;
-    *d = (struct decal){.surface = surface, .u = u, .v = v, .width = width, .height = height,
-                        .cosine = cos(a), .sine = sin(a)};
+    *d = (struct decal){
+        .surface = surface, .u = u, .v = v, .width = width, .height = height, .cosine = cos(a), .sine = sin(a)};
     return d;
 }
 
@@ -59,10 +60,11 @@ static const struct {
     int side;
     double u, v, side_m, turn_deg;
 } tag_spots[TAG_COUNT] = {
-    {SIDE_BACK, 1.95, 1.27, 0.20, 0},   {SIDE_BACK, 4.30, 1.62, 0.20, 3},  {SIDE_RIGHT, 2.75, 1.42, 0.20, -2},
-    {SIDE_RIGHT, 4.85, 1.20, 0.20, 0},  {SIDE_LEFT, 3.05, 1.28, 0.20, 1},  {SIDE_LEFT, 5.10, 1.50, 0.20, 0},
-    {SIDE_REAR, 2.90, 1.36, 0.20, 0},   {SIDE_REAR, 5.00, 1.50, 0.20, -3}, {SIDE_FLOOR, 3.40, 5.55, 0.24, 4},
-    {SIDE_FLOOR, 1.60, 2.05, 0.24, 25}, {SIDE_FLOOR, 5.05, 2.45, 0.24, 90},
+    {SIDE_BACK, 1.95, 1.27, 0.20, 0},   {SIDE_BACK, 4.30, 1.62, 0.20, 3},   {SIDE_RIGHT, 2.75, 1.42, 0.20, -2},
+    {SIDE_RIGHT, 4.85, 1.20, 0.20, 0},  {SIDE_LEFT, 3.05, 1.28, 0.20, 1},   {SIDE_LEFT, 5.10, 1.50, 0.20, 0},
+    {SIDE_REAR, 2.90, 1.36, 0.20, 0},   {SIDE_REAR, 5.00, 1.50, 0.20, -3},  {SIDE_FLOOR, 3.40, 5.55, 0.24, 4},
+    {SIDE_FLOOR, 1.60, 2.05, 0.24, 25}, {SIDE_FLOOR, 5.05, 2.45, 0.24, 90}, {SIDE_BACK, 0.24, 1.15, 0.20, 0},
+    {SIDE_LEFT, 4.20, 0.58, 0.20, 0},   {SIDE_RIGHT, 0.60, 0.62, 0.20, 2},  {SIDE_REAR, 3.80, 0.78, 0.20, 0},
 };
 
 static enum status add_tags(struct scene *s)
@@ -70,8 +72,8 @@ static enum status add_tags(struct scene *s)
     enum { TEXELS = 24 }; // a cell's: fine enough that the filter never sees the texels themselves
     for (int i = 0; i < TAG_COUNT; i++) {
         double side = tag_spots[i].side_m, whole = side * TAG_CELLS / (TAG_CELLS - 2);
-        struct decal *d = add_decal(s, tag_spots[i].side, tag_spots[i].u, tag_spots[i].v, whole, whole,
-                                    tag_spots[i].turn_deg);
+        struct decal *d =
+            add_decal(s, tag_spots[i].side, tag_spots[i].u, tag_spots[i].v, whole, whole, tag_spots[i].turn_deg);
         d->tag = true;
         bool white[TAG_CELLS][TAG_CELLS];
         enum status status = tag_bitmap(i, white);
@@ -106,7 +108,7 @@ static enum status add_painting(struct scene *s, int surface, double u, double v
             texture_set(&d->texture, 0, 0, (float[3]){0.3f, 0.3f, 0.3f});
         return status;
     }
-    return paint(&d->texture, kind, width, height, kind == PAINTING_RUG ? 0.005 : 0.003, seed);
+    return paint(&d->texture, kind, width, height, kind == PAINTING_RUG ? 0.006 : 0.0034, seed);
 }
 
 static enum status hang_pictures(struct scene *s, uint32_t seed)
@@ -116,18 +118,28 @@ static enum status hang_pictures(struct scene *s, uint32_t seed)
         double u, v, width, height, turn_deg;
         enum painting kind;
     } spots[] = {
-        {SIDE_BACK, 0.75, 1.72, 0.60, 0.84, 0, PAINTING_LANDSCAPE}, {SIDE_BACK, 1.55, 1.88, 0.50, 0.50, -1, PAINTING_CIRCLES},
-        {SIDE_BACK, 2.72, 1.62, 0.70, 0.98, 0, PAINTING_WORDS},     {SIDE_BACK, 3.55, 1.45, 0.55, 0.75, 1, PAINTING_STRIPES},
-        {SIDE_BACK, 4.28, 2.12, 0.62, 0.44, 0, PAINTING_MAP},       {SIDE_BACK, 6.10, 1.75, 0.50, 0.70, 0, PAINTING_NIGHT},
+        {SIDE_BACK, 0.75, 1.72, 0.60, 0.84, 0, PAINTING_LANDSCAPE},
+        {SIDE_BACK, 1.55, 1.88, 0.50, 0.50, -1, PAINTING_CIRCLES},
+        {SIDE_BACK, 2.72, 1.62, 0.70, 0.98, 0, PAINTING_WORDS},
+        {SIDE_BACK, 3.55, 1.45, 0.55, 0.75, 1, PAINTING_STRIPES},
+        {SIDE_BACK, 4.28, 2.12, 0.62, 0.44, 0, PAINTING_MAP},
+        {SIDE_BACK, 6.10, 1.75, 0.50, 0.70, 0, PAINTING_NIGHT},
         {SIDE_BACK, 3.50, 2.15, 0.44, 0.32, 0, PAINTING_LANDSCAPE},
-        {SIDE_LEFT, 1.55, 1.55, 1.30, 1.20, 0, PAINTING_WINDOW},    {SIDE_LEFT, 3.75, 1.72, 0.60, 0.84, 0, PAINTING_NIGHT},
-        {SIDE_LEFT, 4.50, 1.60, 0.50, 0.50, 2, PAINTING_STRIPES},   {SIDE_LEFT, 5.90, 1.60, 0.76, 0.58, 0, PAINTING_MAP},
+        {SIDE_LEFT, 1.55, 1.55, 1.30, 1.20, 0, PAINTING_WINDOW},
+        {SIDE_LEFT, 3.75, 1.72, 0.60, 0.84, 0, PAINTING_NIGHT},
+        {SIDE_LEFT, 4.50, 1.60, 0.50, 0.50, 2, PAINTING_STRIPES},
+        {SIDE_LEFT, 5.90, 1.60, 0.76, 0.58, 0, PAINTING_MAP},
         {SIDE_LEFT, 6.70, 1.55, 0.48, 0.66, 0, PAINTING_WORDS},
-        {SIDE_RIGHT, 0.80, 1.65, 0.62, 0.86, 0, PAINTING_CIRCLES},  {SIDE_RIGHT, 1.75, 1.65, 0.80, 0.60, 0, PAINTING_LANDSCAPE},
-        {SIDE_RIGHT, 3.55, 1.60, 0.58, 0.82, -1, PAINTING_WORDS},   {SIDE_RIGHT, 4.25, 1.85, 0.46, 0.46, 0, PAINTING_NIGHT},
-        {SIDE_RIGHT, 5.60, 1.72, 0.60, 0.80, 0, PAINTING_MAP},      {SIDE_RIGHT, 6.50, 1.60, 0.64, 0.46, 1, PAINTING_STRIPES},
-        {SIDE_REAR, 1.10, 1.05, 1.00, 2.10, 0, PAINTING_DOOR},      {SIDE_REAR, 2.20, 1.65, 0.56, 0.78, 0, PAINTING_STRIPES},
-        {SIDE_REAR, 3.80, 1.70, 0.90, 0.64, 0, PAINTING_MAP},       {SIDE_REAR, 5.80, 1.65, 0.60, 0.84, 0, PAINTING_LANDSCAPE},
+        {SIDE_RIGHT, 0.80, 1.65, 0.62, 0.86, 0, PAINTING_CIRCLES},
+        {SIDE_RIGHT, 1.75, 1.65, 0.80, 0.60, 0, PAINTING_LANDSCAPE},
+        {SIDE_RIGHT, 3.55, 1.60, 0.58, 0.82, -1, PAINTING_WORDS},
+        {SIDE_RIGHT, 4.25, 1.85, 0.46, 0.46, 0, PAINTING_NIGHT},
+        {SIDE_RIGHT, 5.60, 1.72, 0.60, 0.80, 0, PAINTING_MAP},
+        {SIDE_RIGHT, 6.50, 1.60, 0.64, 0.46, 1, PAINTING_STRIPES},
+        {SIDE_REAR, 1.10, 1.05, 1.00, 2.10, 0, PAINTING_DOOR},
+        {SIDE_REAR, 2.20, 1.65, 0.56, 0.78, 0, PAINTING_STRIPES},
+        {SIDE_REAR, 3.80, 1.70, 0.90, 0.64, 0, PAINTING_MAP},
+        {SIDE_REAR, 5.80, 1.65, 0.60, 0.84, 0, PAINTING_LANDSCAPE},
         {SIDE_FLOOR, 3.35, 3.45, 2.60, 1.90, 6, PAINTING_RUG},
     };
     enum status status = OK;
@@ -169,9 +181,11 @@ static enum status add_furniture(struct scene *s, uint32_t seed)
     add_box(s, v3(2.95, -1.7, 0), v3(3.3, -0.9, 0.80), MATERIAL_WOOD, 0x9a7248);
     add_box(s, v3(1.25, 2.85, 0), v3(1.62, 3.22, 0.42), MATERIAL_PAINT, 0x8f3b4c);
 
-    enum status status = add_painting(s, s->boxes[shelf].first_surface + 2, 0.45, 0.975, 0.86, 1.90, 0, PAINTING_BOOKS, seed);
+    enum status status =
+        add_painting(s, s->boxes[shelf].first_surface + 2, 0.45, 0.975, 0.86, 1.90, 0, PAINTING_BOOKS, seed);
     if (!status)
-        status = add_painting(s, s->boxes[sideboard].first_surface + 1, 0.725, 0.37, 1.43, 0.70, 0, PAINTING_DRAWERS, seed);
+        status =
+            add_painting(s, s->boxes[sideboard].first_surface + 1, 0.725, 0.37, 1.43, 0.70, 0, PAINTING_DRAWERS, seed);
     return status;
 }
 
@@ -285,11 +299,12 @@ int scene_decal(const struct scene *s, int surface, double u, double v)
 // The share of [x - w/2, x + w/2] that lies within half a line of a multiple of `period`.
 static float lines(double x, double period, double line, double w)
 {
-    w = fmax(w, 1e-4);
+    w = most(w, 1e-4);
     double low = (x - w / 2) / period, high = (x + w / 2) / period, share = line / period;
     // the integral of the pulse train, shifted so that pulses start at whole numbers
     low += share / 2, high += share / 2;
-    double a = floor(low) * share + fmin(low - floor(low), share), b = floor(high) * share + fmin(high - floor(high), share);
+    double a = floor(low) * share + least(low - floor(low), share),
+           b = floor(high) * share + least(high - floor(high), share);
     return (float)((b - a) / (high - low));
 }
 
@@ -311,9 +326,10 @@ static void floor_albedo(const struct scene *s, const struct surface *f, double 
     if (!s->plain) // the grain runs along v
         tile(&s->grain, v + 0.01 * (id % 997), u + 0.01 * (id % 89), 0.0022,
              (struct footprint){foot.dvdx, foot.dudx, foot.dvdy, foot.dudy}, grain);
-    double wu = fabs((double)foot.dudx) + fabs((double)foot.dudy), wv = fabs((double)foot.dvdx) + fabs((double)foot.dvdy);
+    double wu = fabs((double)foot.dudx) + fabs((double)foot.dudy),
+           wv = fabs((double)foot.dvdx) + fabs((double)foot.dvdy);
     float gap = lines(u, width, 0.004, wu) + lines(v + shift, length, 0.004, wv);
-    float tone = (0.72f + 0.50f * hash_unit(id, 1, 1)) * (1 - 0.75f * fminf(1, gap));
+    float tone = (0.72f + 0.50f * hash_unit(id, 1, 1)) * (1 - 0.75f * minf(1, gap));
     float warm = 0.06f * (hash_unit(id, 2, 2) - 0.5f);
     for (int c = 0; c < 3; c++)
         albedo[c] = f->tint[c] * tone * 2 * grain[c] * (1 + warm * (float)(1 - c));
@@ -325,14 +341,16 @@ static void wall_albedo(const struct scene *s, const struct surface *f, double u
     float plaster[3] = {0.5f, 0.5f, 0.5f};
     if (!s->plain)
         tile(&s->plaster, u, v, 0.004, foot, plaster);
-    static const float dado[3] = {0.20f, 0.30f, 0.27f}, rail[3] = {0.62f, 0.58f, 0.50f}, skirting[3] = {0.58f, 0.54f, 0.47f};
+    static const float dado[3] = {0.20f, 0.30f, 0.27f}, rail[3] = {0.62f, 0.58f, 0.50f},
+                       skirting[3] = {0.58f, 0.54f, 0.47f};
     // From the floor up: skirting board, painted dado, rail, wall; edges as wide as a sample.
     static const double ends[] = {0.09, 0.095, 0.88, 0.885, 0.925, 0.93};
     const float *bands[] = {skirting, NULL, dado, NULL, rail, NULL, f->tint};
-    double w = fmax(1e-4, fabs((double)foot.dvdx) + fabs((double)foot.dvdy)), low = v - w / 2, high = v + w / 2, from = low;
+    double w = most(1e-4, fabs((double)foot.dvdx) + fabs((double)foot.dvdy)), low = v - w / 2, high = v + w / 2,
+           from = low;
     albedo[0] = albedo[1] = albedo[2] = 0;
     for (int i = 0; i <= 6; i++) {
-        double to = i < 6 ? fmin(high, ends[i]) : high;
+        double to = i < 6 ? least(high, ends[i]) : high;
         if (to > from) {
             for (int c = 0; c < 3; c++)
                 albedo[c] += (float)((to - from) / w) * (bands[i] ? bands[i][c] : 0.12f);
@@ -353,14 +371,19 @@ float scene_albedo(const struct scene *s, int surface, int decal, double u, doub
         double x = du * d->cosine + dv * d->sine + d->width / 2, y = dv * d->cosine - du * d->sine + d->height / 2;
         double sx = d->texture.width[0] / d->width, sy = d->texture.height[0] / d->height;
         float c = (float)d->cosine, n = (float)d->sine, fx = (float)sx, fy = (float)sy;
-        texture_at(&d->texture, x * sx, y * sy, (foot.dudx * c + foot.dvdx * n) * fx, (foot.dvdx * c - foot.dudx * n) * fy,
-                   (foot.dudy * c + foot.dvdy * n) * fx, (foot.dvdy * c - foot.dudy * n) * fy, false, albedo);
+        texture_at(&d->texture, x * sx, y * sy, (foot.dudx * c + foot.dvdx * n) * fx,
+                   (foot.dvdx * c - foot.dudx * n) * fy, (foot.dudy * c + foot.dvdy * n) * fx,
+                   (foot.dvdy * c - foot.dudy * n) * fy, false, albedo);
         return d->glow;
     }
     float texel[3] = {0.5f, 0.5f, 0.5f};
     switch (f->material) {
-    case MATERIAL_FLOOR: floor_albedo(s, f, u, v, foot, albedo); return 0;
-    case MATERIAL_WALL: wall_albedo(s, f, u, v, foot, albedo); return 0;
+    case MATERIAL_FLOOR:
+        floor_albedo(s, f, u, v, foot, albedo);
+        return 0;
+    case MATERIAL_WALL:
+        wall_albedo(s, f, u, v, foot, albedo);
+        return 0;
     case MATERIAL_WOOD:
         if (!s->plain)
             tile(&s->grain, u + 0.37 * surface, v, 0.0025, foot, texel);

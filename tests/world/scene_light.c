@@ -1,12 +1,13 @@
 // Light on the empty room: two lamps with soft shadows of the furniture, and an
 // ambient share that corners and furniture take part of.
 #include "tests/world/scene.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 
 const struct lamp scene_lamps[LAMP_COUNT] = {
-    {{-1.55, -1.65, 2.6}, {-0.25, -0.95, 2.6}, {11.0f, 10.5f, 9.6f}},
-    {{0.35, 0.85, 2.6}, {1.65, 1.55, 2.6}, {11.0f, 10.5f, 9.6f}},
+    {{-1.55, -1.65, 2.6}, {-0.25, -0.95, 2.6}, {13.5f, 12.8f, 11.6f}},
+    {{0.35, 0.85, 2.6}, {1.65, 1.55, 2.6}, {13.5f, 12.8f, 11.6f}},
 };
 
 double lamp_area(const struct lamp *lamp) { return (lamp->high.x - lamp->low.x) * (lamp->high.y - lamp->low.y); }
@@ -46,7 +47,8 @@ static float openness(const struct scene *s, struct vec3 at, struct vec3 normal)
     double lost = 0;
     for (int k = 0; k < RAYS; k++) { // cosine-weighted spiral
         double r2 = (k + 0.5) / RAYS, r = sqrt(r2), a = k * 2.399963229728653;
-        struct vec3 d = v3_add(v3_scale(normal, sqrt(1 - r2)), v3_add(v3_scale(x, r * cos(a)), v3_scale(y, r * sin(a))));
+        struct vec3 d =
+            v3_add(v3_scale(normal, sqrt(1 - r2)), v3_add(v3_scale(x, r * cos(a)), v3_scale(y, r * sin(a))));
         struct hit h = scene_hit(s, at, d, (1u << s->box_count) - 1);
         if (h.distance < reach)
             lost += (1 - h.distance / reach) * (h.surface < 6 ? 0.45 : 0.85);
@@ -67,17 +69,17 @@ enum status scene_bake(struct scene *s)
         for (int y = 0; y < f->light_height; y++)
             for (int x = 0; x < f->light_width; x++) {
                 // a little inside the edges, and off the surface
-                double u = fmin(fmax(f->width * x / (f->light_width - 1), 0.004), f->width - 0.004);
-                double v = fmin(fmax(f->height * y / (f->light_height - 1), 0.004), f->height - 0.004);
+                double u = least(most(f->width * x / (f->light_width - 1), 0.004), f->width - 0.004);
+                double v = least(most(f->height * y / (f->light_height - 1), 0.004), f->height - 0.004);
                 struct vec3 at = v3_add(f->corner, v3_add(v3_scale(f->u, u), v3_scale(f->v, v)));
                 at = v3_add(at, v3_scale(f->normal, 0.004));
                 float *out = f->light[y * f->light_width + x];
                 direct(s, at, f->normal, out);
                 // What comes back from the floor is warm, from the ceiling white.
                 float open = openness(s, at, f->normal), up = 0.5f + 0.5f * (float)f->normal.z;
-                out[0] += open * (0.36f + 0.02f * (1 - up));
-                out[1] += open * (0.355f);
-                out[2] += open * (0.35f - 0.04f * (1 - up));
+                out[0] += open * (0.45f + 0.02f * (1 - up));
+                out[1] += open * 0.445f;
+                out[2] += open * (0.44f - 0.04f * (1 - up));
             }
     }
     return OK;
@@ -86,8 +88,8 @@ enum status scene_bake(struct scene *s)
 void scene_light(const struct surface *f, double u, double v, float light[3])
 {
     double x = u / f->width * (f->light_width - 1), y = v / f->height * (f->light_height - 1);
-    x = fmin(fmax(x, 0), f->light_width - 1.000001);
-    y = fmin(fmax(y, 0), f->light_height - 1.000001);
+    x = least(most(x, 0), f->light_width - 1.000001);
+    y = least(most(y, 0), f->light_height - 1.000001);
     int i = (int)x, j = (int)y;
     float a = (float)(x - i), b = (float)(y - j);
     float(*at)[3] = f->light + (j * f->light_width + i);

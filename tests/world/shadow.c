@@ -1,6 +1,7 @@
 #include "tests/world/shadow.h"
 
 #include "tests/world/parallel.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -42,8 +43,10 @@ static void splat(struct map *m, const struct vec3 p[3])
     double area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]);
     if (!(fabs(area) > 1e-12))
         return;
-    int x0 = (int)fmax(0, ceil(fmin(x[0], fmin(x[1], x[2])) - 0.5)), x1 = (int)fmin(MAP_SIDE - 1, floor(fmax(x[0], fmax(x[1], x[2])) - 0.5));
-    int y0 = (int)fmax(0, ceil(fmin(y[0], fmin(y[1], y[2])) - 0.5)), y1 = (int)fmin(MAP_SIDE - 1, floor(fmax(y[0], fmax(y[1], y[2])) - 0.5));
+    int x0 = (int)most(0, ceil(least(x[0], least(x[1], x[2])) - 0.5)),
+        x1 = (int)least(MAP_SIDE - 1, floor(most(x[0], most(x[1], x[2])) - 0.5));
+    int y0 = (int)most(0, ceil(least(y[0], least(y[1], y[2])) - 0.5)),
+        y1 = (int)least(MAP_SIDE - 1, floor(most(y[0], most(y[1], y[2])) - 0.5));
     for (int j = y0; j <= y1; j++)
         for (int i = x0; i <= x1; i++) {
             double px = i + 0.5, py = j + 0.5;
@@ -53,7 +56,7 @@ static void splat(struct map *m, const struct vec3 p[3])
                 continue;
             float d = (float)(a * z[0] + b * z[1] + c * z[2]);
             float *to = &m->depth[j * MAP_SIDE + i];
-            *to = fminf(*to, d);
+            *to = minf(*to, d);
         }
 }
 
@@ -66,7 +69,7 @@ static void fill_map(void *context, int index)
     m->z = v3_unit(v3_sub(s->middle, m->from));
     m->x = v3_perpendicular(m->z);
     m->y = v3_cross(m->z, m->x);
-    double distance = fmax(v3_distance(s->middle, m->from), s->radius * 1.05);
+    double distance = most(v3_distance(s->middle, m->from), s->radius * 1.05);
     m->spread = 1.06 * s->radius / sqrt(distance * distance - s->radius * s->radius);
     for (int c = 0; c < 3; c++)
         m->weight[c] = lamp->radiance[c] * (float)(lamp_area(lamp) / POINTS_A_LAMP / 3.14159265358979);
@@ -86,7 +89,8 @@ static float passes(const struct map *m, struct vec3 at, double bias)
     double z = v3_dot(d, m->z);
     if (z < 0.1)
         return 1;
-    double x = (v3_dot(d, m->x) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5, y = (v3_dot(d, m->y) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5;
+    double x = (v3_dot(d, m->x) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5,
+           y = (v3_dot(d, m->y) / z / m->spread + 1) * MAP_SIDE / 2 - 0.5;
     if (!(x > 0 && y > 0 && x < MAP_SIDE - 1 && y < MAP_SIDE - 1))
         return 1;
     int i = (int)x, j = (int)y;
@@ -107,7 +111,8 @@ static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
             for (int i = 0; i < 8; i++) {
                 struct vec3 p = v3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z);
                 struct vec3 from = k < MAPS ? s->maps[k].from : p, to = v3_sub(p, surface->corner);
-                double over = v3_dot(to, surface->normal), lamp = v3_dot(v3_sub(from, surface->corner), surface->normal);
+                double over = v3_dot(to, surface->normal),
+                       lamp = v3_dot(v3_sub(from, surface->corner), surface->normal);
                 double reach = 0.5; // of the dark about feet
                 if (k < MAPS) {
                     if (!(lamp > 1e-6))
@@ -120,8 +125,8 @@ static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
                     continue;
                 }
                 double u = v3_dot(to, surface->u), v = v3_dot(to, surface->v);
-                r.u0 = fmin(r.u0, u - reach), r.u1 = fmax(r.u1, u + reach);
-                r.v0 = fmin(r.v0, v - reach), r.v1 = fmax(r.v1, v + reach);
+                r.u0 = least(r.u0, u - reach), r.u1 = most(r.u1, u + reach);
+                r.v0 = least(r.v0, v - reach), r.v1 = most(r.v1, v + reach);
             }
         s->reach[f] = r;
     }
@@ -144,12 +149,12 @@ enum status shadow_open(struct shadow **out, const struct scene *scene, const st
     memcpy(s->sphere, joints->joint, sizeof s->sphere);
     struct vec3 low = v3(1e9, 1e9, 1e9), high = v3(-1e9, -1e9, -1e9);
     for (int i = 0; i < mesh->vertex_count; i++) {
-        low = v3(fmin(low.x, at[i].x), fmin(low.y, at[i].y), fmin(low.z, at[i].z));
-        high = v3(fmax(high.x, at[i].x), fmax(high.y, at[i].y), fmax(high.z, at[i].z));
+        low = v3(least(low.x, at[i].x), least(low.y, at[i].y), least(low.z, at[i].z));
+        high = v3(most(high.x, at[i].x), most(high.y, at[i].y), most(high.z, at[i].z));
     }
     s->middle = v3_mix(low, high, 0.5);
     for (int i = 0; i < mesh->vertex_count; i++)
-        s->radius = fmax(s->radius, v3_distance(at[i], s->middle));
+        s->radius = most(s->radius, v3_distance(at[i], s->middle));
     for (int i = 0; i < MAPS; i++)
         s->maps[i].depth = depth + (size_t)i * MAP_SIDE * MAP_SIDE;
     parallel(threads, MAPS, fill_map, s);
@@ -212,7 +217,7 @@ void shadow_on(const struct shadow *s, struct vec3 at, struct vec3 normal, float
         double d2 = v3_dot(to, to), r = j == JOINT_WAIST || j == JOINT_TORSO ? 0.16 : 0.09;
         double cosine = v3_dot(to, normal) / sqrt(d2 + 1e-9);
         if (cosine > 0)
-            sky *= 1 - (float)fmin(0.75, cosine * r * r / fmax(d2, r * r));
+            sky *= 1 - (float)least(0.75, cosine * r * r / most(d2, r * r));
     }
     *ambient = sky;
 }

@@ -1,6 +1,7 @@
 #include "tests/world/shapes.h"
 
 #include "tests/world/texture.h"
+#include "tests/world/numbers.h"
 
 #include <string.h>
 
@@ -20,7 +21,7 @@ float ellipsoid_distance(struct ellipsoid e, struct vec3f p)
     struct vec3f m = {n.x / e.radii.x, n.y / e.radii.y, n.z / e.radii.z};
     float k0 = sqrtf(dot(n, n)), k1 = sqrtf(dot(m, m));
     if (!(k1 > 1e-6f))
-        return -fminf(e.radii.x, fminf(e.radii.y, e.radii.z));
+        return -minf(e.radii.x, minf(e.radii.y, e.radii.z));
     return k0 * (k0 - 1) / k1;
 }
 
@@ -31,58 +32,90 @@ float shape_distance(const struct shape *s, struct vec3f p)
     struct vec3f q = sub(p, s->a), axis = sub(s->b, s->a);
     q.y /= s->flat, axis.y /= s->flat;
     float length2 = dot(axis, axis), t = dot(q, axis) / length2;
-    float shrink = fminf(1, s->flat);
+    float shrink = minf(1, s->flat);
     if (s->kind == SHAPE_ROUND_CONE) {
-        t = fminf(1, fmaxf(0, t));
+        t = minf(1, maxf(0, t));
         struct vec3f d = {q.x - t * axis.x, q.y - t * axis.y, q.z - t * axis.z};
         return shrink * (sqrtf(dot(d, d)) - (s->ra + (s->rb - s->ra) * t));
     }
     struct vec3f d = {q.x - t * axis.x, q.y - t * axis.y, q.z - t * axis.z};
-    float inside = fminf(1, fmaxf(0, t));
+    float inside = minf(1, maxf(0, t));
     float out = sqrtf(dot(d, d)) - (s->ra + (s->rb - s->ra) * inside);
     float beyond = (fabsf(t - 0.5f) - 0.5f) * sqrtf(length2);
     if (out > 0 && beyond > 0)
         return shrink * sqrtf(out * out + beyond * beyond);
-    return shrink * fmaxf(out, beyond);
+    return shrink * maxf(out, beyond);
 }
 
 // Quadratic smooth minimum (Quilez): melts over a width of k.
 static float melt(float a, float b, float k)
 {
-    float h = fmaxf(k - fabsf(a - b), 0) / k;
-    return fminf(a, b) - h * h * k * 0.25f;
+    float h = maxf(k - fabsf(a - b), 0) / k;
+    return minf(a, b) - h * h * k * 0.25f;
 }
 
-float form_distance(const struct form *f, struct vec3f p, const int *some, int some_count)
+static float plain_distance(const struct form *f, struct vec3f p, const struct near *n, bool *cloth)
 {
-    float d = 10, cloth = 10;
-    int n = some ? some_count : f->count;
-    for (int i = 0; i < n; i++) {
-        const struct shape *s = &f->shapes[some ? some[i] : i];
+    float d = 10, covered = 10;
+    int count = n ? n->count : f->count;
+    for (int i = 0; i < count; i++) {
+        const struct shape *s = &f->shapes[n ? n->some[i] : i];
         float e = shape_distance(s, p);
         d = melt(d, e, s->melt);
         if (s->cloth)
-            cloth = fminf(cloth, e);
+            covered = minf(covered, e);
     }
-    if (d < 0.05f && cloth < d + 0.01f) { // folds, mostly lengthwise
+    *cloth = covered < d + 0.01f;
+    return d;
+}
+
+float form_distance(const struct form *f, struct vec3f p, const struct near *n)
+{
+    bool cloth;
+    return maxf(plain_distance(f, p, n, &cloth), -p.z); // soles are flat
+}
+
+float form_folded(const struct form *f, struct vec3f p, const struct near *n)
+{
+    bool cloth;
+    float d = plain_distance(f, p, n, &cloth);
+    if (cloth && !f->smooth) { // folds run mostly lengthwise
         float k = 1 / f->scale;
         d += 0.007f * f->scale * (noise3(p.x * 19 * k, p.y * 19 * k, p.z * 8 * k, 41) - 0.5f);
     }
-    return fmaxf(d, -p.z); // soles are flat
+    return maxf(d, -p.z);
 }
 
-struct vec3f form_normal(const struct form *f, struct vec3f p, const int *some, int some_count)
+struct vec3f form_normal(const struct form *f, struct vec3f p, const struct near *n)
 {
     const float e = 0.003f;
     static const float k[4][3] = {{1, -1, -1}, {-1, -1, 1}, {-1, 1, -1}, {1, 1, 1}};
-    struct vec3f n = {0, 0, 0};
+    struct vec3f sum = {0, 0, 0};
     for (int i = 0; i < 4; i++) {
-        struct vec3f q = {p.x + e * k[i][0], p.y + e * k[i][1], p.z + e * k[i][2]};
-        float d = form_distance(f, q, some, some_count);
-        n.x += k[i][0] * d, n.y += k[i][1] * d, n.z += k[i][2] * d;
+        float d = form_folded(f, (struct vec3f){p.x + e * k[i][0], p.y + e * k[i][1], p.z + e * k[i][2]}, n);
+        sum.x += k[i][0] * d, sum.y += k[i][1] * d, sum.z += k[i][2] * d;
     }
-    float l = sqrtf(dot(n, n));
-    return l > 1e-12f ? (struct vec3f){n.x / l, n.y / l, n.z / l} : (struct vec3f){0, 0, 1};
+    float l = sqrtf(dot(sum, sum));
+    return l > 1e-12f ? (struct vec3f){sum.x / l, sum.y / l, sum.z / l} : (struct vec3f){0, 0, 1};
+}
+
+void form_near(const struct form *f, struct vec3f p, float need, float reach, struct near *n)
+{
+    assert(reach >= need);
+    struct vec3f moved = sub(p, n->middle);
+    if (n->reach > 0 && sqrtf(dot(moved, moved)) + need <= n->reach)
+        return;
+    n->middle = p;
+    n->reach = reach;
+    float d[MAX_SHAPES], closest = 10;
+    for (int i = 0; i < f->count; i++) {
+        d[i] = shape_distance(&f->shapes[i], p);
+        closest = minf(closest, d[i]);
+    }
+    n->count = 0;
+    for (int i = 0; i < f->count; i++)
+        if (d[i] < closest + 2.2f * reach + f->shapes[i].melt) // 2 for exact distances
+            n->some[n->count++] = i;
 }
 
 // ---------------------------------------------------------------- the body, for 1.75 m
@@ -94,8 +127,8 @@ struct maker {
     struct vec3f joint[JOINT_COUNT];
 };
 
-static struct shape *add(struct maker *m, enum shape_kind kind, enum bone bone, struct vec3f a, struct vec3f b, double ra,
-                         double rb, double blend)
+static struct shape *add(struct maker *m, enum shape_kind kind, enum bone bone, struct vec3f a, struct vec3f b,
+                         double ra, double rb, double blend)
 {
     assert(m->form->count < MAX_SHAPES);
     struct shape *s = &m->form->shapes[m->form->count++];
@@ -104,8 +137,8 @@ static struct shape *add(struct maker *m, enum shape_kind kind, enum bone bone, 
 }
 
 // An ellipsoid beside a joint.
-static struct shape *blob(struct maker *m, enum bone bone, struct vec3f at, double dx, double dy, double dz, double rx, double ry,
-                          double rz, double blend)
+static struct shape *blob(struct maker *m, enum bone bone, struct vec3f at, double dx, double dy, double dz, double rx,
+                          double ry, double rz, double blend)
 {
     struct vec3f c = {at.x + (float)dx * m->s, at.y + (float)dy * m->s, at.z + (float)dz * m->s};
     return add(m, SHAPE_ELLIPSOID, bone, c, vf(rx * (double)m->s, ry * (double)m->s, rz * (double)m->s), 0, 0, blend);
@@ -119,20 +152,22 @@ static struct vec3f beside(const struct maker *m, struct vec3f at, double dx, do
 static void add_trunk(struct maker *m)
 {
     bool woman = m->p->figure.woman, coat = m->p->figure.clothes == CLOTHES_COAT;
-    double g = (double)m->g * (coat ? 1.07 : 1), heavy = fmax(0, m->p->figure.build - 0.5);
+    double g = (double)m->g * (coat ? 1.07 : 1), heavy = most(0, m->p->figure.build - 0.5);
     struct vec3f waist = m->joint[JOINT_WAIST], torso = m->joint[JOINT_TORSO];
     struct vec3f l = m->joint[JOINT_LEFT_SHOULDER], r = m->joint[JOINT_RIGHT_SHOULDER];
     double wide = l.x / m->s; // the chest is as wide as the shoulders are apart
     blob(m, BONE_CHEST, torso, 0, 0.004, 0.065, 0.90 * wide * (0.5 + 0.5 * g), 0.112 * g, 0.185, 0.01)->cloth = true;
-    blob(m, BONE_BELLY, waist, 0, -0.002 - 0.05 * heavy, 0.115, (woman ? 0.122 : 0.142) * g, (0.100 + 0.10 * heavy) * g, 0.165, 0.10)
+    blob(m, BONE_BELLY, waist, 0, -0.002 - 0.05 * heavy, 0.115, (woman ? 0.122 : 0.142) * g, (0.100 + 0.10 * heavy) * g,
+         0.165, 0.10)
         ->cloth = true;
     blob(m, BONE_PELVIS, waist, 0, 0.006, -0.03, (woman ? 0.166 : 0.156) * g, 0.115 * g, 0.125, 0.09)->cloth = true;
     add(m, SHAPE_ROUND_CONE, BONE_CHEST, l, r, 0.052 * (0.5 + 0.5 * g), 0.052 * (0.5 + 0.5 * g), 0.06)->cloth = true;
     struct vec3f neck = m->joint[JOINT_NECK];
     for (int side = -1; side <= 1; side += 2) {
         struct vec3f shoulder = side > 0 ? l : r;
-        add(m, SHAPE_ROUND_CONE, BONE_CHEST, beside(m, neck, 0.03 * side, 0.006, 0.012), beside(m, shoulder, -0.03 * side, 0, 0.012), 0.040,
-            0.040, 0.05);
+        add(m, SHAPE_ROUND_CONE, BONE_CHEST, beside(m, neck, 0.022 * side, 0.010, 0.030),
+            beside(m, shoulder, -0.025 * side, 0.004, 0.012), 0.043, 0.044, 0.045)
+            ->cloth = false;
         if (woman)
             blob(m, BONE_CHEST, torso, 0.068 * side, -0.082 * g, 0.035, 0.062, 0.050 * g, 0.060, 0.05)->cloth = true;
         else
@@ -140,7 +175,8 @@ static void add_trunk(struct maker *m)
         blob(m, BONE_PELVIS, waist, 0.070 * side, 0.062 * g, -0.072, 0.083 * g, 0.070 * g, 0.088, 0.05)->cloth = true;
     }
     if (coat) { // a collar
-        struct shape *c = add(m, SHAPE_TUBE, BONE_CHEST, beside(m, neck, 0, 0.002, -0.01), beside(m, neck, 0, 0.002, 0.045), 0.078, 0.066, 0.02);
+        struct shape *c = add(m, SHAPE_TUBE, BONE_CHEST, beside(m, neck, 0, 0.002, -0.01),
+                              beside(m, neck, 0, 0.002, 0.045), 0.078, 0.066, 0.02);
         c->flat = 0.95f;
     }
 }
@@ -150,21 +186,26 @@ static void add_head(struct maker *m)
     bool woman = m->p->figure.woman;
     struct vec3f neck = m->joint[JOINT_NECK], head = m->joint[JOINT_HEAD], skull = f_of(m->p->skull);
     // Heads vary less than heights: a child's is larger for its height.
-    float k = m->s, big = 1 + 0.28f * fmaxf(0, 1 - m->s);
+    float k = m->s, big = 1 + 0.28f * maxf(0, 1 - m->s);
     m->s *= big;
-    double thick = (woman ? 0.047 : 0.054) * (0.6 + 0.4 * (double)m->g);
-    add(m, SHAPE_ROUND_CONE, BONE_NECK, beside(m, neck, 0, 0.006, -0.03), beside(m, skull, 0, 0.006, 0.01), thick * 1.12, thick, 0.035);
+    double thick = (woman ? 0.049 : 0.057) * (0.6 + 0.4 * (double)m->g);
+    add(m, SHAPE_ROUND_CONE, BONE_NECK, beside(m, neck, 0, 0.006, -0.03), beside(m, skull, 0, 0.006, 0.01),
+        thick * 1.12, thick, 0.035);
     const struct ellipsoid *e = &head_skull;
-    blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y, (double)e->radii.z, 0.03);
+    blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y,
+         (double)e->radii.z, 0.03);
     blob(m, BONE_HEAD, head, 0, -0.026, -0.046, woman ? 0.051 : 0.056, 0.064, 0.058, 0.035);
-    add(m, SHAPE_ROUND_CONE, BONE_HEAD, beside(m, head, 0, -0.082, 0.018), beside(m, head, 0, -0.100, -0.018), 0.007, 0.011, 0.014);
+    add(m, SHAPE_ROUND_CONE, BONE_HEAD, beside(m, head, 0, -0.082, 0.018), beside(m, head, 0, -0.100, -0.018), 0.007,
+        0.011, 0.014);
     for (int side = -1; side <= 1; side += 2)
         blob(m, BONE_HEAD, head, 0.077 * side, 0.012, -0.004, 0.010, 0.020, 0.030, 0.008);
     e = &head_hair;
-    blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y, (double)e->radii.z, 0.006);
+    blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y,
+         (double)e->radii.z, 0.006);
     e = &head_long_hair;
     if (woman)
-        blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x, (double)e->radii.y, (double)e->radii.z, 0.012);
+        blob(m, BONE_HEAD, head, (double)e->at.x, (double)e->at.y, (double)e->at.z, (double)e->radii.x,
+             (double)e->radii.y, (double)e->radii.z, 0.012);
     m->s = k;
 }
 
@@ -172,26 +213,31 @@ static void add_arm(struct maker *m, int side)
 {
     double x = side == LEFT ? 1 : -1, t = (double)m->limb;
     int a = side == LEFT ? JOINT_LEFT_SHOULDER : JOINT_RIGHT_SHOULDER;
-    enum bone upper = side == LEFT ? BONE_LEFT_UPPER_ARM : BONE_RIGHT_UPPER_ARM, fore = (enum bone)(upper + 1), hand = (enum bone)(upper + 2);
-    struct vec3 d = v3(x * m->p->arm.x, m->p->arm.y, m->p->arm.z), across = v3(0, 1, 0), thick = v3_cross(d, v3(0, x, 0));
+    enum bone upper = side == LEFT ? BONE_LEFT_UPPER_ARM : BONE_RIGHT_UPPER_ARM, fore = (enum bone)(upper + 1),
+              hand = (enum bone)(upper + 2);
+    struct vec3 d = v3(x * m->p->arm.x, m->p->arm.y, m->p->arm.z), across = v3(0, 1, 0),
+                thick = v3_cross(d, v3(0, x, 0));
     struct vec3f shoulder = m->joint[a], elbow = m->joint[a + 1], wrist = f_of(m->p->wrist[side]);
     add(m, SHAPE_ROUND_CONE, upper, shoulder, elbow, 0.052 * t, 0.038 * t, 0.04);
     add(m, SHAPE_ROUND_CONE, fore, elbow, wrist, 0.039 * t, 0.027 * t, 0.02);
     struct vec3 s3 = m->p->rest[a], e3 = m->p->rest[a + 1], w3 = m->p->wrist[side];
     if (m->p->figure.clothes == CLOTHES_COAT) {
         add(m, SHAPE_TUBE, upper, shoulder, elbow, 0.066 * t, 0.055 * t, 0.04)->cloth = true;
-        struct shape *s = add(m, SHAPE_TUBE, fore, f_of(v3_mix(s3, e3, 0.96)), f_of(v3_mix(e3, w3, 0.96)), 0.055 * t, 0.044 * t, 0.02);
+        struct shape *s = add(m, SHAPE_TUBE, fore, f_of(v3_mix(s3, e3, 0.96)), f_of(v3_mix(e3, w3, 0.96)), 0.055 * t,
+                              0.044 * t, 0.02);
         s->cloth = true;
     } else {
-        add(m, SHAPE_TUBE, upper, f_of(v3_mix(s3, e3, 0.04)), f_of(v3_mix(s3, e3, 0.66)), 0.061 * t, 0.056 * t, 0.035)->cloth = true;
+        add(m, SHAPE_TUBE, upper, f_of(v3_mix(s3, e3, 0.04)), f_of(v3_mix(s3, e3, 0.66)), 0.061 * t, 0.056 * t, 0.035)
+            ->cloth = true;
     }
     // The palm and fingers lie side by side along y, the thumb in front (-y).
-    double k = (double)m->s, h = fmin(1.08, 0.55 + 0.45 * (double)m->limb) * k;
+    double k = (double)m->s, h = least(1.08, 0.55 + 0.45 * (double)m->limb) * k;
     for (int i = 0; i < 4; i++) {
         double off = (-0.028 + 0.0185 * i) * h, length = (0.078 - 0.008 * fabs(i - 1.3)) * h;
         struct vec3 knuckle = v3_add(v3_add(w3, v3_scale(d, 0.088 * h)), v3_scale(across, off));
         struct vec3 root = v3_add(v3_add(w3, v3_scale(d, 0.012 * h)), v3_scale(across, 0.55 * off));
-        struct vec3 tip = v3_add(v3_add(knuckle, v3_scale(d, length)), v3_add(v3_scale(thick, -0.012 * h), v3_scale(across, 0.12 * off)));
+        struct vec3 tip = v3_add(v3_add(knuckle, v3_scale(d, length)),
+                                 v3_add(v3_scale(thick, -0.012 * h), v3_scale(across, 0.12 * off)));
         add(m, SHAPE_ROUND_CONE, hand, f_of(root), f_of(knuckle), 0.0165 * h / k, 0.0120 * h / k, 0.018);
         add(m, SHAPE_ROUND_CONE, hand, f_of(knuckle), f_of(tip), 0.0100 * h / k, 0.0078 * h / k, 0.004);
     }
@@ -204,32 +250,43 @@ static void add_leg(struct maker *m, int side)
 {
     double x = side == LEFT ? 1 : -1, t = (double)m->limb;
     int l = side == LEFT ? JOINT_LEFT_HIP : JOINT_RIGHT_HIP;
-    enum bone thigh = side == LEFT ? BONE_LEFT_THIGH : BONE_RIGHT_THIGH, shin = (enum bone)(thigh + 1), foot = (enum bone)(thigh + 2);
+    enum bone thigh = side == LEFT ? BONE_LEFT_THIGH : BONE_RIGHT_THIGH, shin = (enum bone)(thigh + 1),
+              foot = (enum bone)(thigh + 2);
     struct vec3f hip = m->joint[l], knee = m->joint[l + 1], ankle = m->joint[l + 2];
     struct vec3 k3 = m->p->rest[l + 1], a3 = m->p->rest[l + 2];
     bool bare = m->p->figure.clothes == CLOTHES_SKIRT;
-    double wide = bare ? 0 : 0.008; // of the trousers
-    double top = fmin(0.084 * t, (double)(fabsf(hip.x) / m->s) * 0.96); // thighs must not melt into one
-    add(m, SHAPE_ROUND_CONE, thigh, beside(m, hip, 0.006 * x, 0, -0.03), beside(m, knee, 0, -0.004, 0.01), top + wide * 0.3, 0.054 * t + wide, 0.028)
+    double wide = bare ? 0 : 0.008;                                      // of the trousers
+    double top = least(0.084 * t, (double)(fabsf(hip.x) / m->s) * 0.96); // thighs must not melt into one
+    add(m, SHAPE_ROUND_CONE, thigh, beside(m, hip, 0.006 * x, 0, -0.03), beside(m, knee, 0, -0.004, 0.01),
+        top + wide * 0.3, 0.054 * t + wide, 0.028)
         ->cloth = !bare;
-    add(m, SHAPE_ROUND_CONE, shin, beside(m, knee, 0, -0.002, 0), beside(m, ankle, 0, 0, 0.03), 0.052 * t + wide, 0.036 * t + wide, 0.02)->cloth = !bare;
+    add(m, SHAPE_ROUND_CONE, shin, beside(m, knee, 0, -0.002, 0), beside(m, ankle, 0, 0, 0.03), 0.052 * t + wide,
+        0.036 * t + wide, 0.02)
+        ->cloth = !bare;
     struct vec3f calf = f_of(v3_mix(k3, a3, 0.30));
     blob(m, shin, calf, 0, 0.014, 0, 0.047 * t + wide, 0.048 * t + wide, 0.105, 0.03)->cloth = !bare;
     if (!bare)
-        add(m, SHAPE_TUBE, shin, f_of(v3_mix(k3, a3, 0.35)), beside(m, ankle, 0, 0.002, -0.012), 0.060 * t, 0.058 * t, 0.02)->cloth = true;
+        add(m, SHAPE_TUBE, shin, f_of(v3_mix(k3, a3, 0.35)), beside(m, ankle, 0, 0.002, -0.012), 0.060 * t, 0.058 * t,
+            0.02)
+            ->cloth = true;
     // Shoe: heel, ball, toes, and a collar round the ankle.
     double sole = ankle.z / m->s;
-    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, 0.020, 0.012), beside(m, ankle, 0, 0.024, 0.034 - sole), 0.040, 0.040, 0.012);
-    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, 0.014, 0.030 - sole), beside(m, ankle, 0.006 * x, -0.105, 0.022 - sole), 0.038, 0.043, 0.02);
-    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0.004 * x, -0.105, 0.018 - sole), beside(m, ankle, 0.002 * x, -0.150, 0.018 - sole), 0.040, 0.032, 0.02);
-    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, -0.004, 0.0), beside(m, ankle, 0, -0.075, 0.045 - sole), 0.038, 0.030, 0.03);
+    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, 0.020, 0.012), beside(m, ankle, 0, 0.024, 0.034 - sole), 0.040,
+        0.040, 0.012);
+    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, 0.014, 0.030 - sole),
+        beside(m, ankle, 0.006 * x, -0.105, 0.022 - sole), 0.038, 0.043, 0.02);
+    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0.004 * x, -0.105, 0.018 - sole),
+        beside(m, ankle, 0.002 * x, -0.150, 0.018 - sole), 0.040, 0.032, 0.02);
+    add(m, SHAPE_ROUND_CONE, foot, beside(m, ankle, 0, -0.004, 0.0), beside(m, ankle, 0, -0.075, 0.045 - sole), 0.038,
+        0.030, 0.03);
 }
 
 static void add_tails(struct maker *m)
 {
     enum world_clothes c = m->p->figure.clothes;
     struct vec3f waist = m->joint[JOINT_WAIST], knee = m->joint[JOINT_LEFT_KNEE];
-    struct vec3f top = beside(m, waist, 0, 0.004, 0.02), low = {0, waist.y + 0.01f * m->s, knee.z + (c == CLOTHES_SKIRT ? 0.08f : 0.02f) * m->s};
+    struct vec3f top = beside(m, waist, 0, 0.004, 0.02),
+                 low = {0, waist.y + 0.01f * m->s, knee.z + (c == CLOTHES_SKIRT ? 0.08f : 0.02f) * m->s};
     double g = (double)m->g;
     struct shape *s = NULL;
     if (c == CLOTHES_SKIRT)

@@ -11,13 +11,13 @@ enum shape_kind { SHAPE_ROUND_CONE, SHAPE_ELLIPSOID, SHAPE_TUBE }; // a tube has
 
 struct shape {
     enum shape_kind kind;
-    enum bone bone;      // that carries it
-    struct vec3f a, b;   // its axis; an ellipsoid's centre and radii
-    float ra, rb;        // radii at the ends
-    float flat;          // depth (y) over width, 1 = round; not for ellipsoids
-    float melt;          // over this width it melts into what came before it
-    bool hangs;          // a skirt or coat's tail: follows pelvis and thighs
-    bool cloth;          // throws folds
+    enum bone bone;    // that carries it
+    struct vec3f a, b; // its axis; an ellipsoid's centre and radii
+    float ra, rb;      // radii at the ends
+    float flat;        // depth (y) over width, 1 = round; not for ellipsoids
+    float melt;        // over this width it melts into what came before it
+    bool hangs;        // a skirt or coat's tail: follows pelvis and thighs
+    bool cloth;        // throws folds
 };
 
 enum { MAX_SHAPES = 96 };
@@ -25,18 +25,33 @@ enum { MAX_SHAPES = 96 };
 struct form {
     struct shape shapes[MAX_SHAPES];
     int count;
-    float scale; // height over 1.75 m: all numbers below are for that height
+    float scale; // height over 1.75 m
+    bool smooth; // without folds
 };
 
 struct form form_of(const struct physique *p);
 
 float shape_distance(const struct shape *s, struct vec3f p);
 
-// Of all shapes, or of those whose numbers are listed (ascending).
-float form_distance(const struct form *f, struct vec3f p, const int *some, int some_count);
+// The shapes that matter to the distance at points within `reach` of a middle.
+struct near {
+    struct vec3f middle;
+    float reach; // 0: not filled yet
+    int some[MAX_SHAPES], count;
+};
 
-// The outward normal, unit length.
-struct vec3f form_normal(const struct form *f, struct vec3f p, const int *some, int some_count);
+// Makes `n` serve all points within `need` of p; when it does not do so already it is
+// made anew for those within `reach`, >= need, of p.
+void form_near(const struct form *f, struct vec3f p, float need, float reach, struct near *n);
+
+// The distance, of all shapes (n NULL) or of those near.
+float form_distance(const struct form *f, struct vec3f p, const struct near *n);
+
+// The same with the folds of the cloth, good near the surface.
+float form_folded(const struct form *f, struct vec3f p, const struct near *n);
+
+// The outward normal of the folded surface, unit length.
+struct vec3f form_normal(const struct form *f, struct vec3f p, const struct near *n);
 
 // Head and hair, for painting them: all relative to the head's joint, for a height of 1.75 m.
 struct ellipsoid {

@@ -1,6 +1,7 @@
 #include "tests/world/texture.h"
 
 #include "tests/world/srgb.inl"
+#include "tests/world/numbers.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -10,17 +11,16 @@ float srgb_to_linear(uint8_t value) { return level_linear[value]; }
 
 uint8_t linear_to_srgb(float linear)
 {
-    if (!(linear > 0))
-        return 0;
-    int low = 0, high = 255; // the answer is in [low, high]
-    while (low < high) {
-        int middle = (low + high) / 2;
-        if (linear < level_end[middle])
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return (uint8_t)low;
+    if (!(linear > 0x1p-13f))
+        return linear > level_end[0];
+    if (linear >= 1)
+        return 255;
+    uint32_t bits;
+    memcpy(&bits, &linear, sizeof bits);
+    int level = level_start[(bits >> 18) - (FIRST_OCTAVE << 5)];
+    while (level < 255 && linear >= level_end[level])
+        level++;
+    return (uint8_t)level;
 }
 
 enum status texture_make(struct texture *t, int width, int height)
@@ -98,7 +98,8 @@ static void bilinear(const struct texture *t, int level, double x, double y, boo
     float a = (float)(u - fu), b = (float)(v - fv);
     int x0 = inside((int)fu, w, wrap), x1 = inside((int)fu + 1, w, wrap);
     int y0 = inside((int)fv, h, wrap), y1 = inside((int)fv + 1, h, wrap);
-    const uint8_t *row0 = t->level[level] + (size_t)y0 * (size_t)w * 3, *row1 = t->level[level] + (size_t)y1 * (size_t)w * 3;
+    const uint8_t *row0 = t->level[level] + (size_t)y0 * (size_t)w * 3,
+                  *row1 = t->level[level] + (size_t)y1 * (size_t)w * 3;
     for (int c = 0; c < 3; c++) {
         float top = level_linear[row0[x0 * 3 + c]] * (1 - a) + level_linear[row0[x1 * 3 + c]] * a;
         float low = level_linear[row1[x0 * 3 + c]] * (1 - a) + level_linear[row1[x1 * 3 + c]] * a;
@@ -114,7 +115,7 @@ void texture_at(const struct texture *t, double x, double y, float dxdu, float d
     float la = sqrtf(dxdu * dxdu + dydu * dydu), lb = sqrtf(dxdv * dxdv + dydv * dydv);
     float longer = la > lb ? la : lb, shorter = la > lb ? lb : la;
     float ax = la > lb ? dxdu : dxdv, ay = la > lb ? dydu : dydv;
-    shorter = fmaxf(fmaxf(shorter, longer / MOST_TAPS), 1);
+    shorter = maxf(maxf(shorter, longer / MOST_TAPS), 1);
     int taps = (int)ceilf(longer / shorter - 0.01f);
     taps = taps < 1 ? 1 : taps > MOST_TAPS ? MOST_TAPS : taps;
     int whole;
@@ -135,18 +136,17 @@ void texture_at(const struct texture *t, double x, double y, float dxdu, float d
     }
 }
 
+// a 32-bit finaliser (lowbias32, Wellons 2018)
+static inline uint32_t stir(uint32_t h)
+{
+    h = (h ^ (h >> 16)) * 0x7feb352du;
+    h = (h ^ (h >> 15)) * 0x846ca68bu;
+    return h ^ (h >> 16);
+}
+
 uint32_t hash_of(uint32_t a, uint32_t b, uint32_t c)
 {
-    // three rounds of a 32-bit finaliser (lowbias32, Wellons 2018)
-    uint32_t h = a * 0x9e3779b1u ^ 0x85ebca6bu;
-    uint32_t rest[2] = {b, c};
-    for (int i = 0; i < 2; i++) {
-        h = (h ^ rest[i]) + 0x7f4a7c15u;
-        h = (h ^ (h >> 16)) * 0x7feb352du;
-        h = (h ^ (h >> 15)) * 0x846ca68bu;
-        h ^= h >> 16;
-    }
-    return h;
+    return stir(stir(a * 0x9e3779b1u + b) ^ (c * 0x85ebca6bu + 0x7f4a7c15u));
 }
 
 float hash_unit(uint32_t a, uint32_t b, uint32_t c) { return (float)(hash_of(a, b, c) >> 8) * 0x1p-24f; }
@@ -177,7 +177,14 @@ float fractal2(float x, float y, int octaves, uint32_t seed)
 
 float noise3(float x, float y, float z, uint32_t seed)
 {
-    float fz = floorf(z), c = ease(z - fz);
-    uint32_t k = (uint32_t)(int32_t)fz;
-    return noise2(x, y, seed ^ hash_of(k, 17, 3)) * (1 - c) + noise2(x, y, seed ^ hash_of(k + 1, 17, 3)) * c;
+    float fx = floorf(x), fy = floorf(y), fz = floorf(z);
+    float a = ease(x - fx), b = ease(y - fy), c = ease(z - fz), sum = 0;
+    uint32_t i = (uint32_t)(int32_t)fx, j = (uint32_t)(int32_t)fy, k = (uint32_t)(int32_t)fz;
+    for (uint32_t l = 0; l < 2; l++) {
+        uint32_t layer = seed ^ (k + l) * 0x9e3779b1u;
+        float top = hash_unit(i, j, layer) * (1 - a) + hash_unit(i + 1, j, layer) * a;
+        float low = hash_unit(i, j + 1, layer) * (1 - a) + hash_unit(i + 1, j + 1, layer) * a;
+        sum += (top * (1 - b) + low * b) * (l ? c : 1 - c);
+    }
+    return sum;
 }

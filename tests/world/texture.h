@@ -27,7 +27,7 @@ uint8_t linear_to_srgb(float linear); // rounds, clamps; by a table, off by less
 
 // Deterministic noise.
 uint32_t hash_of(uint32_t a, uint32_t b, uint32_t c);
-float hash_unit(uint32_t a, uint32_t b, uint32_t c);   // [0, 1)
-float noise2(float x, float y, uint32_t seed);         // smooth, [0, 1], one bump a unit
+float hash_unit(uint32_t a, uint32_t b, uint32_t c); // [0, 1)
+float noise2(float x, float y, uint32_t seed);       // smooth, [0, 1], one bump a unit
 float fractal2(float x, float y, int octaves, uint32_t seed);
 float noise3(float x, float y, float z, uint32_t seed);

@@ -1,4 +1,5 @@
 #include "tests/world/world_internal.h"
+#include "tests/world/numbers.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -64,7 +65,7 @@ enum status world_open(struct world **out, const struct world_options *options)
     if (!status)
         status = scene_build(&w->scene, options->seed, options->plain);
     if (!status)
-        status = figure_build(&w->figure, &w->physique);
+        status = figure_build(&w->figure, &w->physique, options->plain);
     if (status)
         world_close(&w);
     *out = w;
@@ -133,7 +134,8 @@ struct calibration world_calibration(double scale)
 
 struct calibration world_viewer_calibration(double scale)
 {
-    struct lens l = lens_scaled((struct lens){640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0}, scale);
+    struct lens l =
+        lens_scaled((struct lens){640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0}, scale);
     return (struct calibration){.color = l, .color_from_depth = POSE_IDENTITY};
 }
 
@@ -147,10 +149,7 @@ static struct pose look(struct vec3 eye, struct vec3 target, double roll)
 }
 
 // The slow tremor of a hand: about -1..1, smooth.
-static double tremor(double t, uint32_t seed)
-{
-    return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2;
-}
+static double tremor(double t, uint32_t seed) { return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2; }
 
 static uint32_t seed_of(const struct world *w, uint32_t what)
 {
@@ -165,7 +164,7 @@ struct pose world_sensor_pose(const struct world *w)
 
 struct pose world_sweep_pose(const struct world *w, double time_s)
 {
-    double t = fmin(fmax(time_s, 0), WORLD_SWEEP_S), a = t / WORLD_SWEEP_S * 1.12 * 6.283185307179586;
+    double t = least(most(time_s, 0), WORLD_SWEEP_S), a = t / WORLD_SWEEP_S * 1.12 * 6.283185307179586;
     uint32_t seed = seed_of(w, 301);
     // Round the middle at arm's length, looking outwards, now up, now down at the floor.
     struct vec3 out = v3(sin(a), cos(a), 0);
@@ -178,16 +177,16 @@ struct pose world_sweep_pose(const struct world *w, double time_s)
 
 struct pose world_viewer_pose(const struct world *w, double time_s)
 {
-    double length = world_seconds(w), t = fmin(fmax(time_s, 0), length);
+    double length = world_seconds(w), t = least(most(time_s, 0), length);
     uint32_t seed = seed_of(w, 302);
     // Where the actor is, smoothed: the one who walks foresees nothing.
     struct vec3 actor = v3(0, 0, 0);
     for (int i = -4; i <= 4; i++)
         actor = v3_add(actor, v3_scale(world_joints(w, t + 0.2 * i).joint[JOINT_WAIST], 1.0 / 9));
-    double a = -0.35 + 6.4 * t / fmax(length, 0.1), r = 2.42 + 0.12 * sin(2 * a + 1);
+    double a = -0.35 + 6.4 * t / most(length, 0.1), r = 2.42 + 0.12 * sin(2 * a + 1);
     struct vec3 eye = v3(0.6 * actor.x - r * sin(a), 0.35 * actor.y - 0.1 - r * cos(a), 1.52);
-    eye.x = fmin(fmax(eye.x, -2.5), 2.5);
-    eye.y = fmin(fmax(eye.y, -3.2), 2.7);
+    eye.x = least(most(eye.x, -2.5), 2.5);
+    eye.y = least(most(eye.y, -3.2), 2.7);
     eye = v3_add(eye, v3(0.03 * tremor(t, seed), 0.03 * tremor(t, seed + 1), 0.03 * tremor(t, seed + 2)));
     struct vec3 target = v3_add(actor, v3(0.06 * tremor(t, seed + 3), 0.06 * tremor(t, seed + 4), -0.06));
     return look(eye, target, 0.04 * tremor(t, seed + 5));

@@ -12,7 +12,7 @@
 //     struct world *w;
 //     struct world_options o = world_default_options();
 //     o.motion = "kata";
-//     if (world_open(&w, &o)) ...                             // ~0.3 s
+//     if (world_open(&w, &o)) ...                             // about 0.5 s
 //     struct world_shot shot = {world_calibration(0.5).color, world_sensor_pose(w), 1.2, true};
 //     uint16_t *depth = malloc(...);                          // 320 x 240
 //     if (world_render(w, &shot, &(struct world_picture){.depth = depth})) ...
@@ -39,8 +39,8 @@ struct world_figure {
     double build;    // 0 thin .. 1 heavy
     bool woman;      // hips, shoulders and hair
     enum world_clothes clothes;
-    int palette;     // 0 .. 4: the colours it wears
-    int number;      // 0 .. 99, on the chest; the back has a bigger one, number + 10 (mod 100)
+    int palette; // 0 .. 4: the colours it wears
+    int number;  // 0 .. 99, on the chest; the back has a bigger one, number + 10 (mod 100)
 };
 
 // "woman" (1.70 m), "man" (1.82), "child" (1.25), "heavy" (1.75), "skirt" (1.65),
@@ -57,11 +57,12 @@ struct world_options {
     // "pirouette" (default): comes 1.5 m towards the sensor and turns all the way
     // round, arms moving. "kata": punches, a kick with each leg, arms crossed.
     // "still", "bend" (bends down and lifts), "walk" (across, and back). Or the
-    // path of a BVH file, which must contain a '/' or end in ".bvh".
+    // path of a BVH file, which must contain a '/' or end in ".bvh"; of one that goes
+    // further than 2.6 m, the longest stretch that does not is taken.
     const char *motion;
     uint64_t seed; // of posters, shaking hands and the like; default 1
     int threads;   // for rendering, 1 .. 16; the bytes do not depend on it. Default 1
-    bool plain;    // no textures on the room: opens faster, for tests of depth alone
+    bool plain;    // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
 };
 struct world_options world_default_options(void);
 
@@ -86,7 +87,7 @@ struct skeleton world_joints_in_camera(const struct world *w, double time_s, str
 // skin is in front of it. Metres.
 double world_joint_radius(const struct world *w, enum joint j);
 
-// The tags: squares of tag36h11 on walls and floor, two of the floor's larger.
+// The tags: 15 squares of tag36h11 on walls and floor, those on the floor larger.
 // rms_px and sightings are 0. *count entries, valid until world_close.
 const struct place_tag *world_tags(const struct world *w, int32_t *count);
 

@@ -1,0 +1,225 @@
+// reenact-bench: runs the stages and prints error and time side by side.
+#include "tests/bench/bench_result.h"
+#include "tests/bench/bench_stages.h"
+
+#include "platform/clock.h"
+
+#include <argp.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+struct bench {
+    const char *data;
+    struct bench_result result;
+};
+
+double bench_clock_ms(void)
+{
+    return (double)clock_cpu_ns() * 1e-6;
+}
+
+const char *bench_data(const struct bench *b)
+{
+    return b->data;
+}
+
+// ------------------------------------------------------------- running
+
+static int ascending(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Sorts. Linear between neighbours; NaN for none.
+static double percentile(double *values, int count, double share)
+{
+    if (!count)
+        return NAN;
+    qsort(values, (size_t)count, sizeof *values, ascending);
+    double at = share * (count - 1);
+    int low = (int)at, high = low + 1 < count ? low + 1 : low;
+    return values[low] + (at - low) * (values[high] - values[low]);
+}
+
+// measures[(round * items + item) * count + contender]; error NaN: missed.
+static void sum_up(struct bench_row *row, const struct bench_measure *measures, int items, int rounds, size_t count,
+                   size_t contender, double *scratch)
+{
+    double *times = scratch, *errors = scratch + items, *of_item = scratch + 2 * items;
+    int answered = 0;
+    for (int i = 0; i < items; i++) {
+        for (int r = 0; r < rounds; r++)
+            of_item[r] = measures[((size_t)r * (size_t)items + (size_t)i) * count + contender].time_ms;
+        times[i] = percentile(of_item, rounds, 0.5);
+        // Everything but time is the same in each round.
+        const struct bench_measure *m = &measures[(size_t)i * count + contender];
+        if (isnan(m->error)) {
+            row->missed++;
+            continue;
+        }
+        errors[answered++] = m->error;
+        for (int k = 0; k < BENCH_EXTRAS; k++)
+            row->extra[k] += m->extra[k];
+    }
+    for (int k = 0; k < BENCH_EXTRAS; k++)
+        row->extra[k] = answered ? row->extra[k] / answered : NAN;
+    row->error = percentile(errors, answered, 0.5);
+    row->error_p95 = percentile(errors, answered, 0.95);
+    row->time_ms = percentile(times, items, 0.5);
+    row->time_p95_ms = percentile(times, items, 0.95);
+}
+
+enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items)
+{
+    struct bench_result *result = &b->result;
+    assert(!result->rows && count > 0 && items > 0);
+    int rounds = result->rounds;
+    size_t all = (size_t)rounds * (size_t)items * count;
+    struct bench_measure *measures = calloc(all, sizeof *measures);
+    double *scratch = calloc((size_t)(2 * items + rounds), sizeof *scratch);
+    result->rows = calloc(count, sizeof *result->rows);
+    result->count = count;
+    result->items = items;
+    enum status status = measures && scratch && result->rows ? OK : fail(ERR_MEMORY, "no memory for the bench");
+    bool shown = isatty(STDERR_FILENO);
+    for (size_t i = 0; status >= 0 && i < all; i++) {
+        const struct bench_contender *c = &contenders[i % count];
+        status = c->measure(c->self, (int)(i / count % (size_t)items), &measures[i]);
+        if (status == NOTHING)
+            measures[i].error = NAN;
+        if (shown && i % count == 0)
+            fprintf(stderr, "\r%s %zu/%zu ", result->stage->name, i / count + 1, all / count);
+    }
+    if (shown)
+        fprintf(stderr, "\r\033[K");
+    for (size_t k = 0; status >= 0 && k < count; k++) {
+        result->rows[k].name = contenders[k].name;
+        result->rows[k].baseline = contenders[k].baseline;
+        sum_up(&result->rows[k], measures, items, rounds, count, k, scratch);
+    }
+    free(measures);
+    free(scratch);
+    return status < 0 ? status : OK;
+}
+
+// ------------------------------------------------------------- the program
+
+struct arguments {
+    const char *stage, *html, *data;
+    bool json;
+    int rounds;
+};
+
+static error_t parse(int key, char *argument, struct argp_state *state)
+{
+    struct arguments *a = state->input;
+    char *end;
+    switch (key) {
+    case 'j': a->json = true; return 0;
+    case 'h': a->html = argument; return 0;
+    case 'd': a->data = argument; return 0;
+    case 'r':
+        a->rounds = (int)strtol(argument, &end, 10);
+        if (*end || a->rounds < 1 || a->rounds > 1000)
+            argp_error(state, "--rounds is a number from 1 to 1000, not '%s'", argument);
+        return 0;
+    case ARGP_KEY_ARG:
+        if (a->stage)
+            argp_error(state, "one STAGE at a time, or none for all");
+        a->stage = argument;
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static char *list_stages(int key, const char *text, void *input)
+{
+    (void)input;
+    if (key != ARGP_KEY_HELP_POST_DOC)
+        return (char *)(uintptr_t)text; // argp's own convention: the same pointer means unchanged
+    size_t bytes = 32;
+    for (size_t i = 0; i < COUNT_OF(bench_stages); i++)
+        bytes += strlen(bench_stages[i]->name) + strlen(bench_stages[i]->about) + 8;
+    char *list = malloc(bytes);
+    size_t used = list ? (size_t)sprintf(list, "Stages:\n") : 0;
+    for (size_t i = 0; list && i < COUNT_OF(bench_stages); i++)
+        used += (size_t)sprintf(list + used, "  %s: %s\n", bench_stages[i]->name, bench_stages[i]->about);
+    return list; // argp frees it
+}
+
+static int run_stages(const struct arguments *a, struct json *root, FILE *html)
+{
+    struct json *stages = root ? json_add_array(root, "stages") : NULL;
+    for (size_t i = 0; i < COUNT_OF(bench_stages); i++) {
+        if (a->stage && strcmp(a->stage, bench_stages[i]->name))
+            continue;
+        struct bench b = {.data = a->data, .result = {.stage = bench_stages[i], .rounds = a->rounds}};
+        enum status status = bench_stages[i]->run(&b);
+        if (status == OK) {
+            if (root)
+                bench_add_json(stages, &b.result);
+            else
+                bench_print_table(&b.result);
+            if (html)
+                bench_print_html(html, &b.result);
+        } else {
+            fprintf(stderr, "reenact-bench: %s: %s\n", bench_stages[i]->name, status_sentence());
+        }
+        free(b.result.rows);
+        if (status != OK)
+            return 1;
+    }
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    static const struct argp_option options[] = {
+        {"json", 'j', NULL, 0, "Print one JSON object", 0},
+        {"html", 'h', "FILE", 0, "Also write a page with a plot of error against time", 0},
+        {"data", 'd', "DIR", 0, "Take the pictures of this folder (TUM layout), not made-up ones", 0},
+        {"rounds", 'r', "N", 0, "How often everything is done; the median counts (5)", 0},
+        {0},
+    };
+    static const struct argp argp = {.options = options,
+                                     .parser = parse,
+                                     .args_doc = "[STAGE]",
+                                     .doc = "Measures error against time, next to what a user would take instead.\v ",
+                                     .help_filter = list_stages};
+    argp_err_exit_status = 2;
+    struct arguments a = {.rounds = 5};
+    if (argp_parse(&argp, argc, argv, 0, NULL, &a))
+        return 2;
+    bool known = !a.stage;
+    for (size_t i = 0; i < COUNT_OF(bench_stages); i++)
+        known = known || !strcmp(a.stage, bench_stages[i]->name);
+    if (!known) {
+        fprintf(stderr, "reenact-bench: there is no stage '%s'; --help lists them\n", a.stage);
+        return 2;
+    }
+    FILE *html = a.html ? fopen(a.html, "w") : NULL;
+    if (a.html && !html) {
+        fprintf(stderr, "reenact-bench: %s cannot be written\n", a.html);
+        return 1;
+    }
+    struct json *root = a.json ? json_new_object() : NULL;
+    if (html)
+        bench_print_html_head(html);
+    int code = run_stages(&a, root, html);
+    if (html) {
+        bench_print_html_foot(html);
+        if (fclose(html)) {
+            fprintf(stderr, "reenact-bench: %s could not be written\n", a.html);
+            code = 1;
+        }
+    }
+    char *text = root && !code ? json_print(root) : NULL;
+    if (text)
+        fputs(text, stdout);
+    free(text);
+    json_free(&root);
+    return code;
+}

@@ -1,0 +1,62 @@
+// The bench: error against time. A stage runs its contenders (our own settings,
+// and what a user would take instead) over the same items, interleaved: item 1
+// by A, by B, by C, item 2 by A ..., and all of that several rounds, so that
+// whatever the machine does meanwhile happens to all alike. An item's time is
+// the median over the rounds; the table has the median and the 95th percentile
+// over the items.
+//
+// To add a stage, write bench_NAME.c with
+//
+//     static enum status run(struct bench *b)
+//     {
+//         ... make or read the items (bench_data) ...
+//         const struct bench_contender contenders[] = {
+//             {"ours", measure_ours, &ours},
+//             {"OpenCV's", measure_opencv, &opencv, .baseline = true},
+//         };
+//         return bench_run(b, contenders, COUNT_OF(contenders), item_count);
+//     }
+//     const struct bench_stage bench_stage_NAME = {
+//         "NAME", "one line", "error_mm", "time_ms", {"rejected"}, run};
+//
+// and its line in bench_stages.h. A foreign library goes into a bench_NAME_*.cpp
+// of its own, behind a header in plain C.
+#pragma once
+#include "platform/base.h"
+
+enum { BENCH_EXTRAS = 4 };
+
+struct bench; // one run of one stage
+
+// One contender on one item.
+struct bench_measure {
+    double error;               // smaller is better
+    double time_ms;             // of the work itself, as bench_clock_ms has it
+    double extra[BENCH_EXTRAS]; // as the stage names them; the table has their mean
+};
+
+struct bench_contender {
+    const char *name;
+    // OK: *out filled. NOTHING: no answer for this item; counted as missed, and
+    // its time still counts. An error ends the bench.
+    enum status (*measure)(void *self, int item, struct bench_measure *out);
+    void *self;
+    bool baseline; // what a user would take instead: exactly one of a stage
+};
+
+struct bench_stage {
+    const char *name, *about;
+    const char *error_name, *time_name; // with the unit: "bits_per_pixel", "encode_ms"
+    const char *extra_names[BENCH_EXTRAS]; // as many as are not NULL
+    enum status (*run)(struct bench *b);
+};
+
+// Processor time of this thread, so that other programs do not count.
+double bench_clock_ms(void);
+
+// The folder given with --data (TUM layout), or NULL: make your own items.
+const char *bench_data(const struct bench *b);
+
+// At most once in a stage. Names must live until the program ends. Errors:
+// those of the contenders; ERR_MEMORY.
+MUST_CHECK enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items);

@@ -1,0 +1,27 @@
+// What a stage's run comes to, and how it is shown. Seen by the frame only.
+#pragma once
+#include "tests/bench/bench.h"
+#include "platform/json.h"
+
+#include <stdio.h>
+
+struct bench_row {
+    const char *name;
+    bool baseline;
+    int missed; // items without an answer
+    double error, error_p95, time_ms, time_p95_ms; // NaN: no item had an answer
+    double extra[BENCH_EXTRAS];
+};
+
+struct bench_result {
+    const struct bench_stage *stage;
+    int items, rounds;
+    size_t count;
+    struct bench_row *rows;
+};
+
+void bench_print_table(const struct bench_result *r);
+void bench_add_json(struct json *stages, const struct bench_result *r);
+void bench_print_html_head(FILE *file);
+void bench_print_html(FILE *file, const struct bench_result *r);
+void bench_print_html_foot(FILE *file);

@@ -1,0 +1,9 @@
+// All stages, in the order in which they run. One line each, here and below.
+#pragma once
+#include "tests/bench/bench.h"
+
+extern const struct bench_stage bench_stage_depth;
+
+static const struct bench_stage *const bench_stages[] = {
+    &bench_stage_depth,
+};

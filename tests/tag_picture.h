@@ -1,0 +1,124 @@
+// Pictures of tags whose truth is known: drawn through a distorting lens, with
+// 6 x 6 samples a pixel in linear light, then encoded and made noisy as a camera
+// does. Shares no code with what it tests but the lens and the tag's bits.
+#pragma once
+#include "capture/recording/place.h"
+#include "platform/tags.h"
+#include "tests/test.h"
+
+struct tag_picture {
+    struct lens lens;
+    const struct place_tag *tags; // the nearest to the camera first where they overlap
+    int tag_count;
+    struct pose world_from_camera;
+    double noise;      // grey levels, standard deviation
+    bool linear;       // no sRGB encoding: what careless code assumes
+    uint64_t seed;
+    uint8_t *rgb;      // out, lens.width * lens.height * 3
+    uint16_t *depth;   // out, exact; NULL: not wanted
+};
+
+static inline struct lens tag_picture_lens(int width, int height, double f)
+{
+    return (struct lens){.width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};
+}
+
+static inline uint8_t tag_picture_encode(double light, bool linear, double noise)
+{
+    double v = linear ? light : light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
+    v = v * 255 + noise + 0.5;
+    return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
+}
+
+struct tag_picture_plane {
+    struct vec3 centre, x, y, normal; // camera axes
+    double half;
+    struct tag_pattern pattern;
+};
+
+// Linear light along a ray; *z: how far, 0 for the background.
+static inline double tag_picture_light(const struct tag_picture_plane *planes, int count, struct vec3 ray, double *z)
+{
+    *z = 0;
+    for (int i = 0; i < count; i++) {
+        double slant = v3_dot(planes[i].normal, ray);
+        if (!(slant < 0))
+            continue;
+        double distance = v3_dot(planes[i].normal, planes[i].centre) / slant;
+        struct vec3 d = v3_sub(v3_scale(ray, distance), planes[i].centre);
+        double u = v3_dot(d, planes[i].x) / planes[i].half, v = v3_dot(d, planes[i].y) / planes[i].half;
+        if (!(distance > 0) || fabs(u) > 1.4 || fabs(v) > 1.4)
+            continue;
+        *z = distance;
+        if (fabs(u) >= 1 || fabs(v) >= 1)
+            return 0.7;
+        int column = (int)((u + 1) * TAG_CELLS / 2), row = (int)((1 - v) * TAG_CELLS / 2);
+        row = row > TAG_CELLS - 1 ? TAG_CELLS - 1 : row;
+        return planes[i].pattern.cell[row][column] ? 0.7 : 0.02;
+    }
+    return 0.3;
+}
+
+static inline void tag_picture_draw(struct tag_picture *p)
+{
+    enum { SIDE = 6, MOST = 16 };
+    struct tag_picture_plane planes[MOST];
+    struct pose camera_from_world = pose_inverse(p->world_from_camera);
+    struct dice dice = {p->seed};
+    assert(p->tag_count <= MOST);
+    for (int i = 0; i < p->tag_count; i++) {
+        struct pose c = pose_multiply(camera_from_world, p->tags[i].world_from_tag);
+        planes[i] = (struct tag_picture_plane){c.translation, quat_rotate(c.rotation, v3(1, 0, 0)), quat_rotate(c.rotation, v3(0, 1, 0)),
+                                               quat_rotate(c.rotation, v3(0, 0, 1)), p->tags[i].side_m / 2, {{{0}}}};
+        if (!tag_pattern(p->tags[i].id, &planes[i].pattern))
+            fail_test();
+    }
+    for (int y = 0; y < p->lens.height; y++) {
+        for (int x = 0; x < p->lens.width; x++) {
+            size_t at = (size_t)y * (size_t)p->lens.width + (size_t)x;
+            // Far from an edge one sample says it all; near one, the whole pixel.
+            double sum = 0, z, low = 1, high = 0;
+            struct vec3 middle = lens_ray(&p->lens, (struct pixel){x, y});
+            double light = tag_picture_light(planes, p->tag_count, middle, &z);
+            for (int k = 0; k < 8; k++) {
+                double far, l = tag_picture_light(planes, p->tag_count,
+                                                  v3(middle.x + ((k + (k > 3)) % 3 - 1) * 0.8 / p->lens.fx,
+                                                     middle.y + ((k + (k > 3)) / 3 - 1) * 0.8 / p->lens.fy, 1), &far);
+                low = fmin(low, l);
+                high = fmax(high, l);
+            }
+            for (int k = 0; k < SIDE * SIDE && (high != low || high != light); k++) {
+                double far;
+                struct pixel px = {x + (k % SIDE + 0.5) / SIDE - 0.5, y + (k / SIDE + 0.5) / SIDE - 0.5};
+                sum += tag_picture_light(planes, p->tag_count, lens_ray(&p->lens, px), &far);
+            }
+            if (high != low || high != light)
+                light = sum / (SIDE * SIDE);
+            for (int c = 0; c < 3; c++)
+                p->rgb[3 * at + (size_t)c] = tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * dice_normal(&dice) : 0);
+            if (p->depth)
+                p->depth[at] = (uint16_t)(z * 1000 + 0.5);
+        }
+    }
+}
+
+// A camera looking at the origin's square (its axes the world's: x right, y up, z
+// towards the reader) from `distance`, turned by yaw about y and pitch about x.
+static inline struct pose tag_picture_view(double distance, double yaw, double pitch, double roll)
+{
+    struct quat face = {1, 0, 0, 0}; // camera y down and z into the wall
+    struct quat turn = quat_multiply(quat_from_rotation_vector(v3(0, yaw, 0)), quat_from_rotation_vector(v3(pitch, 0, 0)));
+    turn = quat_multiply(turn, quat_from_rotation_vector(v3(0, 0, roll)));
+    struct pose world_from_camera = {quat_multiply(turn, face), {0, 0, 0}};
+    world_from_camera.translation = v3_scale(quat_rotate(world_from_camera.rotation, v3(0, 0, 1)), -distance);
+    return world_from_camera;
+}
+
+// Where the corners truly are, in pixels.
+static inline void tag_picture_corners(const struct tag_picture *p, int tag, struct pixel out[4])
+{
+    struct vec3 world[4];
+    place_tag_corners(&p->tags[tag], world);
+    for (int k = 0; k < 4; k++)
+        out[k] = lens_project(&p->lens, pose_apply(pose_inverse(p->world_from_camera), world[k]));
+}

@@ -1,0 +1,378 @@
+#include "capture/mapper.h"
+#include "locate/locate.h"
+#include "platform/file.h"
+#include "tests/tag_picture.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+// ---------------------------------------------------------------- tags.json
+
+static enum status read_text(const char *text, struct mapper_tag **tags, int32_t *count)
+{
+    char path[] = "/tmp/reenact_tags_XXXXXX";
+    int file = mkstemp(path);
+    EXPECT_TRUE(file >= 0);
+    EXPECT_INT(write(file, text, strlen(text)), (long long)strlen(text));
+    close(file);
+    enum status status = mapper_read_tags(path, tags, count);
+    unlink(path);
+    return status;
+}
+
+static void tag_lists(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {
+        "", "[]", "{", "{\"family\": \"tag36h11\"}", "{\"side_m\": {\"0\": 0.2}}",
+        "{\"family\": \"tag16h5\", \"side_m\": {\"0\": 0.2}}", "{\"family\": \"tag36h11\", \"side_m\": {}}",
+        "{\"family\": \"tag36h11\", \"side_m\": [0.2]}", "{\"family\": \"tag36h11\", \"side_m\": {\"x\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": \"0.2\"}}", "{\"family\": \"tag36h11\", \"side_m\": {\"0\": -0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": 200}}", "{\"family\": \"tag36h11\", \"side_m\": {\"587\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"1\": 0.2, \"01\": 0.2}}", "{\"family\": 3, \"side_m\": {\"0\": 0.2}}",
+    };
+    struct mapper_tag *tags;
+    int32_t count;
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        EXPECT_STATUS(read_text(bad[i], &tags, &count), ERR_INPUT);
+        EXPECT_TRUE(tags == NULL && strlen(status_sentence()) > 20);
+    }
+    EXPECT_STATUS(mapper_read_tags("/nowhere/tags.json", &tags, &count), ERR_MISSING);
+    EXPECT_STATUS(read_text("{\"family\": \"tag36h11\", \"side_m\": {\"12\": 0.24, \"3\": 0.2}}", &tags, &count), OK);
+    EXPECT_INT(count, 2);
+    EXPECT_INT(tags[0].id, 3);
+    EXPECT_NEAR(tags[1].side_m, 0.24, 0);
+    free(tags);
+}
+
+// ---------------------------------------------------------------- a room
+
+// The rigid motion that takes points a to points b best (Horn 1987, by the power method on his 4 x 4 matrix).
+static struct pose align(const struct vec3 *a, const struct vec3 *b, int n)
+{
+    struct vec3 ca = v3(0, 0, 0), cb = ca;
+    for (int i = 0; i < n; i++) {
+        ca = v3_add(ca, v3_scale(a[i], 1.0 / n));
+        cb = v3_add(cb, v3_scale(b[i], 1.0 / n));
+    }
+    double s[3][3] = {{0}};
+    for (int i = 0; i < n; i++) {
+        struct vec3 p = v3_sub(a[i], ca), q = v3_sub(b[i], cb);
+        const double x[3] = {p.x, p.y, p.z}, y[3] = {q.x, q.y, q.z};
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                s[r][c] += x[r] * y[c];
+    }
+    double m[4][4] = {{s[0][0] + s[1][1] + s[2][2], s[1][2] - s[2][1], s[2][0] - s[0][2], s[0][1] - s[1][0]},
+                      {0, s[0][0] - s[1][1] - s[2][2], s[0][1] + s[1][0], s[2][0] + s[0][2]},
+                      {0, 0, -s[0][0] + s[1][1] - s[2][2], s[1][2] + s[2][1]},
+                      {0, 0, 0, -s[0][0] - s[1][1] + s[2][2]}};
+    double shift = 0, q[4] = {1, 0.3, 0.2, 0.1};
+    for (int r = 0; r < 4; r++)
+        for (int c = 0; c < 4; c++) {
+            m[r][c] = r <= c ? m[r][c] : m[c][r];
+            shift += fabs(m[r][c]);
+        }
+    for (int round = 0; round < 20000; round++) {
+        double next[4], length = 0;
+        for (int r = 0; r < 4; r++) {
+            next[r] = shift * q[r];
+            for (int c = 0; c < 4; c++)
+                next[r] += m[r][c] * q[c];
+            length += next[r] * next[r];
+        }
+        for (int r = 0; r < 4; r++)
+            q[r] = next[r] / sqrt(length);
+    }
+    struct pose pose = {{q[1], q[2], q[3], q[0]}, {0, 0, 0}};
+    pose.translation = v3_sub(cb, quat_rotate(pose.rotation, ca));
+    return pose;
+}
+
+struct room {
+    struct world *world;
+    struct calibration calibration;
+    struct mapper_tag tags[32];
+    int32_t tag_count;
+};
+
+static void open_room(struct room *r)
+{
+    struct world_options o = world_default_options();
+    int32_t count;
+    o.motion = "still";
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&r->world, &o), OK);
+    r->calibration = world_calibration(1);
+    const struct place_tag *tags = world_tags(r->world, &count);
+    for (int32_t i = 0; i < count; i++)
+        r->tags[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
+    r->tag_count = count;
+}
+
+// The sweep, `frames` pictures of it.
+static enum status film(struct room *r, struct mapper *m, int frames, bool with_depth)
+{
+    size_t pixels = (size_t)r->calibration.color.width * (size_t)r->calibration.color.height;
+    uint8_t *color = malloc(pixels * 3);
+    uint16_t *depth = malloc(pixels * sizeof *depth);
+    enum status status = OK;
+    EXPECT_TRUE(color && depth);
+    for (int i = 0; i < frames && status == OK; i++) {
+        double t = (double)WORLD_SWEEP_S * i / frames;
+        struct world_shot shot = {r->calibration.color, world_sweep_pose(r->world, t), 0, false};
+        struct world_picture picture = {.color = color, .depth = depth};
+        EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
+        world_color_noise(color, shot.lens.width, shot.lens.height, 1000 + (uint64_t)i);
+        EXPECT_STATUS(world_depth_noise(&shot.lens, depth, 50 + (uint64_t)i, depth), OK);
+        struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = with_depth ? depth : NULL};
+        status = mapper_add(m, &frame);
+    }
+    free(color);
+    free(depth);
+    return status;
+}
+
+// rms of the mapped tags' corners against the truth after the best rigid motion.
+static double tag_error(const struct room *r, const struct place *place, struct pose *world_from_place)
+{
+    struct vec3 ours[128], truth[128];
+    int32_t count;
+    int n = 0;
+    const struct place_tag *tags = world_tags(r->world, &count);
+    for (int32_t i = 0; i < place->tag_count; i++)
+        for (int32_t k = 0; k < count; k++)
+            if (tags[k].id == place->tags[i].id) {
+                place_tag_corners(&place->tags[i], &ours[n]);
+                place_tag_corners(&tags[k], &truth[n]);
+                n += 4;
+            }
+    EXPECT_INT(n, 4 * place->tag_count);
+    *world_from_place = align(ours, truth, n);
+    double sum = 0;
+    for (int i = 0; i < n; i++) {
+        double d = v3_distance(pose_apply(*world_from_place, ours[i]), truth[i]);
+        sum += d * d;
+    }
+    return sqrt(sum / n);
+}
+
+static void check_axes(const struct place *place, struct pose world_from_place)
+{
+    // z up and 0 on the floor, as in the world; x and the origin as the lowest tag has them.
+    struct vec3 up = quat_rotate(world_from_place.rotation, v3(0, 0, 1));
+    EXPECT_AT_LEAST(up.z, cos(0.2 / 57.3));
+    EXPECT_NEAR(world_from_place.translation.z, 0, 0.006);
+    const struct place_tag *first = &place->tags[0];
+    for (int32_t i = 1; i < place->tag_count; i++)
+        if (place->tags[i].id < first->id)
+            first = &place->tags[i];
+    struct vec3 x = quat_rotate(first->world_from_tag.rotation, v3(1, 0, 0));
+    EXPECT_NEAR(first->world_from_tag.translation.x, 0, 1e-9);
+    EXPECT_NEAR(first->world_from_tag.translation.y, 0, 1e-9);
+    EXPECT_NEAR(x.y, 0, 1e-9);
+    EXPECT_TRUE(x.x > 0.9);
+}
+
+// Where the tablet is found in the map, against the truth.
+static void check_viewer(const struct room *r, const struct place *place, struct pose world_from_place)
+{
+    struct calibration viewer = world_viewer_calibration(1);
+    uint8_t *color = malloc((size_t)viewer.color.width * (size_t)viewer.color.height * 3);
+    struct locator *l;
+    double worst_m = 0, worst_rad = 0;
+    int found = 0, asked = 0;
+    EXPECT_TRUE(color != NULL);
+    EXPECT_STATUS(locator_open(&l, place, &viewer.color, NULL), OK);
+    for (double t = 0; t < world_seconds(r->world); t += world_seconds(r->world) / 6, asked++) {
+        struct world_shot shot = {viewer.color, world_viewer_pose(r->world, t), t, false};
+        struct world_picture picture = {.color = color};
+        struct location at;
+        EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
+        world_color_noise(color, shot.lens.width, shot.lens.height, 77);
+        enum status status = locator_find(l, color, NULL, &at);
+        EXPECT_TRUE(status >= 0);
+        if (status != OK)
+            continue;
+        struct pose in_world = pose_multiply(world_from_place, at.world_from_camera);
+        worst_m = fmax(worst_m, v3_distance(in_world.translation, shot.world_from_camera.translation));
+        worst_rad = fmax(worst_rad, pose_angle(in_world, shot.world_from_camera));
+        found++;
+    }
+    printf("tablet: %d of %d found, worst %.1f mm, %.3f degrees\n", found, asked, worst_m * 1e3, worst_rad * 57.2958);
+    EXPECT_AT_LEAST(found, asked - 1);
+    EXPECT_AT_MOST(worst_m, 0.02);
+    EXPECT_AT_MOST(worst_rad * 57.2958, 0.25);
+    locator_close(&l);
+    free(color);
+}
+
+static void a_room_is_mapped(void **state)
+{
+    (void)state;
+    struct room r;
+    struct mapper *m;
+    struct place place;
+    struct mapper_report report;
+    struct pose world_from_place;
+    open_room(&r);
+    // a tag listed that hangs nowhere, and one that hangs but is not listed
+    int32_t unlisted = r.tags[1].id;
+    r.tags[1] = (struct mapper_tag){500, 0.2};
+    EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
+    EXPECT_STATUS(film(&r, m, 30, true), OK);
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    mapper_close(&m);
+    double error = tag_error(&r, &place, &world_from_place);
+    printf("%d of %d pictures placed, %d tags within %.2f mm rms, %d points, rms %.3f px, %.1f mm\n", (int)report.frames_placed,
+           (int)report.frames, (int)place.tag_count, error * 1e3, (int)place.point_count, place.rms_px, place.rms_m * 1e3);
+    EXPECT_AT_LEAST(report.frames_placed, 25);
+    EXPECT_AT_LEAST(report.tags_mapped, r.tag_count - 2);
+    EXPECT_INT(place.tag_count, report.tags_mapped);
+    EXPECT_INT(report.tags_unseen, 1);
+    EXPECT_INT(report.first_unseen, 500);
+    EXPECT_AT_LEAST(report.tags_unlisted, 1);
+    EXPECT_INT(report.first_unlisted, unlisted);
+    EXPECT_TRUE(report.floor_from_depth);
+    EXPECT_AT_MOST(error, 0.006);
+    EXPECT_AT_LEAST(place.rms_px, 0.001);
+    EXPECT_AT_MOST(place.rms_px, 0.5);
+    EXPECT_AT_LEAST(place.point_count, 300);
+    EXPECT_AT_MOST(place.point_count, 4000);
+    EXPECT_AT_LEAST(place.view_count, 15);
+    EXPECT_AT_MOST(place.view_count, 40);
+    for (int32_t i = 0; i < place.view_count; i++)
+        EXPECT_TRUE(place.views[i].jpeg && place.views[i].depth);
+    check_axes(&place, world_from_place);
+    check_viewer(&r, &place, world_from_place);
+    place_free(&place);
+    world_close(&r.world);
+}
+
+static void without_depth_the_tags_give_the_scale(void **state)
+{
+    (void)state;
+    struct room r;
+    struct mapper *m;
+    struct place place;
+    struct mapper_report report;
+    struct pose world_from_place;
+    open_room(&r);
+    EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
+    EXPECT_STATUS(film(&r, m, 24, false), OK);
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    mapper_close(&m);
+    double error = tag_error(&r, &place, &world_from_place);
+    printf("without depth: %d tags within %.2f mm rms\n", (int)place.tag_count, error * 1e3);
+    EXPECT_AT_MOST(error, 0.05);
+    EXPECT_TRUE(!report.floor_from_depth);
+    EXPECT_NEAR(place.rms_m, 0, 0);
+    struct vec3 up = quat_rotate(world_from_place.rotation, v3(0, 0, 1));
+    EXPECT_AT_LEAST(up.z, cos(2 / 57.3));
+    place_free(&place);
+    world_close(&r.world);
+}
+
+// ---------------------------------------------------------------- sweeps that lead nowhere
+
+static struct calibration small_camera(void)
+{
+    struct calibration c = {.color = tag_picture_lens(160, 120, 131), .color_from_depth = POSE_IDENTITY};
+    return c;
+}
+
+static void no_tag_is_a_sentence(void **state)
+{
+    (void)state;
+    static uint8_t gray[160 * 120 * 3];
+    struct calibration c = small_camera();
+    struct mapper_tag tag = {5, 0.2};
+    struct mapper *m;
+    struct place place;
+    struct mapper_report report;
+    EXPECT_STATUS(mapper_open(&m, &c, &tag, 1, NULL), OK);
+    EXPECT_STATUS(mapper_finish(m, &place, &report), ERR_INPUT); // no picture at all
+    mapper_close(&m);
+    EXPECT_STATUS(mapper_open(&m, &c, &tag, 1, NULL), OK);
+    memset(gray, 128, sizeof gray);
+    EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = 1}), OK); // without colour
+    EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = 2, .color = gray}), OK);
+    EXPECT_STATUS(mapper_finish(m, &place, &report), ERR_INPUT);
+    EXPECT_TRUE(strstr(status_sentence(), "tag") != NULL);
+    EXPECT_TRUE(place.tags == NULL && place.tag_count == 0);
+    EXPECT_INT(report.tags_unseen, 1);
+    mapper_close(&m);
+    mapper_close(&m);
+}
+
+static void senseless_input(void **state)
+{
+    (void)state;
+    struct calibration c = small_camera(), bad = c;
+    struct mapper_tag tags[2] = {{5, 0.2}, {5, 0.2}};
+    struct mapper *m;
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 2, NULL), ERR_INPUT);
+    EXPECT_TRUE(m == NULL);
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 0, NULL), ERR_INPUT);
+    tags[0].side_m = NAN;
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 1, NULL), ERR_INPUT);
+    tags[0] = (struct mapper_tag){900, 0.2};
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 1, NULL), ERR_INPUT);
+    bad.color.fx = 0;
+    EXPECT_STATUS(mapper_open(&m, &bad, &tags[1], 1, NULL), ERR_INPUT);
+    struct mapper_options o = mapper_default_options();
+    o.quad_decimate = 0;
+    EXPECT_STATUS(mapper_open(&m, &c, &tags[1], 1, &o), ERR_INPUT);
+    EXPECT_TRUE(m == NULL);
+}
+
+// Hours of filming must not fill the memory; tags never seen together stay apart.
+static void long_sweeps_are_thinned_out(void **state)
+{
+    (void)state;
+    static uint8_t rgb[160 * 120 * 3];
+    struct calibration c = small_camera();
+    struct mapper_tag list[2] = {{5, 0.2}, {6, 0.2}};
+    struct place_tag tags[2] = {{.id = 5, .side_m = 0.2, .world_from_tag = POSE_IDENTITY},
+                                {.id = 6, .side_m = 0.2, .world_from_tag = POSE_IDENTITY}};
+    struct mapper_options o = mapper_default_options();
+    struct mapper *m;
+    struct place place;
+    struct mapper_report report;
+    o.most_points = 0;
+    EXPECT_STATUS(mapper_open(&m, &c, list, 2, &o), OK);
+    for (int view = 0; view < 10; view++) {
+        bool other = view == 9; // the second tag, alone
+        struct tag_picture p = {.lens = c.color, .tags = &tags[other], .tag_count = 1, .rgb = rgb, .noise = 1, .seed = 3,
+                                .world_from_camera = tag_picture_view(0.6, 0.15 * view - 0.7, 0.3 - 0.08 * view, 0)};
+        tag_picture_draw(&p);
+        for (int i = 0; i < 60; i++)
+            EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = view * 60 + i, .color = rgb}), OK);
+    }
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    EXPECT_INT(report.frames_seen, 600);
+    EXPECT_AT_MOST(report.frames, 240);
+    EXPECT_AT_LEAST(report.frames, 120);
+    EXPECT_INT(report.tags_apart, 1);
+    EXPECT_INT(report.first_apart, 6);
+    EXPECT_INT(place.tag_count, 1);
+    EXPECT_AT_MOST(place.view_count, 40);
+    EXPECT_AT_LEAST(place.view_count, 5);
+    place_free(&place);
+    mapper_close(&m);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(tag_lists),
+        cmocka_unit_test(a_room_is_mapped),
+        cmocka_unit_test(without_depth_the_tags_give_the_scale),
+        cmocka_unit_test(no_tag_is_a_sentence),
+        cmocka_unit_test(senseless_input),
+        cmocka_unit_test(long_sweeps_are_thinned_out),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

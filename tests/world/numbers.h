@@ -1,0 +1,8 @@
+// The smaller and the larger of two, without libm's care for NaN, which costs a call
+// each. Internal to tests/world.
+#pragma once
+
+static inline float minf(float a, float b) { return a < b ? a : b; }
+static inline float maxf(float a, float b) { return a > b ? a : b; }
+static inline double least(double a, double b) { return a < b ? a : b; }
+static inline double most(double a, double b) { return a > b ? a : b; }
