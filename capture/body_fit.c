@@ -253,7 +253,7 @@ void body_judge(const struct fit_task *task, const struct body_pose *pose, const
     out->shape = *shape;
     body_build(shape, pose, &out->build);
     out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, out, NULL) +
-                  body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) + body_prior_limits(&out->build, pose, NULL, NULL);
+                  body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) + body_prior_limits(pose, NULL, NULL);
 }
 
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out)
@@ -274,8 +274,8 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
         add_free_space(task, &out->build, out, &system);
         body_floor(task, &out->build, &system);
         body_collisions(&out->build, out->limb_energy, &system);
-        body_prior_limits(&out->build, &pose, &system.h[0][0], system.g);
-        body_prior_expected(&out->build, &pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
+        body_prior_limits(&pose, &system.h[0][0], system.g);
+        body_prior_expected(&pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
         double x[FIT_COUNT] = {0};
         if (!fit_system_solve(&system, 0.01, x))
             break;

@@ -74,9 +74,8 @@ static double add_limit(int s, struct quat now, struct vec3 n, double limit, dou
     return 0.5 * w * over * over;
 }
 
-double body_prior_limits(const struct body_build *build, const struct body_pose *pose, double *h, double *g)
+double body_prior_limits(const struct body_pose *pose, double *h, double *g)
 {
-    (void)build;
     double energy = 0;
     const struct quat rest = {0, 0, 0, 1};
     for (int s = 1; s < SEG_COUNT; s++)
@@ -101,10 +100,9 @@ double body_prior_limits(const struct body_build *build, const struct body_pose 
     return energy;
 }
 
-double body_prior_expected(const struct body_build *build, const struct body_pose *pose, const struct body_pose *expected,
-                           double sigma, double *h, double *g)
+double body_prior_expected(const struct body_pose *pose, const struct body_pose *expected, double sigma, double *h,
+                           double *g)
 {
-    (void)build;
     double energy = 0, w = 1 / (ROOT_STEP_M * sigma * ROOT_STEP_M * sigma);
     struct vec3 off = v3_sub(expected->root, pose->root);
     double o[3] = {off.x, off.y, off.z};

@@ -519,9 +519,8 @@ static bool near_person(const struct segmenter *s, int x, int y)
     return false;
 }
 
-void segmenter_learn(struct segmenter *s, const uint8_t *mask)
+void segmenter_learn(struct segmenter *s)
 {
-    (void)mask;
     int disagree = 0, known = 0;
     // Inside the person's bounds nothing is learned that is not clearly behind
     // them: it may be a part of them that the mask lost.

@@ -58,6 +58,6 @@ bool segmenter_floor(const struct segmenter *s, struct vec3 *up, double *height_
 MUST_CHECK enum status segmenter_next(struct segmenter *s, const uint16_t *depth, const struct ball *balls,
                                       int ball_count, uint8_t *mask);
 
-// Learns the room from this frame's pixels outside `mask`; call it after each
-// segmenter_next whose mask is believed.
-void segmenter_learn(struct segmenter *s, const uint8_t *mask);
+// Learns the room from the last frame's pixels outside its mask; call it after
+// each segmenter_next whose mask is believed.
+void segmenter_learn(struct segmenter *s);

@@ -324,7 +324,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     else
         move_shown(t, &t->room->best.shape, passed_s);
     t->time_ns = time_ns;
-    segmenter_learn(t->segmenter, t->mask);
+    segmenter_learn(t->segmenter);
     report(t, &t->room->best, passed_s, out);
     if (mask)
         memcpy(mask, t->mask, pixels);

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define SEARCH_REACH_M 0.12
 #define PI 3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
@@ -250,9 +251,16 @@ static bool try_pose(const struct fit_task *task, const struct body_pose *pose, 
     return true;
 }
 
-int limbs_search(const struct fit_task *task, struct fit_room *room)
+int limbs_search(const struct fit_task *given, struct fit_room *room)
 {
     int moved = 0;
+    // Points that nothing explains must weigh, or a limb beside them is as good as one on them.
+    struct fit_task wide = *given;
+    const struct fit_task *task = &wide;
+    wide.reach_m = SEARCH_REACH_M;
+    struct body_pose now = room->best.pose;
+    struct body_shape shape = room->best.shape;
+    body_judge(task, &now, &shape, &room->best);
     for (int k = 0; k < 4; k++) {
         const struct limb *l = &limb[k];
         struct loose loose = find_loose(task->evidence, &room->best, l);

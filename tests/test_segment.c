@@ -69,7 +69,7 @@ static void the_mask_is_the_persons(void **state)
     for (double t = 0; t < world_seconds(s->world); t += 0.5, frames++) {
         film(s, t, true, 100 + (uint64_t)frames);
         EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), OK);
-        segmenter_learn(s->segmenter, s->mask);
+        segmenter_learn(s->segmenter);
         sum += overlap(s);
         EXPECT_AT_LEAST(overlap(s), 0.80);
     }
@@ -167,7 +167,7 @@ static void pictures_of_any_size_do_no_harm(void **state)
             for (size_t i = 0; i < n; i++)
                 depth[i] = dice_uniform(&dice) < 0.2 ? 0 : (uint16_t)(65535 * dice_uniform(&dice));
             EXPECT_TRUE(segmenter_next(s, depth, NULL, 0, mask) >= 0);
-            segmenter_learn(s, mask);
+            segmenter_learn(s);
         }
         free(depth);
         free(mask);
