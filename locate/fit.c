@@ -13,7 +13,7 @@ static const double STAGES_PX[] = {8, 2, 0.5, 0};
 static const double ROBUST = 3;      // standard deviations from where on errors lose weight
 static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together, even where the steps are fine
 // Two poses count as different from here on, and as equally good up to here.
-static const double APART_RAD = 0.05, ALIKE_COST = 12;
+static const double APART_RAD = 0.05, APART_M = 0.05, ALIKE_COST = 12;
 
 void tag_read_depth(const struct sighting *seen, const struct lens *lens, const uint16_t *depth, struct tag_depth *out)
 {
@@ -366,15 +366,24 @@ static bool twin(const struct fit_tag *tags, int count, int i)
     return false;
 }
 
+// Turned against one another; or elsewhere, each on the word of other tags.
+static bool are_apart(const struct candidate *a, const struct candidate *b)
+{
+    if (pose_angle(a->pose, b->pose) > APART_RAD)
+        return true;
+    return !(a->which & b->which) &&
+           v3_distance(pose_inverse(a->pose).translation, pose_inverse(b->pose).translation) > APART_M;
+}
+
 // Keeps the best pose and the best of those apart from it.
 static void rank(const struct candidate *c, struct candidate *best, struct candidate *second)
 {
-    bool apart = !best->used || pose_angle(c->pose, best->pose) > APART_RAD;
+    bool apart = !best->used || are_apart(c, best);
     if (!best->used || better(c, best)) {
         if (best->used && apart)
             *second = *best;
         *best = *c;
-        if (second->used && pose_angle(second->pose, best->pose) <= APART_RAD)
+        if (second->used && !are_apart(second, best))
             second->used = 0;
     } else if (apart && (!second->used || better(c, second))) {
         *second = *c;
@@ -412,7 +421,6 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
     for (int i = 0; i < count; i++)
         sum += tags[i].used ? tags[i].rms_px * tags[i].rms_px : 0;
     *out = (struct camera_fit){best.pose, second.pose, sqrt(sum / best.used), best.cost, best.used};
-    bool mirrored = second.used == best.used && pose_angle(second.pose, best.pose) > APART_RAD &&
-                    (second.which != best.which || second.cost - best.cost < ALIKE_COST);
-    return mirrored ? AMBIGUOUS : OK;
+    bool alike = second.used == best.used && second.cost - best.cost < ALIKE_COST;
+    return alike ? AMBIGUOUS : OK;
 }

@@ -10,7 +10,7 @@ enum {
     RIM = TAG_CELLS + 2,      // the cells with the white rim around
     TURN = 8,                 // numbers of the homography's change
     PARAMETERS = 13,          // those, blur, white, black, white's slope in u and v
-    MAX_SAMPLES = 6000,       // of one tag; larger ones are read at every second, third ... pixel
+    MAX_SAMPLES = 12000,      // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
     SLOPES = 1024,
 };

@@ -220,8 +220,8 @@ static void a_room_is_mapped(void **state)
     struct pose world_from_place;
     open_room(&r);
     // a tag listed that hangs nowhere, and one that hangs but is not listed
-    int32_t unlisted = r.tags[1].id;
-    r.tags[1] = (struct mapper_tag){500, 0.2};
+    int32_t unlisted = r.tags[4].id;
+    r.tags[4] = (struct mapper_tag){500, 0.2};
     EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
     EXPECT_STATUS(film(&r, m, 30, true), OK);
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
