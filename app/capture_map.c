@@ -24,7 +24,8 @@ static const struct argp_option options[] = {
      "the side is the outer edge of the black square",
      0},
     {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
-    {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once", 0},
+    {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
+     0},
     {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
     {"json", KEY_JSON, NULL, 0, "report as JSON", 0},
     {0},
@@ -35,10 +36,18 @@ static error_t parse(int key, char *value, struct argp_state *state)
     struct arguments *a = state->input;
     char *end;
     switch (key) {
-    case KEY_SENSOR: a->sensor = value; return 0;
-    case KEY_TAGS: a->tags = value; return 0;
-    case KEY_OUT: a->out = value; return 0;
-    case KEY_JSON: a->json = true; return 0;
+    case KEY_SENSOR:
+        a->sensor = value;
+        return 0;
+    case KEY_TAGS:
+        a->tags = value;
+        return 0;
+    case KEY_OUT:
+        a->out = value;
+        return 0;
+    case KEY_JSON:
+        a->json = true;
+        return 0;
     case KEY_SECONDS:
         a->seconds = strtod(value, &end);
         if (end == value || *end || !(a->seconds > 0))
@@ -49,12 +58,15 @@ static error_t parse(int key, char *value, struct argp_state *state)
         if (end == value || *end || !(a->decimate >= 1 && a->decimate <= 8))
             argp_error(state, "--quad-decimate takes a number from 1 to 8, not '%s'", value);
         return 0;
-    case ARGP_KEY_ARG: argp_error(state, "'%s' is one word too many", value); return 0;
+    case ARGP_KEY_ARG:
+        argp_error(state, "'%s' is one word too many", value);
+        return 0;
     case ARGP_KEY_END:
         command_need(state, a->sensor, "--sensor");
         command_need(state, a->out, "--out");
         return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -166,18 +178,21 @@ static void print_text(const char *path, const struct place *place, const struct
 static void warn(const char *program, const struct mapper_report *r, int64_t damaged)
 {
     if (r->tags_unseen)
-        fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n", program,
-                (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
+        fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
+                program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
     if (r->tags_apart)
-        fprintf(stderr, "%s: warning: tag %d%s never in one picture with the other tags, and left out; film it together "
-                        "with one of them\n",
+        fprintf(stderr,
+                "%s: warning: tag %d%s never in one picture with the other tags, and left out; film it together "
+                "with one of them\n",
                 program, (int)r->first_apart, r->tags_apart > 1 ? " and others are" : " is");
     if (r->tags_unlisted)
         fprintf(stderr, "%s: warning: tag %d%s in the pictures but not listed, and ignored; measure it and list it\n",
                 program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
-        fprintf(stderr, "%s: warning: the floor is in no depth picture, so height 0 is the lowest corner of a tag; "
-                        "film the floor too\n", program);
+        fprintf(stderr,
+                "%s: warning: the floor is in no depth picture, so height 0 is the lowest corner of a tag; "
+                "film the floor too\n",
+                program);
     if (damaged)
         fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
 }
@@ -227,11 +242,15 @@ int capture_map(int argc, char **argv)
 {
     struct arguments a = {0};
     const struct argp argp = {
-        options, parse, "--sensor URI --tags TAGS.json --out FILE",
+        options,
+        parse,
+        "--sensor URI --tags TAGS.json --out FILE",
         "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
         "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together.",
-        NULL, NULL, NULL};
+        NULL,
+        NULL,
+        NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
     if (!a.tags) {
         fprintf(stderr, "%s: this version maps a place by its tags; hang some and list them with --tags\n", argv[0]);

@@ -21,7 +21,8 @@ enum { KEY_CAMERA = COMMAND_KEY, KEY_OUT, KEY_JSON, KEY_DECIMATE };
 static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0, "the camera: libcamera, libcamera:N or folder:DIR", 0},
     {"out", KEY_OUT, "trajectory.txt", 0,
-     "one line for each picture that could be placed: timestamp tx ty tz qx qy qz qw, world_from_camera (TUM format)", 0},
+     "one line for each picture that could be placed: timestamp tx ty tz qx qy qz qw, world_from_camera (TUM format)",
+     0},
     {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
     {"json", KEY_JSON, NULL, 0, "report as JSON", 0},
     {0},
@@ -32,9 +33,15 @@ static error_t parse(int key, char *value, struct argp_state *state)
     struct arguments *a = state->input;
     char *end;
     switch (key) {
-    case KEY_CAMERA: a->camera = value; return 0;
-    case KEY_OUT: a->out = value; return 0;
-    case KEY_JSON: a->json = true; return 0;
+    case KEY_CAMERA:
+        a->camera = value;
+        return 0;
+    case KEY_OUT:
+        a->out = value;
+        return 0;
+    case KEY_JSON:
+        a->json = true;
+        return 0;
     case KEY_DECIMATE:
         a->decimate = strtod(value, &end);
         if (end == value || *end || !(a->decimate >= 1 && a->decimate <= 8))
@@ -50,7 +57,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_need(state, a->camera, "--camera");
         command_need(state, a->out, "--out");
         return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -65,9 +73,9 @@ static enum status add_line(struct text *t, int64_t time_ns, struct pose w)
     char line[256];
     // The nanoseconds by integers: a double of today's seconds has no room for them.
     int64_t micro = (time_ns + 500) / 1000;
-    int length = snprintf(line, sizeof line, "%lld.%06lld %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n", (long long)(micro / 1000000),
-                          (long long)(micro % 1000000), w.translation.x, w.translation.y, w.translation.z, w.rotation.x,
-                          w.rotation.y, w.rotation.z, w.rotation.w);
+    int length = snprintf(line, sizeof line, "%lld.%06lld %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
+                          (long long)(micro / 1000000), (long long)(micro % 1000000), w.translation.x, w.translation.y,
+                          w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
     if (t->count + (size_t)length > t->capacity) {
         size_t capacity = 2 * t->capacity + 65536;
         char *bytes = realloc(t->bytes, capacity);
@@ -183,8 +191,13 @@ static enum status open_all(const struct arguments *a, struct locator **locator,
 int reenact_locate(int argc, char **argv)
 {
     struct arguments a = {0};
-    const struct argp argp = {options, parse, "FILE --camera URI --out trajectory.txt",
-                              "Find where the camera of each picture was in the place that FILE holds.", NULL, NULL, NULL};
+    const struct argp argp = {options,
+                              parse,
+                              "FILE --camera URI --out trajectory.txt",
+                              "Find where the camera of each picture was in the place that FILE holds.",
+                              NULL,
+                              NULL,
+                              NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
     struct locator *locator = NULL;
     struct source *camera = NULL;

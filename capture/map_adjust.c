@@ -50,8 +50,8 @@ static void whiten(const struct sighting *seen, double out[8][8])
         out[i][i] = 2;
 }
 
-static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *corners, struct adjust_plane_depth *depths,
-                       struct adjust_sighting *sightings, struct sizes *n)
+static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *corners,
+                       struct adjust_plane_depth *depths, struct adjust_sighting *sightings, struct sizes *n)
 {
     const struct map_frame *f = &m->frames[i];
     const struct lens *lens = &m->calibration.color;
@@ -68,8 +68,8 @@ static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *co
         whiten(&f->seen[k], c->whiten);
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
-            depths[n->depths++] = (struct adjust_plane_depth){i, f->which[k], s->x, s->y, s->z,
-                                                              depth_sigma(s->z) / sqrt(f->depths[k].share)};
+            depths[n->depths++] = (struct adjust_plane_depth){
+                i, f->which[k], s->x, s->y, s->z, depth_sigma(s->z) / sqrt(f->depths[k].share)};
         }
     }
     for (int32_t k = 0; k < f->feature_count; k++) {
@@ -77,8 +77,8 @@ static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *co
         if (s->point < 0)
             continue;
         struct vec3 ray = lens_ray(lens, s->feature.at);
-        sightings[n->sightings++] = (struct adjust_sighting){i, s->point, ray.x, ray.y, feature_sigma(&s->feature), s->depth,
-                                                             s->depth > 0 ? depth_sigma(s->depth) : 1};
+        sightings[n->sightings++] = (struct adjust_sighting){
+            i, s->point, ray.x, ray.y, feature_sigma(&s->feature), s->depth, s->depth > 0 ? depth_sigma(s->depth) : 1};
     }
 }
 
@@ -113,12 +113,24 @@ enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost
         for (int32_t i = 0; i < m->point_count; i++)
             points[i] = m->points[i].world;
         struct adjust_problem problem = {
-            .fx = m->calibration.color.fx, .fy = m->calibration.color.fy,
-            .cameras = cameras, .squares = squares, .points = points,
-            .corners = corners, .plane_depths = depths, .sightings = sightings,
-            .camera_count = m->frame_count, .square_count = m->tag_count, .point_count = m->point_count,
-            .corner_count = filled.corners, .plane_depth_count = filled.depths, .sighting_count = hold_frames ? 0 : filled.sightings,
-            .held_square = m->reference, .hold_cameras = hold_frames, .most_rounds = rounds, .cost = cost,
+            .fx = m->calibration.color.fx,
+            .fy = m->calibration.color.fy,
+            .cameras = cameras,
+            .squares = squares,
+            .points = points,
+            .corners = corners,
+            .plane_depths = depths,
+            .sightings = sightings,
+            .camera_count = m->frame_count,
+            .square_count = m->tag_count,
+            .point_count = m->point_count,
+            .corner_count = filled.corners,
+            .plane_depth_count = filled.depths,
+            .sighting_count = hold_frames ? 0 : filled.sightings,
+            .held_square = m->reference,
+            .hold_cameras = hold_frames,
+            .most_rounds = rounds,
+            .cost = cost,
         };
         status = adjust(&problem);
         if (status == OK)

@@ -56,8 +56,8 @@ static double cost_of(const struct map *m, int32_t tag, const struct pose *world
         for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
             if (f->which[k] != tag)
                 continue;
-            struct fit_tag t = {&f->seen[k], f->depths[k].count ? &f->depths[k] : NULL, *world_from_tag,
-                                m->tags[tag].side_m, true, 0};
+            struct fit_tag t = {
+                &f->seen[k], f->depths[k].count ? &f->depths[k] : NULL, *world_from_tag, m->tags[tag].side_m, true, 0};
             cost += fit_tag_cost(&t, &f->camera_from_world, GUESS_PX, m->calibration.color.fx, m->calibration.color.fy);
         }
     }
@@ -210,8 +210,9 @@ enum status map_grow(struct map *m, bool use_points)
 {
     m->reference = most_seen(m);
     if (m->reference < 0)
-        return fail(ERR_INPUT, "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "
-                               "flat, whole and well lit, and their numbers in the list");
+        return fail(ERR_INPUT,
+                    "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "
+                    "flat, whole and well lit, and their numbers in the list");
     m->tags[m->reference].mapped = true;
     m->tags[m->reference].world_from_tag = POSE_IDENTITY;
     for (;;) {

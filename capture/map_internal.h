@@ -20,9 +20,9 @@ struct map_feature {
 
 struct map_frame {
     int64_t time_ns;
-    struct sighting *seen;     // of listed tags
-    struct tag_depth *depths;  // one for each; count 0 without depth
-    int32_t *which;            // index into map.tags
+    struct sighting *seen;    // of listed tags
+    struct tag_depth *depths; // one for each; count 0 without depth
+    int32_t *which;           // index into map.tags
     int32_t seen_count;
     struct map_feature *features;
     int32_t feature_count;
@@ -53,7 +53,7 @@ struct map {
     struct place_point *points; // room for MAP_MOST_CANDIDATES
     int32_t *point_sightings;
     int32_t point_count;
-    int32_t reference;          // index of the tag that holds the world still
+    int32_t reference; // index of the tag that holds the world still
     double rms_px, rms_m;
 };
 

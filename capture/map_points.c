@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double AGAIN_PX = 4;      // how near a point is looked for in an adjusted map
-static const double SAME_M = 0.03;     // two points this near that look alike are one
+static const double AGAIN_PX = 4;  // how near a point is looked for in an adjusted map
+static const double SAME_M = 0.03; // two points this near that look alike are one
 enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2, ROUNDS = 6, POLISH_ROUNDS = 15 };
 
 // What is needed for one frame at a time.
@@ -234,7 +234,8 @@ static enum status keep_best(struct map *m, int32_t most)
     struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
     int32_t *now = malloc((size_t)(m->point_count + 1) * sizeof *now);
     struct place_point *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
-    enum status status = order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
+    enum status status =
+        order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
     int32_t count = 0;
     for (int32_t i = 0; i < m->point_count && status == OK; i++) {
         now[i] = -1;
@@ -314,4 +315,3 @@ enum status map_polish_points(struct map *m, int32_t most)
     free(d);
     return status;
 }
-

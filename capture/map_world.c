@@ -4,9 +4,9 @@
 
 #include <stdlib.h>
 
-static const double AGREE_COS = 0.985;  // 10 degrees: hung by hand
-static const double FLAT_COS = 0.94;    // 20 degrees: a surface that may be floor
-static const double TILT_RAD = 0.14;    // 8 degrees: the floor may correct the tags by this much
+static const double AGREE_COS = 0.985; // 10 degrees: hung by hand
+static const double FLAT_COS = 0.94;   // 20 degrees: a surface that may be floor
+static const double TILT_RAD = 0.14;   // 8 degrees: the floor may correct the tags by this much
 enum { STEP_PX = 8, REACH_PX = 6, BINS = 800, MOST_FLOOR = 200000 };
 static const double BIN_M = 0.01;
 

@@ -205,7 +205,8 @@ static enum status see_points(struct mapper *m, const uint16_t *depth, struct ma
     struct feature found[MAP_FEATURES];
     const struct lens *lens = &m->map.calibration.color;
     int count = 0;
-    enum status status = m->options.most_points ? features_find(m->gray, lens->width, lens->height, found, MAP_FEATURES, &count) : OK;
+    enum status status =
+        m->options.most_points ? features_find(m->gray, lens->width, lens->height, found, MAP_FEATURES, &count) : OK;
     if (status != OK)
         return status;
     out->features = calloc((size_t)count + 1, sizeof *out->features);
@@ -227,7 +228,8 @@ static enum status copy_picture(const struct mapper *m, const struct frame *fram
         memcpy(out->jpeg, frame->jpeg, frame->jpeg_bytes);
         out->jpeg_bytes = frame->jpeg_bytes;
     } else {
-        enum status status = jpeg_encode(frame->color, c->color.width, c->color.height, 92, &out->jpeg, &out->jpeg_bytes);
+        enum status status =
+            jpeg_encode(frame->color, c->color.width, c->color.height, 92, &out->jpeg, &out->jpeg_bytes);
         if (status != OK)
             return status;
     }
@@ -339,7 +341,8 @@ static enum status hand_over(struct mapper *m, struct place *out)
     for (int32_t i = 0; i < map->tag_count; i++) {
         const struct map_tag *t = &map->tags[i];
         if (t->mapped)
-            out->tags[out->tag_count++] = (struct place_tag){t->id, t->side_m, t->world_from_tag, t->rms_px, t->sightings};
+            out->tags[out->tag_count++] =
+                (struct place_tag){t->id, t->side_m, t->world_from_tag, t->rms_px, t->sightings};
     }
     memcpy(out->points, map->points, (size_t)map->point_count * sizeof *out->points);
     out->point_count = map->point_count;

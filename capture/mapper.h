@@ -33,7 +33,8 @@ struct mapper_options mapper_default_options(void);
 
 // Copies what it needs. ERR_INPUT: a senseless lens or option, no tag, a number twice. ERR_MEMORY.
 MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration *calibration,
-                                   const struct mapper_tag *tags, int32_t tag_count, const struct mapper_options *options);
+                                   const struct mapper_tag *tags, int32_t tag_count,
+                                   const struct mapper_options *options);
 
 // Finds tags and points in the frame and keeps copies of what it needs. A frame
 // without colour is ignored. Depth helps where the calibration says `registered`.
@@ -42,17 +43,17 @@ MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration
 MUST_CHECK enum status mapper_add(struct mapper *m, const struct frame *frame);
 
 struct mapper_report {
-    int32_t frames;          // used, of frames_seen
+    int32_t frames; // used, of frames_seen
     int32_t frames_seen;
     int32_t frames_placed;
     int32_t tags_mapped;
-    int32_t tags_unseen;     // listed but in no frame; the first is first_unseen
+    int32_t tags_unseen; // listed but in no frame; the first is first_unseen
     int32_t first_unseen;
-    int32_t tags_apart;      // seen, but never together with a tag of the map
+    int32_t tags_apart; // seen, but never together with a tag of the map
     int32_t first_apart;
-    int32_t tags_unlisted;   // seen in at least two frames, not listed: ignored
+    int32_t tags_unlisted; // seen in at least two frames, not listed: ignored
     int32_t first_unlisted;
-    bool floor_from_depth;   // else z = 0 is the lowest corner of a tag
+    bool floor_from_depth; // else z = 0 is the lowest corner of a tag
 };
 
 // The place, in world axes as place.h has them. The caller owns *out: place_free.

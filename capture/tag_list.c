@@ -19,11 +19,14 @@ static enum status read_side(const struct json *member, const char *path, struct
     errno = 0;
     long id = strtol(name, &end, 10);
     if (end == name || *end || errno || id < 0 || id >= TAG_NUMBERS)
-        return fail(ERR_INPUT, "%s: '%s' in side_m is no tag number; tag36h11 has 0 to %d", path, name, TAG_NUMBERS - 1);
+        return fail(ERR_INPUT, "%s: '%s' in side_m is no tag number; tag36h11 has 0 to %d", path, name,
+                    TAG_NUMBERS - 1);
     double side;
     if (!json_get_number(member, &side) || !(side >= 0.005) || !(side <= 5))
-        return fail(ERR_INPUT, "%s: the side of tag %ld must be a number of metres between 0.005 and 5, "
-                               "the outer edge of its black square", path, id);
+        return fail(ERR_INPUT,
+                    "%s: the side of tag %ld must be a number of metres between 0.005 and 5, "
+                    "the outer edge of its black square",
+                    path, id);
     *out = (struct mapper_tag){(int32_t)id, side};
     return OK;
 }
@@ -37,8 +40,10 @@ static enum status read_list(const struct json *root, const char *path, struct m
         return fail(ERR_INPUT, "%s: tags of the family '%s' are not known here; print tags of tag36h11", path, family);
     const struct json *sides = json_member(root, "side_m");
     if (!json_is_object(sides) || !json_count(sides))
-        return fail(ERR_INPUT, "%s: 'side_m' names no tag; write the side of each tag in metres, as in "
-                               "\"side_m\": {\"0\": 0.2}", path);
+        return fail(ERR_INPUT,
+                    "%s: 'side_m' names no tag; write the side of each tag in metres, as in "
+                    "\"side_m\": {\"0\": 0.2}",
+                    path);
     int n = json_count(sides);
     struct mapper_tag *list = calloc((size_t)n, sizeof *list);
     if (!list)

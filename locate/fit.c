@@ -10,10 +10,10 @@ static const double MAP_PX = 0.1;
 // The fit begins with corners this uncertain and tightens, so that tags far from
 // the one that gave the start can pull although they are pixels off.
 static const double STAGES_PX[] = {8, 2, 0.5, 0};
-static const double ROBUST = 3;      // standard deviations from where on errors lose weight
+static const double ROBUST = 3;         // standard deviations from where on errors lose weight
 static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together, even where the steps are fine
 // Two poses count as different from here on, and as equally good up to here.
-static const double APART_RAD = 0.05, ALIKE_COST = 12;
+static const double APART_RAD = 0.05, APART_M = 0.05, ALIKE_COST = 12;
 
 void tag_read_depth(const struct sighting *seen, const struct lens *lens, const uint16_t *depth, struct tag_depth *out)
 {
@@ -44,7 +44,8 @@ void tag_read_depth(const struct sighting *seen, const struct lens *lens, const 
         double n[9] = {0}, g[3] = {0};
         for (int i = 0; i < out->count; i++) {
             const struct depth_sample *s = &out->sample[i];
-            double q[3] = {s->x, s->y, 1}, error = round ? (s->z - 1 / (a * s->x + b * s->y + c)) / depth_sigma(s->z) : 0;
+            double q[3] = {s->x, s->y, 1},
+                   error = round ? (s->z - 1 / (a * s->x + b * s->y + c)) / depth_sigma(s->z) : 0;
             values[i] = error;
             double weight = 1 / (1 + error * error / (ROBUST * ROBUST)) * pow(s->z, 4) / pow(depth_sigma(s->z), 2);
             for (int k = 0; k < 3; k++) {
@@ -124,7 +125,8 @@ static double add_depth(struct normal6 *n, const struct fit_tag *tag, const stru
             continue;
         double z = offset / slant, e = (z - s->z) / sigma;
         struct vec3 turn = v3_scale(v3_cross(normal, ray), -z / slant), shift = v3_scale(normal, 1 / slant);
-        double by[6] = {turn.x / sigma, turn.y / sigma, turn.z / sigma, shift.x / sigma, shift.y / sigma, shift.z / sigma};
+        double by[6] = {turn.x / sigma,  turn.y / sigma,  turn.z / sigma,
+                        shift.x / sigma, shift.y / sigma, shift.z / sigma};
         double ratio = 1 + e * e / (ROBUST * ROBUST);
         add(n, e, by, tag->depth->share / ratio);
         cost += tag->depth->share * ROBUST * ROBUST * log(ratio);
@@ -226,7 +228,8 @@ static void normal_equations(const struct evidence *all, const struct pose *came
     memset(n, 0, sizeof *n);
     for (int i = 0; i < all->tag_count; i++)
         if (all->tags[i].used)
-            n->cost += add_tag(n, &all->tags[i], all->information[i].a, camera_from_world, all->depth, all->fx, all->fy);
+            n->cost +=
+                add_tag(n, &all->tags[i], all->information[i].a, camera_from_world, all->depth, all->fx, all->fy);
     for (int i = 0; i < all->point_count; i++)
         n->cost += add_point(n, &all->points[i], all->point_px, camera_from_world, all->fx, all->fy);
 }
@@ -240,8 +243,13 @@ static void step(struct pose *p, const double d[6])
 double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
                   double point_px, double fx, double fy, struct pose *pose)
 {
-    struct evidence all = {.tags = tags, .tag_count = count, .points = points, .point_count = point_count,
-                           .point_px = point_px, .fx = fx, .fy = fy,
+    struct evidence all = {.tags = tags,
+                           .tag_count = count,
+                           .points = points,
+                           .point_count = point_count,
+                           .point_px = point_px,
+                           .fx = fx,
+                           .fy = fy,
                            // Beside corners that count for little, depth would bend the pose at will.
                            .depth = tag_px == 0};
     struct normal6 n, after;
@@ -279,7 +287,8 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
     return n.cost;
 }
 
-double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx, double fy)
+double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
+                    double fy)
 {
     struct normal6 n = {0};
     struct weights w;
@@ -366,23 +375,31 @@ static bool twin(const struct fit_tag *tags, int count, int i)
     return false;
 }
 
+// Turned against one another; or elsewhere, each on the word of other tags.
+static bool are_apart(const struct candidate *a, const struct candidate *b)
+{
+    if (pose_angle(a->pose, b->pose) > APART_RAD)
+        return true;
+    return !(a->which & b->which) &&
+           v3_distance(pose_inverse(a->pose).translation, pose_inverse(b->pose).translation) > APART_M;
+}
+
 // Keeps the best pose and the best of those apart from it.
 static void rank(const struct candidate *c, struct candidate *best, struct candidate *second)
 {
-    bool apart = !best->used || pose_angle(c->pose, best->pose) > APART_RAD;
+    bool apart = !best->used || are_apart(c, best);
     if (!best->used || better(c, best)) {
         if (best->used && apart)
             *second = *best;
         *best = *c;
-        if (second->used && pose_angle(second->pose, best->pose) <= APART_RAD)
+        if (second->used && !are_apart(second, best))
             second->used = 0;
     } else if (apart && (!second->used || better(c, second))) {
         *second = *c;
     }
 }
 
-enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
-                       struct camera_fit *out)
+enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px, struct camera_fit *out)
 {
     struct candidate best = {.used = 0}, second = {.used = 0};
     assert(count >= 0 && count <= FIT_MAX_TAGS);
@@ -412,7 +429,6 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
     for (int i = 0; i < count; i++)
         sum += tags[i].used ? tags[i].rms_px * tags[i].rms_px : 0;
     *out = (struct camera_fit){best.pose, second.pose, sqrt(sum / best.used), best.cost, best.used};
-    bool mirrored = second.used == best.used && pose_angle(second.pose, best.pose) > APART_RAD &&
-                    (second.which != best.which || second.cost - best.cost < ALIKE_COST);
-    return mirrored ? AMBIGUOUS : OK;
+    bool alike = second.used == best.used && second.cost - best.cost < ALIKE_COST;
+    return alike ? AMBIGUOUS : OK;
 }

@@ -30,7 +30,7 @@ static inline double depth_sigma(double z) { return 1.5e-3 * z * z + 1e-3; }
 
 struct fit_tag {
     const struct sighting *seen;
-    const struct tag_depth *depth;  // or NULL
+    const struct tag_depth *depth; // or NULL
     struct pose world_from_tag;
     double side_m;
     bool used;     // out: in agreement with the pose
@@ -47,9 +47,9 @@ struct fit_point {
 
 struct camera_fit {
     struct pose camera_from_world;
-    struct pose other;  // with AMBIGUOUS: the second best
-    double rms_px; // over the corners used
-    double cost;   // robust, whitened; of the tags used
+    struct pose other; // with AMBIGUOUS: the second best
+    double rms_px;     // over the corners used
+    double cost;       // robust, whitened; of the tags used
     int32_t used;
 };
 
@@ -70,7 +70,8 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
 double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy);
 
 // The robust cost of one tag, corners (with extra_px) and depth.
-double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx, double fy);
+double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
+                    double fy);
 
 // Reprojection error of a point in its standard deviations; 1e9 behind the camera.
 double fit_point_error(const struct fit_point *p, const struct pose *camera_from_world, double fx, double fy);

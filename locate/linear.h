@@ -7,5 +7,5 @@ enum { LINEAR_MAX = 16 };
 
 // a = L L^T, L in a's lower triangle. False: not positive definite (or not finite).
 bool cholesky(double *a, int n);
-void cholesky_solve(const double *l, int n, double *b); // b becomes the solution
+void cholesky_solve(const double *l, int n, double *b);         // b becomes the solution
 bool invert_symmetric(const double *a, int n, double *inverse); // a positive definite

@@ -52,7 +52,8 @@ static enum status check(const struct place *place, const struct lens *lens, con
             return fail(ERR_INPUT, "tag %d of the place has no sensible size or pose", (int)tag->id);
         for (int32_t k = 0; k < i; k++)
             if (place->tags[k].id == tag->id)
-                return fail(ERR_INPUT, "the place holds two tags with the number %d; take one of them away and map it again",
+                return fail(ERR_INPUT,
+                            "the place holds two tags with the number %d; take one of them away and map it again",
                             (int)tag->id);
     }
     return OK;
@@ -77,8 +78,8 @@ static enum status fill(struct locator *l, const struct place *place)
     memcpy(l->tags, place->tags, n * sizeof *l->tags);
     for (int32_t i = 0; i < l->tag_count; i++)
         if (!tag_pattern(l->tags[i].id, &l->patterns[i]))
-            return fail(ERR_INPUT, "the place's tag %d is not of the family tag36h11, which ends at %d", (int)l->tags[i].id,
-                        TAG_NUMBERS - 1);
+            return fail(ERR_INPUT, "the place's tag %d is not of the family tag36h11, which ends at %d",
+                        (int)l->tags[i].id, TAG_NUMBERS - 1);
     enum status status = refiner_open(&l->refiner, &l->lens);
     return status == OK ? tag_finder_open(&l->finder, l->options.quad_decimate) : status;
 }
@@ -175,10 +176,12 @@ static bool predict(const struct locator *l, const struct place_tag *tag, const 
     for (int k = 0; k < 4; k++) {
         struct vec3 p = pose_apply(*camera_from_world, world[k]);
         // A distortion polynomial means nothing far outside the picture.
-        if (!(p.z > 0.05) || fabs(p.x / p.z) > l->lens.width / l->lens.fx || fabs(p.y / p.z) > l->lens.height / l->lens.fy)
+        if (!(p.z > 0.05) || fabs(p.x / p.z) > l->lens.width / l->lens.fx ||
+            fabs(p.y / p.z) > l->lens.height / l->lens.fy)
             return false;
         corner[k] = lens_project(&l->lens, p);
-        if (!(corner[k].x >= 1 && corner[k].y >= 1 && corner[k].x <= l->lens.width - 2 && corner[k].y <= l->lens.height - 2))
+        if (!(corner[k].x >= 1 && corner[k].y >= 1 && corner[k].x <= l->lens.width - 2 &&
+              corner[k].y <= l->lens.height - 2))
             return false;
     }
     double shortest = 1e9;
@@ -200,7 +203,8 @@ static int look_where_predicted(struct locator *l, const uint8_t *color, const u
         struct sighting fine;
         if (there || !predict(l, &l->tags[k], camera_from_world, corner))
             continue;
-        if (refine_tag(l->refiner, color, l->tags[k].id, &l->patterns[k], corner, &fine) && fine.likeness > PREDICTED_LIKENESS)
+        if (refine_tag(l->refiner, color, l->tags[k].id, &l->patterns[k], corner, &fine) &&
+            fine.likeness > PREDICTED_LIKENESS)
             keep(l, &fine, k, depth);
     }
     return l->count - before;

@@ -14,7 +14,7 @@ struct locator_options locator_default_options(void);
 
 struct location {
     struct pose world_from_camera;
-    double rms_px;      // over the corners used
+    double rms_px; // over the corners used
     int32_t tags_used, tags_rejected;
 };
 

@@ -5,12 +5,13 @@
 
 enum {
     CELL_PX = 16,
-    MOST_BITS = 64,  // of 256 that may differ
-    CLEARLY = 80,    // percent: the best must differ by less than this share of the second best
+    MOST_BITS = 64, // of 256 that may differ
+    CLEARLY = 80,   // percent: the best must differ by less than this share of the second best
     LEAST_POINTS = 12,
 };
 
-void feature_index_build(struct feature_index *index, const struct feature *features, int count, const struct lens *lens)
+void feature_index_build(struct feature_index *index, const struct feature *features, int count,
+                         const struct lens *lens)
 {
     index->features = features;
     index->count = count < FEATURES_MAX ? count : FEATURES_MAX;
@@ -23,7 +24,8 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
     memset(index->start, 0, sizeof index->start);
     int cells[FEATURES_MAX];
     for (int i = 0; i < index->count; i++) {
-        int x = (int)(features[i].at.x * index->across / lens->width), y = (int)(features[i].at.y * index->down / lens->height);
+        int x = (int)(features[i].at.x * index->across / lens->width),
+            y = (int)(features[i].at.y * index->down / lens->height);
         x = x < 0 ? 0 : x >= index->across ? index->across - 1 : x;
         y = y < 0 ? 0 : y >= index->down ? index->down - 1 : y;
         cells[i] = y * index->across + x;
@@ -41,8 +43,10 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
 static int best_feature(const struct place_point *point, const struct feature_index *index, const struct lens *lens,
                         struct pixel at, double radius, int *bits)
 {
-    int x0 = (int)((at.x - radius) * index->across / lens->width), x1 = (int)((at.x + radius) * index->across / lens->width);
-    int y0 = (int)((at.y - radius) * index->down / lens->height), y1 = (int)((at.y + radius) * index->down / lens->height);
+    int x0 = (int)((at.x - radius) * index->across / lens->width),
+        x1 = (int)((at.x + radius) * index->across / lens->width);
+    int y0 = (int)((at.y - radius) * index->down / lens->height),
+        y1 = (int)((at.y + radius) * index->down / lens->height);
     x0 = x0 < 0 ? 0 : x0, y0 = y0 < 0 ? 0 : y0;
     x1 = x1 >= index->across ? index->across - 1 : x1, y1 = y1 >= index->down ? index->down - 1 : y1;
     int best = -1, second = 256;
@@ -55,7 +59,8 @@ static int best_feature(const struct place_point *point, const struct feature_in
                 continue;
             int d = feature_distance(point->descriptor, f->descriptor);
             // The same corner in another copy of the picture is no rival.
-            bool same = best >= 0 && hypot(f->at.x - index->features[best].at.x, f->at.y - index->features[best].at.y) < 3;
+            bool same =
+                best >= 0 && hypot(f->at.x - index->features[best].at.x, f->at.y - index->features[best].at.y) < 3;
             if (d < *bits) {
                 if (!same)
                     second = *bits;
@@ -83,7 +88,8 @@ int points_match(const struct place_point *points, int32_t point_count, const st
         if (!(p.z > 0.1) || fabs(p.x) > wide * p.z || fabs(p.y) > high * p.z)
             continue;
         struct pixel at = lens_project(lens, p);
-        if (!(at.x > -radius_px && at.y > -radius_px && at.x < lens->width + radius_px && at.y < lens->height + radius_px))
+        if (!(at.x > -radius_px && at.y > -radius_px && at.x < lens->width + radius_px &&
+              at.y < lens->height + radius_px))
             continue;
         int bits, f = best_feature(&points[i], index, lens, at, radius_px, &bits);
         if (f >= 0 && (owner[f] < 0 || bits < bits_of[f])) {

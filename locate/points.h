@@ -12,10 +12,11 @@ struct feature_index {
     const struct feature *features; // borrowed
     int count;
     int across, down;
-    int start[4097];          // of each cell in `order`; across * down <= 4096
+    int start[4097]; // of each cell in `order`; across * down <= 4096
     int order[FEATURES_MAX];
 };
-void feature_index_build(struct feature_index *index, const struct feature *features, int count, const struct lens *lens);
+void feature_index_build(struct feature_index *index, const struct feature *features, int count,
+                         const struct lens *lens);
 
 struct point_match {
     int32_t point, feature;

@@ -7,10 +7,10 @@
 #include <string.h>
 
 enum {
-    RIM = TAG_CELLS + 2,      // the cells with the white rim around
-    TURN = 8,                 // numbers of the homography's change
-    PARAMETERS = 13,          // those, blur, white, black, white's slope in u and v
-    MAX_SAMPLES = 6000,       // of one tag; larger ones are read at every second, third ... pixel
+    RIM = TAG_CELLS + 2, // the cells with the white rim around
+    TURN = 8,            // numbers of the homography's change
+    PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
+    MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
     SLOPES = 1024,
 };
@@ -30,8 +30,8 @@ struct sample {
 
 struct refiner {
     struct lens lens;
-    double linear[256];          // sRGB to linear light
-    double slope[SLOPES + 1];    // of the encoding, over linear light 0..1
+    double linear[256];       // sRGB to linear light
+    double slope[SLOPES + 1]; // of the encoding, over linear light 0..1
     struct sample samples[MAX_SAMPLES];
     int count;
 };
@@ -136,8 +136,8 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9])
 // wider one is kept exactly, since edges along the rows or columns would come out
 // wrong by a fifth of a pixel, the narrower one is counted to the blur.
 struct window {
-    double width;  // of the even window, cells
-    double blur;   // standard deviation of the rest, cells
+    double width;      // of the even window, cells
+    double blur;       // standard deviation of the rest, cells
     double blur_by_px; // its derivative by the lens's blur in pixels
 };
 
@@ -229,8 +229,10 @@ static bool predict(const struct refiner *r, const struct model *m, const double
     double v = (inverse[3] * s->x + inverse[4] * s->y + inverse[5]) / w;
     if (!(fabs(u) < 1 + 0.75 * CELL && fabs(v) < 1 + 0.75 * CELL))
         return false;
-    double u_x = (inverse[0] - u * inverse[6]) / (w * r->lens.fx), u_y = (inverse[1] - u * inverse[7]) / (w * r->lens.fy);
-    double v_x = (inverse[3] - v * inverse[6]) / (w * r->lens.fx), v_y = (inverse[4] - v * inverse[7]) / (w * r->lens.fy);
+    double u_x = (inverse[0] - u * inverse[6]) / (w * r->lens.fx),
+           u_y = (inverse[1] - u * inverse[7]) / (w * r->lens.fy);
+    double v_x = (inverse[3] - v * inverse[6]) / (w * r->lens.fx),
+           v_y = (inverse[4] - v * inverse[7]) / (w * r->lens.fy);
     struct window across = window_of(u_x, u_y, m->blur_px), up = window_of(v_x, v_y, m->blur_px);
     struct shade shade = look(m, u, v, &across, &up);
     double white = m->white + m->white_u * u + m->white_v * v;
@@ -325,7 +327,8 @@ static bool change(struct model *m, const double d[PARAMETERS])
     const double turn[9] = {1 + d[0], d[1], d[2], d[3], 1 + d[4], d[5], d[6], d[7], 1};
     for (int row = 0; row < 3; row++)
         for (int c = 0; c < 3; c++)
-            h[row * 3 + c] = m->h[row * 3] * turn[c] + m->h[row * 3 + 1] * turn[3 + c] + m->h[row * 3 + 2] * turn[6 + c];
+            h[row * 3 + c] =
+                m->h[row * 3] * turn[c] + m->h[row * 3 + 1] * turn[3 + c] + m->h[row * 3 + 2] * turn[6 + c];
     if (!(fabs(h[8]) > 1e-12))
         return false;
     for (int i = 0; i < 9; i++) {
@@ -444,7 +447,8 @@ bool refine_tag(struct refiner *r, const uint8_t *rgb, int32_t id, const struct 
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
     double vv = g.sum_vv - g.sum_v * g.sum_v / n, mm = g.sum_mm - g.sum_m * g.sum_m / n;
     struct sighting s = {.id = id, .likeness = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
-    if (!(s.likeness > LEAST_LIKENESS) || !(m.white - m.black > LEAST_CONTRAST) || !inform(r, &m, &g, noise, s.information))
+    if (!(s.likeness > LEAST_LIKENESS) || !(m.white - m.black > LEAST_CONTRAST) ||
+        !inform(r, &m, &g, noise, s.information))
         return false;
     double cell_px = 1e9, moved_px = 0; // the tag's shortest side / 8, and how far its corners went
     for (int k = 0; k < 4; k++) {

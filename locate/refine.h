@@ -18,9 +18,9 @@ void refiner_close(struct refiner **r); // NULL is fine; sets *r = NULL
 // A tag in a picture.
 struct sighting {
     int32_t id;
-    struct vec3 ray[4];        // the corners on the plane z = 1, distortion undone; order of place.h
-    double information[8][8];  // inverse covariance of (fx ray.x, fy ray.y), corner by corner; 1 / pixel^2
-    double likeness;           // squared correlation of picture and pattern, 0..1
+    struct vec3 ray[4];       // the corners on the plane z = 1, distortion undone; order of place.h
+    double information[8][8]; // inverse covariance of (fx ray.x, fy ray.y), corner by corner; 1 / pixel^2
+    double likeness;          // squared correlation of picture and pattern, 0..1
 };
 
 // rgb: of the lens's size. corner: a first idea, within about half a cell of the

@@ -11,9 +11,10 @@ static_assert(sizeof(struct pose) == 7 * sizeof(double) && offsetof(struct pose,
               "struct pose is not seven doubles");
 static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not three doubles");
 
-namespace {
+namespace
+{
 
-constexpr double ROBUST = 3;         // standard deviations
+constexpr double ROBUST = 3; // standard deviations
 constexpr double NEAREST_M = 1e-3;
 
 template <typename T> void turn(const T *q, const T *p, T *out) // q: x, y, z, w
@@ -77,8 +78,9 @@ struct plane_error {
 };
 
 // By far the most frequent error, so its derivatives are written out.
-class point_error : public ceres::SizedCostFunction<3, 7, 3> {
-public:
+class point_error : public ceres::SizedCostFunction<3, 7, 3>
+{
+  public:
     point_error(const adjust_sighting *s, double fx, double fy) : seen(s), focal_x(fx), focal_y(fy) {}
 
     bool Evaluate(double const *const *parameters, double *residual, double **by) const override
@@ -101,7 +103,8 @@ public:
             turn_by_rotation(camera, point, turned);
             for (int r = 0; r < 3; r++) {
                 for (int c = 0; c < 4; c++)
-                    by[0][7 * r + c] = by_p[r][0] * turned[0][c] + by_p[r][1] * turned[1][c] + by_p[r][2] * turned[2][c];
+                    by[0][7 * r + c] =
+                        by_p[r][0] * turned[0][c] + by_p[r][1] * turned[1][c] + by_p[r][2] * turned[2][c];
                 for (int c = 0; c < 3; c++)
                     by[0][7 * r + 4 + c] = by_p[r][c];
             }
@@ -116,7 +119,7 @@ public:
         return true;
     }
 
-private:
+  private:
     // p + 2 w (u x p) + 2 (u (u.p) - p (u.u)), u = (x, y, z)
     static void turn_by_rotation(const double *q, const double *p, double out[3][4])
     {

@@ -5,10 +5,11 @@
 #include <opencv2/features2d.hpp>
 #include <vector>
 
-namespace {
+namespace
+{
 
-constexpr int CELL_PX = 40;  // the picture is divided into cells of about this size
-constexpr int EDGE_PX = 19;  // nearer to the edge there is no whole descriptor
+constexpr int CELL_PX = 40;   // the picture is divided into cells of about this size
+constexpr int EDGE_PX = 19;   // nearer to the edge there is no whole descriptor
 constexpr int FAST_STEP = 10; // grey levels by which a corner stands out
 
 bool better(const cv::KeyPoint &a, const cv::KeyPoint &b)

@@ -8,8 +8,8 @@ extern "C" {
 #endif
 
 struct feature {
-    struct pixel at;    // centre of the top-left pixel is (0, 0)
-    float scale;        // 1 at full size, 1.2, 1.44 ... in smaller copies of the picture
+    struct pixel at; // centre of the top-left pixel is (0, 0)
+    float scale;     // 1 at full size, 1.2, 1.44 ... in smaller copies of the picture
     uint8_t descriptor[32];
 };
 

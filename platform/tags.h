@@ -6,16 +6,16 @@
 #include "platform/lens.h"
 
 enum {
-    TAG_CELLS = 8,   // cells along the side of the black square, its black rim included
+    TAG_CELLS = 8,     // cells along the side of the black square, its black rim included
     TAG_NUMBERS = 587, // the family has the numbers 0 .. 586
 };
 
 struct tag_seen {
     int32_t id;
-    int32_t bits_wrong;      // 0..2, mended by the code
-    struct pixel corner[4];  // bottom left, bottom right, top right, top left of the black
-                             // square as the reader sees an upright tag; centre of the
-                             // top-left pixel is (0, 0)
+    int32_t bits_wrong;     // 0..2, mended by the code
+    struct pixel corner[4]; // bottom left, bottom right, top right, top left of the black
+                            // square as the reader sees an upright tag; centre of the
+                            // top-left pixel is (0, 0)
 };
 
 struct tag_finder; // belongs to one thread

@@ -10,16 +10,17 @@ struct tag_picture {
     const struct place_tag *tags; // the nearest to the camera first where they overlap
     int tag_count;
     struct pose world_from_camera;
-    double noise;      // grey levels, standard deviation
-    bool linear;       // no sRGB encoding: what careless code assumes
-    uint64_t seed;     // of the noise
-    uint8_t *rgb;      // out, lens.width * lens.height * 3
-    uint16_t *depth;   // out, exact; NULL: not wanted
+    double noise;    // grey levels, standard deviation
+    bool linear;     // no sRGB encoding: what careless code assumes
+    uint64_t seed;   // of the noise
+    uint8_t *rgb;    // out, lens.width * lens.height * 3
+    uint16_t *depth; // out, exact; NULL: not wanted
 };
 
 static inline struct lens tag_picture_lens(int width, int height, double f)
 {
-    return (struct lens){.width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};
+    return (struct lens){
+        .width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};
 }
 
 static inline double tag_picture_uniform(uint64_t *state) // [0, 1), splitmix64 (Steele, Lea and Flood 2014)
@@ -82,8 +83,12 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     assert(p->tag_count <= MOST);
     for (int i = 0; i < p->tag_count; i++) {
         struct pose c = pose_multiply(camera_from_world, p->tags[i].world_from_tag);
-        planes[i] = (struct tag_picture_plane){c.translation, quat_rotate(c.rotation, v3(1, 0, 0)), quat_rotate(c.rotation, v3(0, 1, 0)),
-                                               quat_rotate(c.rotation, v3(0, 0, 1)), p->tags[i].side_m / 2, {{{0}}}};
+        planes[i] = (struct tag_picture_plane){c.translation,
+                                               quat_rotate(c.rotation, v3(1, 0, 0)),
+                                               quat_rotate(c.rotation, v3(0, 1, 0)),
+                                               quat_rotate(c.rotation, v3(0, 0, 1)),
+                                               p->tags[i].side_m / 2,
+                                               {{{0}}}};
         if (!tag_pattern(p->tags[i].id, &planes[i].pattern))
             return false;
     }
@@ -97,7 +102,8 @@ static inline bool tag_picture_draw(struct tag_picture *p)
             for (int k = 0; k < 8; k++) {
                 double far, l = tag_picture_light(planes, p->tag_count,
                                                   v3(middle.x + ((k + (k > 3)) % 3 - 1) * 0.8 / p->lens.fx,
-                                                     middle.y + ((k + (k > 3)) / 3 - 1) * 0.8 / p->lens.fy, 1), &far);
+                                                     middle.y + ((k + (k > 3)) / 3 - 1) * 0.8 / p->lens.fy, 1),
+                                                  &far);
                 low = fmin(low, l);
                 high = fmax(high, l);
             }
@@ -109,7 +115,8 @@ static inline bool tag_picture_draw(struct tag_picture *p)
             if (high != low || high != light)
                 light = sum / (SIDE * SIDE);
             for (int c = 0; c < 3; c++)
-                p->rgb[3 * at + (size_t)c] = tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * tag_picture_normal(&dice) : 0);
+                p->rgb[3 * at + (size_t)c] =
+                    tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * tag_picture_normal(&dice) : 0);
             if (p->depth)
                 p->depth[at] = (uint16_t)(z * 1000 + 0.5);
         }
@@ -122,7 +129,8 @@ static inline bool tag_picture_draw(struct tag_picture *p)
 static inline struct pose tag_picture_view(double distance, double yaw, double pitch, double roll)
 {
     struct quat face = {1, 0, 0, 0}; // camera y down and z into the wall
-    struct quat turn = quat_multiply(quat_from_rotation_vector(v3(0, yaw, 0)), quat_from_rotation_vector(v3(pitch, 0, 0)));
+    struct quat turn =
+        quat_multiply(quat_from_rotation_vector(v3(0, yaw, 0)), quat_from_rotation_vector(v3(pitch, 0, 0)));
     turn = quat_multiply(turn, quat_from_rotation_vector(v3(0, 0, roll)));
     struct pose world_from_camera = {quat_multiply(turn, face), {0, 0, 0}};
     world_from_camera.translation = v3_scale(quat_rotate(world_from_camera.rotation, v3(0, 0, 1)), -distance);

@@ -79,8 +79,12 @@ static void corners_are_refined(void **state)
     };
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
         struct place_tag tag = {.id = 3, .side_m = 0.16, .world_from_tag = {{0, 0, 0, 1}, {0.03, -0.02, 0}}};
-        struct tag_picture p = {.lens = cases[i].bent ? bent() : plain(), .tags = &tag, .tag_count = 1, .seed = 100 + i,
-                                .world_from_camera = tag_picture_view(cases[i].distance, cases[i].yaw, cases[i].pitch, 0.1),
+        struct tag_picture p = {.lens = cases[i].bent ? bent() : plain(),
+                                .tags = &tag,
+                                .tag_count = 1,
+                                .seed = 100 + i,
+                                .world_from_camera =
+                                    tag_picture_view(cases[i].distance, cases[i].yaw, cases[i].pitch, 0.1),
                                 .noise = cases[i].noise};
         double rough, fine, error = refined_error(&p, &rough, &fine);
         printf("%-16s worst corner %.3f px\n", cases[i].what, error);
@@ -95,7 +99,11 @@ static void gamma_does_not_shrink(void **state)
     struct place_tag tag = {.id = 8, .side_m = 0.16, .world_from_tag = POSE_IDENTITY};
     double rough_sum = 0, fine_sum = 0;
     for (int i = 0; i < 6; i++) {
-        struct tag_picture p = {.lens = plain(), .tags = &tag, .tag_count = 1, .noise = 1, .seed = 40 + (uint64_t)i,
+        struct tag_picture p = {.lens = plain(),
+                                .tags = &tag,
+                                .tag_count = 1,
+                                .noise = 1,
+                                .seed = 40 + (uint64_t)i,
                                 .world_from_camera = tag_picture_view(3.3 + 0.013 * i, 0.3, 0.2 - 0.1 * i, 0.15 * i)};
         double rough, fine;
         refined_error(&p, &rough, &fine);
@@ -123,8 +131,10 @@ static void square_poses_hold_the_truth(void **state)
     struct dice dice = {11};
     for (int i = 0; i < 500; i++) {
         // every seventh exactly head-on and on the axis, where careless formulas divide by zero
-        double yaw = i % 7 ? 2.6 * (dice_uniform(&dice) - 0.5) : 0, pitch = i % 7 ? 2.6 * (dice_uniform(&dice) - 0.5) : 0;
-        struct pose world_from_camera = tag_picture_view(0.3 + 5 * dice_uniform(&dice), yaw, pitch, 6 * dice_uniform(&dice));
+        double yaw = i % 7 ? 2.6 * (dice_uniform(&dice) - 0.5) : 0,
+               pitch = i % 7 ? 2.6 * (dice_uniform(&dice) - 0.5) : 0;
+        struct pose world_from_camera =
+            tag_picture_view(0.3 + 5 * dice_uniform(&dice), yaw, pitch, 6 * dice_uniform(&dice));
         struct pose truth = pose_inverse(world_from_camera), found[2];
         if (i % 3)
             truth.translation = v3_add(truth.translation, v3(0.3 * (dice_uniform(&dice) - 0.5), 0.1, 0));
@@ -172,7 +182,8 @@ static void senseless_squares(void **state)
 
 // ---------------------------------------------------------------- fits without pictures
 
-static struct sighting sight(const struct place_tag *tag, const struct pose *world_from_camera, double noise_px, struct dice *dice)
+static struct sighting sight(const struct place_tag *tag, const struct pose *world_from_camera, double noise_px,
+                             struct dice *dice)
 {
     struct sighting s = {.id = tag->id, .likeness = 1};
     struct pose camera_from_tag = pose_multiply(pose_inverse(*world_from_camera), tag->world_from_tag);
@@ -304,7 +315,8 @@ static void a_mirrored_pose_is_said(void **state)
         status = fit_camera(&fit_one, 1, 525, 525, 8, &fit);
         resolved += status >= 0 && status != NOTHING && pose_angle(pose_inverse(fit.camera_from_world), near) < 0.2;
     }
-    printf("50 small tags: %d ambiguous, %d wrong without saying so; with depth %d right\n", ambiguous, wrong, resolved);
+    printf("50 small tags: %d ambiguous, %d wrong without saying so; with depth %d right\n", ambiguous, wrong,
+           resolved);
     EXPECT_AT_LEAST(ambiguous, 10);
     EXPECT_AT_MOST(wrong, 1);
     EXPECT_AT_LEAST(resolved, 48);
@@ -325,7 +337,13 @@ static void a_camera_is_found(void **state)
 {
     (void)state;
     const struct place place = {.tags = (struct place_tag *)(uintptr_t)wall, .tag_count = 4};
-    struct tag_picture p = {.lens = bent(), .tags = wall, .tag_count = 4, .noise = 2, .seed = 21, .rgb = rgb, .depth = depth,
+    struct tag_picture p = {.lens = bent(),
+                            .tags = wall,
+                            .tag_count = 4,
+                            .noise = 2,
+                            .seed = 21,
+                            .rgb = rgb,
+                            .depth = depth,
                             .world_from_camera = tag_picture_view(2.8, 0.4, -0.15, 0.1)};
     struct location at;
     EXPECT_TRUE(tag_picture_draw(&p));
@@ -361,8 +379,8 @@ static void an_empty_picture_is_nothing(void **state)
     // a tag that is not of this place
     struct place_tag other = wall[0];
     other.id = 99;
-    struct tag_picture p = {.lens = lens, .tags = &other, .tag_count = 1, .rgb = rgb,
-                            .world_from_camera = tag_picture_view(2, 0.4, 0, 0)};
+    struct tag_picture p = {
+        .lens = lens, .tags = &other, .tag_count = 1, .rgb = rgb, .world_from_camera = tag_picture_view(2, 0.4, 0, 0)};
     EXPECT_TRUE(tag_picture_draw(&p));
     EXPECT_STATUS(locate(&place, &lens, false, &at), NOTHING);
 }
@@ -394,18 +412,12 @@ static void senseless_places(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(corners_are_refined),
-        cmocka_unit_test(gamma_does_not_shrink),
-        cmocka_unit_test(square_poses_hold_the_truth),
-        cmocka_unit_test(senseless_squares),
-        cmocka_unit_test(a_moved_tag_is_rejected),
-        cmocka_unit_test(two_tags_that_disagree_are_no_place),
-        cmocka_unit_test(a_number_seen_twice),
-        cmocka_unit_test(bad_sightings_are_no_place),
-        cmocka_unit_test(a_mirrored_pose_is_said),
-        cmocka_unit_test(a_camera_is_found),
-        cmocka_unit_test(an_empty_picture_is_nothing),
-        cmocka_unit_test(senseless_places),
+        cmocka_unit_test(corners_are_refined),         cmocka_unit_test(gamma_does_not_shrink),
+        cmocka_unit_test(square_poses_hold_the_truth), cmocka_unit_test(senseless_squares),
+        cmocka_unit_test(a_moved_tag_is_rejected),     cmocka_unit_test(two_tags_that_disagree_are_no_place),
+        cmocka_unit_test(a_number_seen_twice),         cmocka_unit_test(bad_sightings_are_no_place),
+        cmocka_unit_test(a_mirrored_pose_is_said),     cmocka_unit_test(a_camera_is_found),
+        cmocka_unit_test(an_empty_picture_is_nothing), cmocka_unit_test(senseless_places),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

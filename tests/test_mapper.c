@@ -27,12 +27,21 @@ static void tag_lists(void **state)
 {
     (void)state;
     static const char *const bad[] = {
-        "", "[]", "{", "{\"family\": \"tag36h11\"}", "{\"side_m\": {\"0\": 0.2}}",
-        "{\"family\": \"tag16h5\", \"side_m\": {\"0\": 0.2}}", "{\"family\": \"tag36h11\", \"side_m\": {}}",
-        "{\"family\": \"tag36h11\", \"side_m\": [0.2]}", "{\"family\": \"tag36h11\", \"side_m\": {\"x\": 0.2}}",
-        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": \"0.2\"}}", "{\"family\": \"tag36h11\", \"side_m\": {\"0\": -0.2}}",
-        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": 200}}", "{\"family\": \"tag36h11\", \"side_m\": {\"587\": 0.2}}",
-        "{\"family\": \"tag36h11\", \"side_m\": {\"1\": 0.2, \"01\": 0.2}}", "{\"family\": 3, \"side_m\": {\"0\": 0.2}}",
+        "",
+        "[]",
+        "{",
+        "{\"family\": \"tag36h11\"}",
+        "{\"side_m\": {\"0\": 0.2}}",
+        "{\"family\": \"tag16h5\", \"side_m\": {\"0\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {}}",
+        "{\"family\": \"tag36h11\", \"side_m\": [0.2]}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"x\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": \"0.2\"}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": -0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": 200}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"587\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"1\": 0.2, \"01\": 0.2}}",
+        "{\"family\": 3, \"side_m\": {\"0\": 0.2}}",
     };
     struct mapper_tag *tags;
     int32_t count;
@@ -220,16 +229,17 @@ static void a_room_is_mapped(void **state)
     struct pose world_from_place;
     open_room(&r);
     // a tag listed that hangs nowhere, and one that hangs but is not listed
-    int32_t unlisted = r.tags[1].id;
-    r.tags[1] = (struct mapper_tag){500, 0.2};
+    int32_t unlisted = r.tags[4].id;
+    r.tags[4] = (struct mapper_tag){500, 0.2};
     EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 30, true), OK);
+    EXPECT_STATUS(film(&r, m, 24, true), OK);
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
     mapper_close(&m);
     double error = tag_error(&r, &place, &world_from_place);
-    printf("%d of %d pictures placed, %d tags within %.2f mm rms, %d points, rms %.3f px, %.1f mm\n", (int)report.frames_placed,
-           (int)report.frames, (int)place.tag_count, error * 1e3, (int)place.point_count, place.rms_px, place.rms_m * 1e3);
-    EXPECT_AT_LEAST(report.frames_placed, 25);
+    printf("%d of %d pictures placed, %d tags within %.2f mm rms, %d points, rms %.3f px, %.1f mm\n",
+           (int)report.frames_placed, (int)report.frames, (int)place.tag_count, error * 1e3, (int)place.point_count,
+           place.rms_px, place.rms_m * 1e3);
+    EXPECT_AT_LEAST(report.frames_placed, 20);
     EXPECT_AT_LEAST(report.tags_mapped, r.tag_count - 2);
     EXPECT_INT(place.tag_count, report.tags_mapped);
     EXPECT_INT(report.tags_unseen, 1);
@@ -262,7 +272,7 @@ static void without_depth_the_tags_give_the_scale(void **state)
     struct pose world_from_place;
     open_room(&r);
     EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 24, false), OK);
+    EXPECT_STATUS(film(&r, m, 20, false), OK);
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
     mapper_close(&m);
     double error = tag_error(&r, &place, &world_from_place);
@@ -346,7 +356,12 @@ static void long_sweeps_are_thinned_out(void **state)
     EXPECT_STATUS(mapper_open(&m, &c, list, 2, &o), OK);
     for (int view = 0; view < 10; view++) {
         bool other = view == 9; // the second tag, alone
-        struct tag_picture p = {.lens = c.color, .tags = &tags[other], .tag_count = 1, .rgb = rgb, .noise = 1, .seed = 3,
+        struct tag_picture p = {.lens = c.color,
+                                .tags = &tags[other],
+                                .tag_count = 1,
+                                .rgb = rgb,
+                                .noise = 1,
+                                .seed = 3,
                                 .world_from_camera = tag_picture_view(0.6, 0.15 * view - 0.7, 0.3 - 0.08 * view, 0)};
         EXPECT_TRUE(tag_picture_draw(&p));
         for (int i = 0; i < 60; i++)

@@ -28,8 +28,12 @@ static void corners_in_order(void **state)
     (void)state;
     for (int turn = 0; turn < 4; turn++) {
         struct place_tag tag = {.id = 17, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
-        struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 262.5), .tags = &tag, .tag_count = 1,
-                                .world_from_camera = tag_picture_view(1, 0.2, -0.1, turn * 1.5707963), .noise = 1, .seed = 1,
+        struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 262.5),
+                                .tags = &tag,
+                                .tag_count = 1,
+                                .world_from_camera = tag_picture_view(1, 0.2, -0.1, turn * 1.5707963),
+                                .noise = 1,
+                                .seed = 1,
                                 .linear = true};
         struct tag_seen seen[8];
         struct pixel truth[4], mean = {0, 0};
@@ -52,7 +56,9 @@ static void twins_are_both_reported(void **state)
     (void)state;
     struct place_tag tags[2] = {{.id = 4, .side_m = 0.15, .world_from_tag = {{0, 0, 0, 1}, {0.2, 0, 0}}},
                                 {.id = 4, .side_m = 0.15, .world_from_tag = {{0, 0, 0, 1}, {-0.2, 0, 0}}}};
-    struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 262.5), .tags = tags, .tag_count = 2,
+    struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 262.5),
+                            .tags = tags,
+                            .tag_count = 2,
                             .world_from_camera = tag_picture_view(1, 0, 0, 0)};
     struct tag_seen seen[8];
     EXPECT_INT(find(&p, 1, seen), 2);

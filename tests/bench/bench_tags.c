@@ -33,17 +33,23 @@ static enum status make(struct pictures *p)
     for (int i = 0; i < PICTURES; i++) {
         double distance = 1 + 4 * tag_picture_uniform(&dice);
         double yaw = 2 * tag_picture_uniform(&dice) - 1, pitch = 2 * tag_picture_uniform(&dice) - 1;
-        struct place_tag tag = {.id = (int32_t)(TAG_NUMBERS * tag_picture_uniform(&dice)), .side_m = SIDE_M,
+        struct place_tag tag = {.id = (int32_t)(TAG_NUMBERS * tag_picture_uniform(&dice)),
+                                .side_m = SIDE_M,
                                 .world_from_tag = POSE_IDENTITY};
         struct tag_picture picture = {
-            .lens = p->lens, .tags = &tag, .tag_count = 1, .noise = 2, .seed = SEED + (uint64_t)i,
+            .lens = p->lens,
+            .tags = &tag,
+            .tag_count = 1,
+            .noise = 2,
+            .seed = SEED + (uint64_t)i,
             .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&dice)),
             .rgb = p->rgb + (size_t)i * PIXELS * 3,
         };
         // anywhere in the picture
         struct vec3 aside = v3(0.8 * (tag_picture_uniform(&dice) - 0.5), 0.6 * (tag_picture_uniform(&dice) - 0.5), 0);
-        picture.world_from_camera.translation = v3_add(
-            picture.world_from_camera.translation, v3_scale(quat_rotate(picture.world_from_camera.rotation, aside), distance));
+        picture.world_from_camera.translation =
+            v3_add(picture.world_from_camera.translation,
+                   v3_scale(quat_rotate(picture.world_from_camera.rotation, aside), distance));
         if (!tag_picture_draw(&picture))
             return fail(ERR_INPUT, "tag %d could not be drawn", (int)tag.id);
         gray_from_rgb(picture.rgb, PIXELS, p->gray + (size_t)i * PIXELS);
@@ -106,7 +112,8 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
     for (int i = 0; i < count; i++) {
         struct sighting fine;
         struct camera_fit fit;
-        if (seen[i].id != p->id[item] || !refine_tag(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
+        if (seen[i].id != p->id[item] ||
+            !refine_tag(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
             continue;
         struct fit_tag tag = {.seen = &fine, .world_from_tag = POSE_IDENTITY, .side_m = SIDE_M};
         if (fit_camera(&tag, 1, p->lens.fx, p->lens.fy, 2.5, &fit) == NOTHING)
@@ -174,5 +181,9 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_tags = {
-    "tags", "one tag, one picture: how far is it, how is it turned", "range_error_mm", "time_ms", {"turn_deg", "mirrored"}, run};
+const struct bench_stage bench_stage_tags = {"tags",
+                                             "one tag, one picture: how far is it, how is it turned",
+                                             "range_error_mm",
+                                             "time_ms",
+                                             {"turn_deg", "mirrored"},
+                                             run};

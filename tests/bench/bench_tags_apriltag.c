@@ -51,8 +51,8 @@ static struct pose pose_of(apriltag_detection_t *detection, const struct lens *l
 enum status apriltag_peer_find(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens, int32_t id,
                                double side_m, struct pose *camera_from_tag)
 {
-    image_u8_t picture = {.width = lens->width, .height = lens->height, .stride = lens->width,
-                          .buf = (uint8_t *)(uintptr_t)gray};
+    image_u8_t picture = {
+        .width = lens->width, .height = lens->height, .stride = lens->width, .buf = (uint8_t *)(uintptr_t)gray};
     zarray_t *found = apriltag_detector_detect(p->detector, &picture);
     enum status status = NOTHING;
     for (int i = 0; i < zarray_size(found); i++) {

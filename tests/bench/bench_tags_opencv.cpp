@@ -3,14 +3,16 @@
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 
-namespace {
+namespace
+{
 
 enum status find(enum aruco_corners how, const uint8_t *gray, const struct lens *lens, int32_t id, double side_m,
                  struct pose *out)
 {
     cv::setNumThreads(1);
     const cv::Mat picture(lens->height, lens->width, CV_8UC1, const_cast<uint8_t *>(gray));
-    static const cv::Ptr<cv::aruco::Dictionary> family = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
+    static const cv::Ptr<cv::aruco::Dictionary> family =
+        cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
     auto options = cv::aruco::DetectorParameters::create();
     options->cornerRefinementMethod = how == ARUCO_SUBPIX     ? cv::aruco::CORNER_REFINE_SUBPIX
                                       : how == ARUCO_APRILTAG ? cv::aruco::CORNER_REFINE_APRILTAG
