@@ -28,8 +28,8 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
     [SEG_RIGHT_FOOT] = {SEG_RIGHT_SHIN, {0, -0.243, 0}, SHAPE_SHIN, SHAPE_SHIN},
 };
 
-// Where in its segment a solid lies; x grows with `wide`, y with `tall`, widths
-// with `wide`, radii and z with `girth`.
+// Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
+// radii and z with `girth`.
 struct solid_rule {
     enum segment segment;
     struct vec3 a, b;

@@ -40,7 +40,8 @@ struct component {
     int border_left, border_right, border_bottom, border_top;
     int overlap;              // cells that were the person's before
     int close;                // cells close to the predicted body
-    int touching;             // cells beside the main component and nearer than it
+    int touching;             // cells beside what is the person's already
+    bool mine;                // it is the person, or a part of them
     double top_width;         // how wide it is within 0.2 m of its top
 };
 
@@ -399,15 +400,17 @@ static int choose_main(const struct segmenter *s, int ball_count)
     return best;
 }
 
-// Counts, for every other component, the cells beside the main one and in front
-// of it: an arm held forward is cut off by the jump in depth.
-static void count_touching(struct segmenter *s, int main)
+// Counts, for every other component, the cells beside the person's so far: an
+// arm held forward is cut off by the jump in depth, and a head behind that arm.
+static void count_touching(struct segmenter *s)
 {
     int w = s->width;
+    for (int c = 0; c < s->component_count; c++)
+        s->components[c].touching = 0;
     for (int y = 0; y < s->height; y++)
         for (int x = 0; x < w; x++) {
             int i = y * w + x, c = s->label[i];
-            if (c < 0 || c == main)
+            if (c < 0 || s->components[c].mine)
                 continue;
             int reach = 3; // over the shadow that a near limb throws
             bool found = false;
@@ -415,7 +418,8 @@ static void count_touching(struct segmenter *s, int main)
                 int at[4] = {x >= k ? i - k : -1, x + k < w ? i + k : -1, y >= k ? i - k * w : -1,
                              y + k < s->height ? i + k * w : -1};
                 for (int q = 0; q < 4 && !found; q++)
-                    found = at[q] >= 0 && s->label[at[q]] == main && abs(s->depth[at[q]] - s->depth[i]) < 800;
+                    found = at[q] >= 0 && s->label[at[q]] >= 0 && s->components[s->label[at[q]]].mine &&
+                            abs(s->depth[at[q]] - s->depth[i]) < 800;
             }
             s->components[c].touching += found;
         }
@@ -498,11 +502,17 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
     memset(s->person, 0, (size_t)s->width * (size_t)s->height);
     if (main < 0)
         return NOTHING;
-    count_touching(s, main);
-    for (int c = 0; c < s->component_count; c++) // touching is reused as the verdict
-        s->components[c].touching = c == main || belongs(s, &s->components[c], &s->components[main], ball_count);
+    s->components[main].mine = true;
+    bool more = true;
+    for (int round = 0; round < 3 && more; round++) { // a hand on an arm on the body
+        more = false;
+        count_touching(s);
+        for (int c = 0; c < s->component_count; c++)
+            if (!s->components[c].mine && belongs(s, &s->components[c], &s->components[main], ball_count))
+                s->components[c].mine = more = true;
+    }
     for (int i = 0; i < s->width * s->height; i++)
-        s->person[i] = s->label[i] >= 0 && s->components[s->label[i]].touching;
+        s->person[i] = s->label[i] >= 0 && s->components[s->label[i]].mine;
     refine_mask(s, picture, mask);
     memcpy(s->before, s->person, (size_t)s->width * (size_t)s->height);
     s->follows = true;
