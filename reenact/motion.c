@@ -15,9 +15,21 @@ struct motion {
     int64_t count;
 };
 
+// For a take without a place: a world with z up for a camera held level.
+static const struct pose nowhere_from_camera = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
+
+static bool located_anywhere(const struct take *take)
+{
+    for (int64_t i = 0; i < take_frame_count(take); i++)
+        if (take_entry(take, i)->has_skeleton && take_entry(take, i)->located)
+            return true;
+    return false;
+}
+
 enum status motion_open(struct motion **out, const struct take *take)
 {
     *out = NULL;
+    bool anywhere = located_anywhere(take);
     int64_t frames = take_frame_count(take);
     struct motion *m = calloc(1, sizeof *m);
     struct step *steps = calloc(frames > 0 ? (size_t)frames : 1, sizeof *steps);
@@ -29,12 +41,12 @@ enum status motion_open(struct motion **out, const struct take *take)
     m->steps = steps;
     for (int64_t i = 0; i < frames; i++) {
         const struct take_entry *e = take_entry(take, i);
-        if (!e->has_skeleton || !e->located)
+        if (!e->has_skeleton || (anywhere && !e->located))
             continue;
         struct step *s = &steps[m->count++];
         s->time_ns = e->time_ns - take_entry(take, 0)->time_ns;
         s->frame = i;
-        s->world = skeleton_transform(e->world_from_camera, &e->skeleton);
+        s->world = skeleton_transform(anywhere ? e->world_from_camera : nowhere_from_camera, &e->skeleton);
         for (int j = 0; j < JOINT_COUNT; j++)
             if (s->world.confidence[j] > 0 && !v3_finite(s->world.joint[j])) {
                 motion_close(&m);
@@ -44,8 +56,7 @@ enum status motion_open(struct motion **out, const struct take *take)
     }
     if (!m->count) {
         motion_close(&m);
-        return fail(ERR_INPUT, "the take has no skeleton in a place, so there is nobody to show; "
-                               "record into a file that has a place");
+        return fail(ERR_INPUT, "the take has no skeleton, so there is nobody to show");
     }
     *out = m;
     return OK;

@@ -5,8 +5,9 @@
 
 struct motion;
 
-// ERR_INPUT: no frame of the take has both a skeleton and a measured pose, or a
-// known joint is not finite. ERR_MEMORY.
+// Frames whose pose was not measured are left out; where none was, because the
+// take has no place, the world is the camera's own, turned so that z is up.
+// ERR_INPUT: no frame of the take has a skeleton, or a known joint is not finite. ERR_MEMORY.
 MUST_CHECK enum status motion_open(struct motion **out, const struct take *take);
 void motion_close(struct motion **m);
 

@@ -1,5 +1,6 @@
-// contact-sheet OUT.png COLUMNS CELL_WIDTH PICTURE...: pictures side by side in
-// one PNG, for the demo and the documentation. PNG and JPEG in, all of one shape.
+// contact-sheet OUT COLUMNS CELL_WIDTH PICTURE...: pictures side by side in one,
+// for the demo and the documentation. PNG (.png) and JPEG (.jpg) in and out, all
+// of one shape.
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
@@ -31,10 +32,15 @@ static enum status read_jpeg(const char *path, struct picture *out)
     return status;
 }
 
-static enum status read_picture(const char *path, struct picture *out)
+static bool is_jpeg(const char *path)
 {
     const char *dot = strrchr(path, '.');
-    if (dot && !strcmp(dot, ".jpg"))
+    return dot && !strcmp(dot, ".jpg");
+}
+
+static enum status read_picture(const char *path, struct picture *out)
+{
+    if (is_jpeg(path))
         return read_jpeg(path, out);
     return png_read(path, PNG_RGB8, (void **)&out->rgb, &out->width, &out->height);
 }
@@ -53,6 +59,20 @@ static void shrink_into(const struct picture *from, uint8_t *sheet, int stride, 
                         sum += from->rgb[3 * (v * from->width + u) + c];
                 sheet[3 * ((y0 + y) * stride + x0 + x) + c] = (uint8_t)(sum / count);
             }
+}
+
+static enum status write_picture(const char *path, const uint8_t *rgb, int width, int height)
+{
+    if (!is_jpeg(path))
+        return png_write(path, PNG_RGB8, rgb, width, height);
+    uint8_t *bytes;
+    size_t count;
+    enum status status = jpeg_encode(rgb, width, height, 88, &bytes, &count);
+    if (status == OK) {
+        status = file_write(path, bytes, count);
+        free(bytes);
+    }
+    return status;
 }
 
 static enum status make_sheet(const char *out, int columns, int width, char **paths, int count)
@@ -80,7 +100,7 @@ static enum status make_sheet(const char *out, int columns, int width, char **pa
         free(picture.rgb);
     }
     if (status == OK)
-        status = png_write(out, PNG_RGB8, sheet, sheet_width, sheet_height);
+        status = write_picture(out, sheet, sheet_width, sheet_height);
     free(sheet);
     return status;
 }
@@ -89,7 +109,7 @@ int main(int argc, char **argv)
 {
     int columns = argc > 2 ? atoi(argv[2]) : 0, width = argc > 3 ? atoi(argv[3]) : 0;
     if (argc < 5 || columns < 1 || width < 8) {
-        fprintf(stderr, "usage: contact-sheet OUT.png COLUMNS CELL_WIDTH PICTURE...\n");
+        fprintf(stderr, "usage: contact-sheet OUT COLUMNS CELL_WIDTH PICTURE...\n");
         return 2;
     }
     if (make_sheet(argv[1], columns, width, argv + 4, argc - 4) != OK) {
