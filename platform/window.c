@@ -17,13 +17,16 @@ enum status window_open(struct window **out, const char *title, int width, int h
     if (!w)
         return fail(ERR_MEMORY, "no memory for a window");
     *w = (struct window){.width = width, .height = height};
+    // Drawn without OpenGL: the thread has the painter's own EGL context current, which
+    // SDL's (GLX, on X11) would push aside.
+    SDL_SetHint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
     if (SDL_Init(SDL_INIT_VIDEO)) {
         free(w);
         return fail(ERR_DEVICE, "no window can be opened: %s; is there a display?", SDL_GetError());
     }
     w->window = SDL_CreateWindow(title, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED, width, height,
                                  SDL_WINDOW_RESIZABLE | SDL_WINDOW_ALLOW_HIGHDPI);
-    w->renderer = w->window ? SDL_CreateRenderer(w->window, -1, SDL_RENDERER_PRESENTVSYNC) : NULL;
+    w->renderer = w->window ? SDL_CreateRenderer(w->window, -1, SDL_RENDERER_SOFTWARE) : NULL;
     w->texture = w->renderer ? SDL_CreateTexture(w->renderer, SDL_PIXELFORMAT_RGB24, SDL_TEXTUREACCESS_STREAMING, width,
                                                  height)
                              : NULL;
