@@ -178,28 +178,6 @@ static enum status see_tags(struct mapper *m, const struct frame *frame, const u
     return OK;
 }
 
-// The mean depth around a pixel where the surface is smooth; 0 elsewhere.
-static double smooth_depth(const struct lens *lens, const uint16_t *depth, struct pixel at)
-{
-    int x = (int)floor(at.x + 0.5), y = (int)floor(at.y + 0.5), count = 0, low = 65535, high = 0;
-    double sum = 0;
-    if (x < 1 || y < 1 || x > lens->width - 2 || y > lens->height - 2)
-        return 0;
-    for (int dy = -1; dy <= 1; dy++) {
-        for (int dx = -1; dx <= 1; dx++) {
-            int z = depth[(size_t)(y + dy) * (size_t)lens->width + (size_t)(x + dx)];
-            if (!z)
-                continue;
-            low = z < low ? z : low;
-            high = z > high ? z : high;
-            sum += z;
-            count++;
-        }
-    }
-    double z = count ? sum / count * 1e-3 : 0;
-    return count >= 6 && (high - low) * 1e-3 < 5 * depth_sigma(z) + 0.01 * z ? z : 0;
-}
-
 static enum status see_points(struct mapper *m, const uint16_t *depth, struct map_frame *out)
 {
     struct feature found[MAP_FEATURES];
@@ -213,7 +191,7 @@ static enum status see_points(struct mapper *m, const uint16_t *depth, struct ma
     if (!out->features)
         return fail(ERR_MEMORY, "no memory for the points of a picture");
     for (int i = 0; i < count; i++)
-        out->features[i] = (struct map_feature){found[i], depth ? smooth_depth(lens, depth, found[i].at) : 0, -1};
+        out->features[i] = (struct map_feature){found[i], depth ? feature_depth(lens, depth, found[i].at) : 0, -1};
     out->feature_count = count;
     return OK;
 }

@@ -22,6 +22,7 @@ struct locator {
     int32_t which[FIT_MAX_TAGS]; // index into tags
     int count;
     struct feature features[FEATURES_MAX];
+    double feature_depths[FEATURES_MAX]; // where there is depth
     struct feature_index index;
     struct point_match matches[FEATURES_MAX];
 };
@@ -212,14 +213,16 @@ static int look_where_predicted(struct locator *l, const uint8_t *color, const u
 
 // Natural points hold the pose where tags hold it badly: one tag far off, several
 // in a row. Of two mirrored poses they tell the right one. How many agree; 0: too few.
-static int sharpen(struct locator *l, const struct fit_tag *tags, enum status *status, struct camera_fit *found)
+static int sharpen(struct locator *l, const struct fit_tag *tags, bool with_depth, enum status *status,
+                   struct camera_fit *found)
 {
+    const double *depths = with_depth ? l->feature_depths : NULL;
     struct pose first = found->camera_from_world, second = found->other;
     int agree = 0, agree_second = 0;
-    if (!points_refine(l->points, l->point_count, &l->index, NULL, &l->lens, tags, l->count, &first, l->matches,
+    if (!points_refine(l->points, l->point_count, &l->index, depths, &l->lens, tags, l->count, &first, l->matches,
                        FEATURES_MAX, &agree))
         agree = 0;
-    if (*status == AMBIGUOUS && points_refine(l->points, l->point_count, &l->index, NULL, &l->lens, tags, l->count,
+    if (*status == AMBIGUOUS && points_refine(l->points, l->point_count, &l->index, depths, &l->lens, tags, l->count,
                                               &second, l->matches, FEATURES_MAX, &agree_second)) {
         if (agree_second > agree) {
             first = second;
@@ -269,17 +272,24 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
         if (seen != OK)
             return seen;
         feature_index_build(&l->index, l->features, count, &l->lens);
-        agree = sharpen(l, tags, &status, &found);
+        for (int i = 0; i < count && depth; i++)
+            l->feature_depths[i] = feature_depth(&l->lens, depth, l->features[i].at);
+        agree = sharpen(l, tags, depth != NULL, &status, &found);
     }
     if (look_where_predicted(l, color, depth, &found.camera_from_world)) {
         struct camera_fit again;
         enum status more = fit(l, tags, &again);
         if (more != NOTHING && again.used >= found.used) {
+            // What the points said of the pose stands; the new tags join in.
+            struct pose sharp = found.camera_from_world;
             found = again;
+            if (agree) {
+                found.camera_from_world = sharp;
+                more = OK;
+                sharpen(l, tags, depth != NULL, &more, &found);
+            }
             status = more;
         }
-        if (agree)
-            sharpen(l, tags, &status, &found);
     }
     measure(l, tags, &found);
     *out = (struct location){

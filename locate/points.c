@@ -1,5 +1,7 @@
 #include "locate/points.h"
 
+#include "locate/linear.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -37,6 +39,27 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
     memcpy(next, index->start, sizeof next);
     for (int i = 0; i < index->count; i++)
         index->order[next[cells[i]]++] = i;
+}
+
+double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at)
+{
+    int x = (int)floor(at.x + 0.5), y = (int)floor(at.y + 0.5), count = 0, low = 65535, high = 0;
+    double sum = 0;
+    if (x < 1 || y < 1 || x > lens->width - 2 || y > lens->height - 2)
+        return 0;
+    for (int dy = -1; dy <= 1; dy++) {
+        for (int dx = -1; dx <= 1; dx++) {
+            int z = depth[(size_t)(y + dy) * (size_t)lens->width + (size_t)(x + dx)];
+            if (!z)
+                continue;
+            low = z < low ? z : low;
+            high = z > high ? z : high;
+            sum += z;
+            count++;
+        }
+    }
+    double z = count ? sum / count * 1e-3 : 0;
+    return count >= 6 && (high - low) * 1e-3 < 5 * depth_sigma(z) + 0.01 * z ? z : 0;
 }
 
 // The feature within the radius that looks most like the point; -1: none, or not clearly.
@@ -116,34 +139,107 @@ static int gather(const struct place_point *points, const struct feature_index *
     return count;
 }
 
+// The direction in which points lie closest together: a wall's normal. Inverse iteration.
+static struct vec3 flat_direction(const struct fit_point *points, int count, struct vec3 centre)
+{
+    double a[9] = {0}, trace = 0, n[3] = {0.48, 0.6, 0.64};
+    for (int i = 0; i < count; i++) {
+        struct vec3 d = v3_sub(points[i].world, centre);
+        const double x[3] = {d.x, d.y, d.z};
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c <= r; c++)
+                a[r * 3 + c] += x[r] * x[c];
+    }
+    trace = a[0] + a[4] + a[8];
+    for (int r = 0; r < 3; r++)
+        a[r * 4] += 1e-9 * trace + 1e-12;
+    if (!cholesky(a, 3))
+        return v3(0, 0, 0);
+    for (int round = 0; round < 20; round++) {
+        cholesky_solve(a, 3, n);
+        struct vec3 u = v3_unit(v3(n[0], n[1], n[2]));
+        n[0] = u.x, n[1] = u.y, n[2] = u.z;
+    }
+    return v3(n[0], n[1], n[2]);
+}
+
+// A wall seen nearly head-on looks much the same from the mirrored side. Where the
+// mirrored pose fits better, it is taken.
+static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct fit_point *points, int count,
+                         const struct lens *lens, struct pose *camera_from_world)
+{
+    struct vec3 centre = v3(0, 0, 0);
+    for (int i = 0; i < count; i++)
+        centre = v3_add(centre, v3_scale(points[i].world, 1.0 / count));
+    struct vec3 normal = flat_direction(points, count, centre);
+    struct pose world_from_camera = pose_inverse(*camera_from_world);
+    struct vec3 out = v3_sub(world_from_camera.translation, centre);
+    struct vec3 mirrored = v3_sub(v3_scale(normal, 2 * v3_dot(normal, out)), out);
+    struct quat turn = quat_between(out, mirrored);
+    struct pose there = {quat_multiply(turn, world_from_camera.rotation), v3_add(centre, quat_rotate(turn, out))};
+    struct pose pose = pose_inverse(there);
+    double own = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, camera_from_world);
+    double other = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, &pose);
+    if (other < own)
+        *camera_from_world = pose;
+}
+
+// Searched ever nearer, each time from the pose that the last search gave; the fit of
+// each begins as loose as the search. How many points agree in the end, of *first
+// found at first.
+static int search(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                  const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
+                  double radius_px, struct pose *pose, struct point_match *matches, int capacity, int *first)
+{
+    static const double LAST_PX = 4;
+    struct fit_point seen[FEATURES_MAX];
+    int count;
+    *first = 0;
+    for (double radius = radius_px;; radius = fmax(radius / 2.5, LAST_PX)) {
+        count = points_match(points, point_count, index, lens, pose, radius, matches, capacity);
+        *first = *first ? *first : count;
+        if (count < LEAST_POINTS)
+            return 0;
+        gather(points, index, depth, lens, matches, count, seen);
+        for (double loose = radius / 3; loose > 0.5; loose /= 3)
+            fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, pose);
+        if (radius <= LAST_PX)
+            break;
+    }
+    try_mirrored(tags, tag_count, seen, count, lens, pose);
+    int kept = 0;
+    for (int i = 0; i < count; i++)
+        if (fit_point_error(&seen[i], pose, lens->fx, lens->fy) < 4)
+            matches[kept++] = matches[i];
+    return kept < LEAST_POINTS || 2 * kept < count ? 0 : kept;
+}
+
 bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                    const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
                    struct pose *camera_from_world, struct point_match *matches, int capacity, int *match_count)
 {
-    // Searched ever nearer, each time from the pose that the last search gave; the
-    // fit of each begins as loose as the search.
-    static const double RADIUS_PX[] = {40, 15, 6, 4};
-    struct fit_point seen[FEATURES_MAX];
-    struct pose pose = *camera_from_world;
-    int count = 0;
+    // A small far tag alone may be off by more than the first search reaches. That
+    // shows: most of what seemed to match at first does not in the end.
+    static const double NEAR_PX = 40, FAR_PX = 120;
+    struct point_match far_matches[FEATURES_MAX];
+    struct pose near = *camera_from_world, far = near;
+    int first, first_far;
     if (capacity > FEATURES_MAX)
         capacity = FEATURES_MAX;
-    for (size_t round = 0; round < COUNT_OF(RADIUS_PX); round++) {
-        count = points_match(points, point_count, index, lens, &pose, RADIUS_PX[round], matches, capacity);
-        if (count < LEAST_POINTS)
-            return false;
-        gather(points, index, depth, lens, matches, count, seen);
-        for (double loose = RADIUS_PX[round] / 3; loose > 0.5; loose /= 3)
-            fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, &pose);
+    int kept =
+        search(points, point_count, index, depth, lens, tags, tag_count, NEAR_PX, &near, matches, capacity, &first);
+    if (2 * kept < first) {
+        int kept_far = search(points, point_count, index, depth, lens, tags, tag_count, FAR_PX, &far, far_matches,
+                              capacity, &first_far);
+        if (kept_far > kept) {
+            memcpy(matches, far_matches, (size_t)kept_far * sizeof *matches);
+            kept = kept_far;
+            near = far;
+        }
     }
-    fit_refine(tags, tag_count, 0, seen, count, 0, lens->fx, lens->fy, &pose);
-    int kept = 0;
-    for (int i = 0; i < count; i++)
-        if (fit_point_error(&seen[i], &pose, lens->fx, lens->fy) < 4)
-            matches[kept++] = matches[i];
-    if (kept < LEAST_POINTS || 2 * kept < count)
+    if (!kept)
         return false;
-    *camera_from_world = pose;
+    *camera_from_world = near;
     *match_count = kept;
     return true;
 }

@@ -36,5 +36,9 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
                    const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
                    struct pose *camera_from_world, struct point_match *matches, int capacity, int *match_count);
 
+// The mean depth around a pixel where the surface is smooth, metres; 0 elsewhere.
+// depth: millimetres, of the same pixels as `lens`.
+double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at);
+
 // The standard deviation of a feature's place, pixels.
 static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }
