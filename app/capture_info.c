@@ -101,6 +101,14 @@ static void print_take(const struct take_summary *s)
 
 // ------------------------------------------------------------- for programs
 
+static void add_point(struct json *parent, const char *name, struct vec3 p)
+{
+    struct json *at = json_add_array(parent, name);
+    json_push_number(at, p.x);
+    json_push_number(at, p.y);
+    json_push_number(at, p.z);
+}
+
 static void add_place(struct json *root, const struct place *p)
 {
     struct json *place = json_add_object(root, "place");
@@ -116,10 +124,12 @@ static void add_place(struct json *root, const struct place *p)
         json_add_number(tag, "side_m", t->side_m);
         json_add_number(tag, "rms_px", t->rms_px);
         json_add_number(tag, "sightings", t->sightings);
-        struct json *at = json_add_array(tag, "position_m");
-        json_push_number(at, t->world_from_tag.translation.x);
-        json_push_number(at, t->world_from_tag.translation.y);
-        json_push_number(at, t->world_from_tag.translation.z);
+        add_point(tag, "position_m", t->world_from_tag.translation);
+        struct vec3 corners[4];
+        place_tag_corners(t, corners);
+        struct json *list = json_add_array(tag, "corners_m");
+        for (int k = 0; k < 4; k++)
+            add_point(list, NULL, corners[k]);
     }
 }
 
