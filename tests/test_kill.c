@@ -146,6 +146,9 @@ static int set_up(void **state)
     setenv("REENACT_FAKE_SENSOR", scratch_file(&scratch, "sensor"), 1);
     setenv("REENACT_FAKE_SENSOR_AT_END", "loop", 1);
     setenv("LD_LIBRARY_PATH", OPENNI2_DIR, 1);
+    // OpenNI2 unloads its drivers before the leak check runs in the child, which so can no
+    // longer tell their leaks from ours; test_recorder looks for ours in one process.
+    setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
     return 0;
 }
 
