@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { FRAMES = 14 };
+enum { FRAMES = 11 };
 static const double SCALE = 1; // a tag on the far wall is 15 pixels wide
 
 static struct scratch scratch;
@@ -131,6 +131,8 @@ static int set_up(void **state)
 {
     (void)state;
     struct world_options options = world_default_options();
+    options.plain = true;
+    options.threads = 2;
     scratch = scratch_make();
     if (world_open(&world, &options) != OK)
         return -1;
