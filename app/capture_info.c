@@ -5,28 +5,7 @@
 #include "platform/json.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <sys/stat.h>
-
-struct arguments {
-    const char *path;
-    bool json;
-};
-
-static error_t parse(int key, char *argument, struct argp_state *state)
-{
-    struct arguments *a = state->input;
-    switch (key) {
-    case 'j': a->json = true; return 0;
-    case ARGP_KEY_ARG:
-        if (a->path)
-            argp_error(state, "one FILE at a time");
-        a->path = argument;
-        return 0;
-    case ARGP_KEY_END: command_need(state, a->path, "FILE"); return 0;
-    default: return ARGP_ERR_UNKNOWN;
-    }
-}
 
 // What info says of a take, whichever way it is printed.
 struct take_summary {
@@ -197,30 +176,15 @@ static enum status report(struct recording *r, const char *path, struct json *ro
 
 int capture_info(int argc, char **argv)
 {
-    static const struct argp_option options[] = {
-        {"json", 'j', NULL, 0, "Print one JSON object", 0},
-        {0},
-    };
-    static const struct argp argp = {.options = options,
-                                     .parser = parse,
-                                     .args_doc = "FILE",
-                                     .doc = "Says what a recording holds: its place, its takes, its size."};
-    struct arguments a = {0};
-    if (argp_parse(&argp, argc, argv, 0, NULL, &a))
-        return 2;
+    struct file_arguments a;
+    command_parse_file(argc, argv, "Says what a recording holds: its place, its takes, its size.", &a);
     struct recording *r;
     if (recording_open(&r, a.path) != OK)
         return command_failed(argv[0]);
     struct json *root = a.json ? json_new_object() : NULL;
     enum status status = report(r, a.path, root);
-    if (status == OK && root) {
-        char *text = json_print(root);
-        if (text)
-            fputs(text, stdout);
-        else
-            status = fail(ERR_MEMORY, "no memory to print what %s holds", a.path);
-        free(text);
-    }
+    if (status == OK && root)
+        status = command_print_json(&root);
     json_free(&root);
     recording_free(&r);
     return status == OK ? 0 : command_failed(argv[0]);

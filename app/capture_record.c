@@ -4,7 +4,6 @@
 #include "platform/json.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 
 struct arguments {
     const char *sensor, *into, *out, *take;
@@ -49,10 +48,7 @@ static void report(const struct arguments *given, const struct recorder_result *
         json_add_number(root, "sensor_moves", r->sensor_moves);
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
-        char *text = json_print(root);
-        fputs(text ? text : "", stdout);
-        free(text);
-        json_free(&root);
+        (void)!command_print_json(&root);
         return;
     }
     printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,

@@ -1,55 +1,14 @@
 // reenact-capture repair FILE: saves what can be read of a damaged recording.
 #include "app/commands.h"
 
-#include "capture/recording/recording.h"
-#include "platform/json.h"
+#include "app/recording_report.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 
-struct arguments {
-    const char *path;
-    bool json;
-};
-
-static error_t parse(int key, char *argument, struct argp_state *state)
-{
-    struct arguments *a = state->input;
-    switch (key) {
-    case 'j': a->json = true; return 0;
-    case ARGP_KEY_ARG:
-        if (a->path)
-            argp_error(state, "one FILE at a time");
-        a->path = argument;
-        return 0;
-    case ARGP_KEY_END: command_need(state, a->path, "FILE"); return 0;
-    default: return ARGP_ERR_UNKNOWN;
-    }
-}
-
-static void print_json(const struct arguments *a, enum status status, const struct recording_report *r)
-{
-    struct json *root = json_new_object();
-    json_add_string(root, "file", a->path);
-    json_add_string(root, "status", status_name(status));
-    if (status != OK)
-        json_add_string(root, "reason", status_sentence());
-    json_add_number(root, "takes", r->takes);
-    json_add_number(root, "interrupted_takes", r->interrupted_takes);
-    json_add_number(root, "frames", (double)r->frames);
-    json_add_number(root, "damaged_frames", (double)r->damaged_frames);
-    json_add_number(root, "bytes", (double)r->bytes);
-    char *text = json_print(root);
-    if (text)
-        fputs(text, stdout);
-    free(text);
-    json_free(&root);
-}
-
-static void print_report(const struct arguments *a, enum status status, const struct recording_report *r)
+static void print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
 {
     if (a->json)
-        print_json(a, status, r);
+        recording_report_print_json(a->path, status, r);
     else if (status == OK)
         printf("%s: %d takes (%d were interrupted), %lld frames, %lld of them damaged or lost, %.1f MB\n", a->path,
                r->takes, r->interrupted_takes, (long long)r->frames, (long long)r->damaged_frames,
@@ -58,17 +17,11 @@ static void print_report(const struct arguments *a, enum status status, const st
 
 int capture_repair(int argc, char **argv)
 {
-    static const struct argp_option options[] = {
-        {"json", 'j', NULL, 0, "Print one JSON object", 0},
-        {0},
-    };
-    static const struct argp argp = {.options = options,
-                                     .parser = parse,
-                                     .args_doc = "FILE",
-                                     .doc = "Saves what can be read of a damaged recording into FILE; what was there stays as FILE.damaged. A sound file is left as it is, but that interrupted takes count as complete from then on."};
-    struct arguments a = {0};
-    if (argp_parse(&argp, argc, argv, 0, NULL, &a))
-        return 2;
+    struct file_arguments a;
+    command_parse_file(argc, argv,
+                       "Saves what can be read of a damaged recording into FILE; what was there stays as FILE.damaged. A "
+                       "sound file is left as it is, but that interrupted takes count as complete from then on.",
+                       &a);
     struct recording_report report;
     enum status status = recording_repair(a.path, &report);
     print_report(&a, status, &report);

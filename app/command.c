@@ -1,9 +1,11 @@
 #include "app/command.h"
 
 #include "platform/clock.h"
+#include "platform/json.h"
 
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -56,6 +58,43 @@ void command_need(const struct argp_state *state, const void *given, const char 
 {
     if (!given)
         argp_error(state, "%s is needed", option);
+}
+
+static error_t parse_file(int key, char *argument, struct argp_state *state)
+{
+    struct file_arguments *a = state->input;
+    switch (key) {
+    case COMMAND_KEY: a->json = true; return 0;
+    case ARGP_KEY_ARG:
+        if (a->path)
+            argp_error(state, "one FILE at a time");
+        a->path = argument;
+        return 0;
+    case ARGP_KEY_END: command_need(state, a->path, "FILE"); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+void command_parse_file(int argc, char **argv, const char *doc, struct file_arguments *out)
+{
+    static const struct argp_option options[] = {
+        {"json", COMMAND_KEY, NULL, 0, "report as JSON", 0},
+        {0},
+    };
+    const struct argp argp = {.options = options, .parser = parse_file, .args_doc = "FILE", .doc = doc};
+    *out = (struct file_arguments){0};
+    argp_parse(&argp, argc, argv, 0, NULL, out);
+}
+
+enum status command_print_json(struct json **root)
+{
+    char *text = json_print(*root);
+    json_free(root);
+    if (!text)
+        return fail(ERR_MEMORY, "no memory to print the report");
+    fputs(text, stdout);
+    free(text);
+    return OK;
 }
 
 static volatile sig_atomic_t stopped;

@@ -29,6 +29,17 @@ enum { COMMAND_KEY = 0x100 };
 // Ends with exit code 2 and a sentence when a needed option is missing.
 void command_need(const struct argp_state *state, const void *given, const char *option);
 
+// The arguments of a command that takes one FILE and --json.
+struct file_arguments {
+    const char *path;
+    bool json;
+};
+void command_parse_file(int argc, char **argv, const char *doc, struct file_arguments *out);
+
+// Prints the tree to stdout and frees it. ERR_MEMORY.
+struct json;
+MUST_CHECK enum status command_print_json(struct json **root);
+
 // From the first call on, Ctrl-C and SIGTERM no longer end the program but make
 // command_stopped() true, so that long work can end in good order.
 void command_catch_stop(void);
