@@ -287,6 +287,33 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
     return n.cost;
 }
 
+bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+                    double fy, const struct pose *camera_from_world, double covariance[36])
+{
+    struct evidence all = {
+        .tags = tags, .tag_count = count, .points = points, .point_count = point_count, .fx = fx, .fy = fy, .depth = true};
+    struct normal6 n;
+    double numbers = -6; // observed, beyond those that the pose itself takes
+    for (int i = 0; i < count; i++) {
+        stage_information(tags[i].seen, 0, all.information[i].a);
+        numbers += tags[i].used ? 8 : 0;
+        if (tags[i].used && tags[i].depth)
+            numbers += tags[i].depth->share * tags[i].depth->count;
+    }
+    for (int i = 0; i < point_count; i++)
+        numbers += points[i].z > 0 ? 3 : 2;
+    normal_equations(&all, camera_from_world, &n);
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < i; j++)
+            n.a[j * 6 + i] = n.a[i * 6 + j];
+    if (!invert_symmetric(n.a, 6, covariance))
+        return false;
+    double grow = fmax(1, n.cost / fmax(1, numbers));
+    for (int i = 0; i < 36; i++)
+        covariance[i] *= grow;
+    return true;
+}
+
 double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
                     double fy)
 {

@@ -66,6 +66,13 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
 double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
                   double point_px, double fx, double fy, struct pose *camera_from_world);
 
+// How sure fit_refine's pose is: the covariance of a small motion (turn, then shift; camera
+// axes, radians and metres) of the camera, row-major. Errors larger than the evidence owns
+// to make it larger, smaller ones do not make it smaller. False: the evidence leaves a
+// motion open; *covariance untouched.
+bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+                    double fy, const struct pose *camera_from_world, double covariance[36]);
+
 // Reprojection error of one tag; 1e9 behind the camera or from its back.
 double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy);
 

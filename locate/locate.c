@@ -1,6 +1,7 @@
 #include "locate/locate.h"
 
 #include "locate/points.h"
+#include "locate/relocate.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -33,9 +34,12 @@ static const double LEAST_PREDICTED_PX = 10;
 // A predicted tag must look the part: nothing has read its number.
 static const double PREDICTED_LIKENESS = 0.8;
 
+// Without a tag, so many points must agree.
+enum { LEAST_ALONE = 20 };
+
 struct locator_options locator_default_options(void)
 {
-    return (struct locator_options){.quad_decimate = 1, .max_rms_px = 2.5};
+    return (struct locator_options){.quad_decimate = 1, .max_rms_px = 2.5, .max_position_sigma_m = 0.05};
 }
 
 static enum status check(const struct place *place, const struct lens *lens, const struct locator_options *options)
@@ -45,8 +49,11 @@ static enum status check(const struct place *place, const struct lens *lens, con
         return status;
     if (!(options->max_rms_px > 0))
         return fail(ERR_INPUT, "max_rms_px must be greater than 0, not %g", options->max_rms_px);
-    if (place->tag_count <= 0)
-        return fail(ERR_INPUT, "the place holds no tag to find a camera by; map it again with tags on its walls");
+    if (!(options->max_position_sigma_m > 0))
+        return fail(ERR_INPUT, "max_position_sigma_m must be greater than 0, not %g", options->max_position_sigma_m);
+    if (place->tag_count <= 0 && place->point_count < LEAST_ALONE)
+        return fail(ERR_INPUT, "the place holds no tag and too few points to find a camera by; map it again, with tags "
+                               "on its walls");
     for (int32_t i = 0; i < place->tag_count; i++) {
         const struct place_tag *tag = &place->tags[i];
         if (!(tag->side_m > 0) || !isfinite(tag->side_m) || !pose_finite(tag->world_from_tag))
@@ -62,7 +69,7 @@ static enum status check(const struct place *place, const struct lens *lens, con
 
 static enum status fill(struct locator *l, const struct place *place)
 {
-    size_t pixels = (size_t)l->lens.width * (size_t)l->lens.height, n = (size_t)place->tag_count;
+    size_t pixels = (size_t)l->lens.width * (size_t)l->lens.height, n = (size_t)place->tag_count + 1;
     l->gray = malloc(pixels);
     l->tags = malloc(n * sizeof *l->tags);
     l->patterns = malloc(n * sizeof *l->patterns);
@@ -76,7 +83,8 @@ static enum status fill(struct locator *l, const struct place *place)
         l->point_count = place->point_count;
     }
     l->tag_count = place->tag_count;
-    memcpy(l->tags, place->tags, n * sizeof *l->tags);
+    if (l->tag_count)
+        memcpy(l->tags, place->tags, (n - 1) * sizeof *l->tags);
     for (int32_t i = 0; i < l->tag_count; i++)
         if (!tag_pattern(l->tags[i].id, &l->patterns[i]))
             return fail(ERR_INPUT, "the place's tag %d is not of the family tag36h11, which ends at %d",
@@ -255,48 +263,102 @@ static void measure(struct locator *l, struct fit_tag *tags, struct camera_fit *
     found->rms_px = used ? sqrt(sum / used) : 0;
 }
 
+// The features of the picture; l->gray holds it.
+static enum status find_features(struct locator *l, const uint16_t *depth)
+{
+    int count;
+    enum status status = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
+    if (status != OK)
+        return status;
+    feature_index_build(&l->index, l->features, count, &l->lens);
+    for (int i = 0; i < count && depth; i++)
+        l->feature_depths[i] = feature_depth(&l->lens, depth, l->features[i].at);
+    return OK;
+}
+
+// Where no tag says anything. How many points agree; 0: no place.
+static int from_points(struct locator *l, bool with_depth, struct camera_fit *found)
+{
+    int agree = 0, kept = 0;
+    struct pose pose;
+    int count = relocate_match(l->points, l->point_count, &l->index, l->matches, FEATURES_MAX);
+    if (!relocate(l->points, &l->index, &l->lens, l->matches, count, &pose, &agree) ||
+        !points_refine(l->points, l->point_count, &l->index, with_depth ? l->feature_depths : NULL, &l->lens, NULL, 0,
+                       &pose, l->matches, FEATURES_MAX, &kept) ||
+        kept < LEAST_ALONE)
+        return 0;
+    *found = (struct camera_fit){.camera_from_world = pose, .other = pose};
+    return kept;
+}
+
+// Tags that the finder missed join in; what the points said of the pose stands.
+static enum status join_predicted(struct locator *l, struct fit_tag *tags, bool with_depth, enum status status,
+                                  int *agree, struct camera_fit *found)
+{
+    struct camera_fit again;
+    enum status more = fit(l, tags, &again);
+    if (more == NOTHING || again.used < found->used)
+        return status;
+    struct pose sharp = found->camera_from_world;
+    *found = again;
+    if (*agree) {
+        found->camera_from_world = sharp;
+        more = OK;
+        int now = sharpen(l, tags, with_depth, &more, found);
+        *agree = now ? now : *agree;
+    }
+    return more;
+}
+
+// False: the pose is not sure enough to be given.
+static bool describe(const struct locator *l, const struct fit_tag *tags, bool with_depth, int agree,
+                     const struct camera_fit *found, struct location *out)
+{
+    struct fit_point points[FEATURES_MAX];
+    struct location at = {
+        .world_from_camera = pose_inverse(found->camera_from_world),
+        .rms_px = found->rms_px,
+        .tags_used = found->used,
+        .tags_rejected = l->count - found->used,
+        .points_used = agree,
+    };
+    points_gather(l->points, &l->index, with_depth ? l->feature_depths : NULL, &l->lens, l->matches, agree, points);
+    if (!fit_covariance(tags, l->count, points, agree, l->lens.fx, l->lens.fy, &found->camera_from_world,
+                        at.covariance))
+        return false;
+    at.position_sigma_m = sqrt(at.covariance[21] + at.covariance[28] + at.covariance[35]);
+    if (!(at.position_sigma_m <= l->options.max_position_sigma_m))
+        return false;
+    *out = at;
+    return true;
+}
+
 enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
 {
     struct fit_tag tags[FIT_MAX_TAGS];
-    struct camera_fit found;
+    struct camera_fit found = {.used = 0};
+    int agree = 0;
     enum status status = look(l, color, depth);
     if (status != OK)
         return status;
     status = fit(l, tags, &found);
-    if (status == NOTHING)
-        return NOTHING;
-    int agree = 0;
     if (l->point_count) {
-        int count;
-        enum status seen = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
+        enum status seen = find_features(l, depth);
         if (seen != OK)
             return seen;
-        feature_index_build(&l->index, l->features, count, &l->lens);
-        for (int i = 0; i < count && depth; i++)
-            l->feature_depths[i] = feature_depth(&l->lens, depth, l->features[i].at);
-        agree = sharpen(l, tags, depth != NULL, &status, &found);
     }
-    if (look_where_predicted(l, color, depth, &found.camera_from_world)) {
-        struct camera_fit again;
-        enum status more = fit(l, tags, &again);
-        if (more != NOTHING && again.used >= found.used) {
-            // What the points said of the pose stands; the new tags join in.
-            struct pose sharp = found.camera_from_world;
-            found = again;
-            if (agree) {
-                found.camera_from_world = sharp;
-                more = OK;
-                sharpen(l, tags, depth != NULL, &more, &found);
-            }
-            status = more;
-        }
+    if (status != NOTHING) {
+        if (l->point_count)
+            agree = sharpen(l, tags, depth != NULL, &status, &found);
+    } else {
+        l->count = 0; // tags that fit nothing
+        agree = l->point_count ? from_points(l, depth != NULL, &found) : 0;
+        if (!agree)
+            return NOTHING;
+        status = OK;
     }
+    if (look_where_predicted(l, color, depth, &found.camera_from_world))
+        status = join_predicted(l, tags, depth != NULL, status, &agree, &found);
     measure(l, tags, &found);
-    *out = (struct location){
-        .world_from_camera = pose_inverse(found.camera_from_world),
-        .rms_px = found.rms_px,
-        .tags_used = found.used,
-        .tags_rejected = l->count - found.used,
-    };
-    return status;
+    return describe(l, tags, depth != NULL, agree, &found, out) ? status : NOTHING;
 }

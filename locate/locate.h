@@ -1,5 +1,6 @@
 // Where a camera is in a place, from one picture: finds the tags, refines their
-// corners, and fits the pose to all corners of all known tags at once.
+// corners, and fits the pose to all corners of all known tags and to the natural
+// points around. Where no tag is in sight, natural points alone say where it is.
 // Deterministic; safe from any thread, one `struct locator` to a thread.
 #pragma once
 #include "capture/recording/place.h"
@@ -9,6 +10,7 @@ struct locator;
 struct locator_options {
     double quad_decimate; // the tag finder's; 1 = every pixel, slow and sure. Default 1
     double max_rms_px;    // a worse fit is NOTHING. Default 2.5
+    double max_position_sigma_m; // a pose less sure than this is NOTHING. Default 0.05
 };
 struct locator_options locator_default_options(void);
 
@@ -16,17 +18,24 @@ struct location {
     struct pose world_from_camera;
     double rms_px; // over the corners used
     int32_t tags_used, tags_rejected;
+    int32_t points_used; // natural points that agree
+    // Of a small motion of the camera in its own axes: turn (radians), then shift (metres).
+    // The shift's part is that of the camera's position. It knows the noise of this picture
+    // and the errors seen, not what the map as a whole is off by.
+    double covariance[36]; // row-major
+    double position_sigma_m; // root of the trace of the shift's part
 };
 
-// Copies what it needs of `place` and `lens`. ERR_INPUT: no tag in the place and
-// nothing else to go by, a senseless lens, two tags with the same number. ERR_MEMORY.
+// Copies what it needs of `place` and `lens`. ERR_INPUT: neither tags nor enough
+// points in the place, a senseless lens, two tags with the same number. ERR_MEMORY.
 MUST_CHECK enum status locator_open(struct locator **out, const struct place *place, const struct lens *lens,
                                     const struct locator_options *options);
 void locator_close(struct locator **l);
 
 // color: RGB of the lens's size. depth: of the same pixels, or NULL.
 // OK         *out filled
-// NOTHING    no known tag in sight, or none that fits; *out untouched
+// NOTHING    nothing known in sight, nothing that fits, or too little to be sure
+//            (max_position_sigma_m); *out untouched
 // AMBIGUOUS  a mirrored pose fits nearly as well; *out holds the better one
 MUST_CHECK enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                     struct location *out);

@@ -127,7 +127,7 @@ int points_match(const struct place_point *points, int32_t point_count, const st
     return count;
 }
 
-static int gather(const struct place_point *points, const struct feature_index *index, const double *depth,
+int points_gather(const struct place_point *points, const struct feature_index *index, const double *depth,
                   const struct lens *lens, const struct point_match *matches, int count, struct fit_point *out)
 {
     for (int i = 0; i < count; i++) {
@@ -200,7 +200,7 @@ static int search(const struct place_point *points, int32_t point_count, const s
         *first = *first ? *first : count;
         if (count < LEAST_POINTS)
             return 0;
-        gather(points, index, depth, lens, matches, count, seen);
+        points_gather(points, index, depth, lens, matches, count, seen);
         for (double loose = radius / 3; loose > 0.5; loose /= 3)
             fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, pose);
         if (radius <= LAST_PX)

@@ -36,6 +36,10 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
                    const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
                    struct pose *camera_from_world, struct point_match *matches, int capacity, int *match_count);
 
+// What matches say, for a fit: out has room for `count`, which is returned.
+int points_gather(const struct place_point *points, const struct feature_index *index, const double *depth,
+                  const struct lens *lens, const struct point_match *matches, int count, struct fit_point *out);
+
 // The mean depth around a pixel where the surface is smooth, metres; 0 elsewhere.
 // depth: millimetres, of the same pixels as `lens`.
 double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at);
