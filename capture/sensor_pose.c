@@ -9,10 +9,13 @@ enum { CHECK_EVERY = 15 };
 
 // A pose further than this from the one held is a rival. It wins when enough
 // checks in a row agree with it: a person who covers a tag makes poses that err
-// by centimetres, and the same way for seconds. From as many tags as the pose held
-// it takes fewer checks than from less.
+// by centimetres, and the same way for seconds. Poses as sure as the best of those
+// held need fewer checks than others.
 static const double MOVED_M = 0.05, MOVED_RAD = 0.02;
 enum { CHECKS_AS_GOOD = 3, CHECKS_AT_ALL = 8 };
+
+// What the locator alone would refuse is welcome here: the floor makes it better.
+static const double WORST_SIGMA_M = 1;
 
 // The mean stops moving after this many poses, so that it also stops costing.
 enum { ENOUGH_POSES = 40 };
@@ -26,7 +29,7 @@ struct sensor_pose {
     int poses;         // in the mean; 0 = not located
     struct pose mean;
     double mean_weight;
-    int32_t most_tags; // that a pose of the mean was found by
+    double least_sigma_m; // of the poses in the mean
     int rival_checks;  // that agreed with the rival in a row; 0 = there is none
     struct pose rival;
     int moves;
@@ -43,6 +46,7 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
     s->mean = POSE_IDENTITY;
     s->tag_count = place->tag_count;
     struct locator_options options = locator_default_options();
+    options.max_position_sigma_m = WORST_SIGMA_M;
     enum status status = locator_open(&s->locator, place, &calibration->color, &options);
     if (status == OK && !(s->tags = malloc(sizeof *s->tags * (size_t)(place->tag_count + 1))))
         status = fail(ERR_MEMORY, "no memory to locate the sensor");
@@ -71,7 +75,6 @@ static bool agree(struct pose a, struct pose b)
     return v3_distance(a.translation, b.translation) < MOVED_M && pose_angle(a, b) < MOVED_RAD;
 }
 
-// A pose from many corners is worth more than one from four.
 static void average(struct sensor_pose *s, struct pose pose, double weight)
 {
     double share = weight / (s->mean_weight + weight);
@@ -85,7 +88,7 @@ static void restart_from(struct sensor_pose *s, const struct location *found, do
 {
     s->mean = found->world_from_camera;
     s->mean_weight = weight;
-    s->most_tags = found->tags_used;
+    s->least_sigma_m = found->position_sigma_m;
     s->poses = 1;
     s->rival_checks = 0;
 }
@@ -96,7 +99,7 @@ static bool rival_wins(struct sensor_pose *s, const struct location *found)
     bool goes_on = s->rival_checks && agree(found->world_from_camera, s->rival);
     s->rival = found->world_from_camera;
     s->rival_checks = goes_on ? s->rival_checks + 1 : 1;
-    return s->rival_checks >= (found->tags_used >= s->most_tags ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
+    return s->rival_checks >= (found->position_sigma_m <= 1.5 * s->least_sigma_m ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
 }
 
 // The middle of the tags that the pose puts into the picture.
@@ -142,13 +145,12 @@ enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const 
     if (status != OK)
         return status;
     stand_upright(s, depth, &found.world_from_camera);
-    double weight = found.tags_used * found.tags_used;
+    double sigma_m = fmax(found.position_sigma_m, 1e-4), weight = 1 / (sigma_m * sigma_m);
     if (!s->poses) {
         restart_from(s, &found, weight);
     } else if (agree(found.world_from_camera, s->mean)) {
         s->rival_checks = 0;
-        if (found.tags_used > s->most_tags)
-            s->most_tags = found.tags_used;
+        s->least_sigma_m = fmin(s->least_sigma_m, found.position_sigma_m);
         if (s->poses < ENOUGH_POSES)
             average(s, found.world_from_camera, weight);
     } else if (rival_wins(s, &found)) {
