@@ -31,7 +31,11 @@ static const struct argp_option options[] = {
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
     {"detail", KEY_DETAIL, "LEVEL", 0,
      "paper: the 2014 method to the letter; full: our best (default); auto: as much as the eye can tell", 0},
-    {"layers", KEY_LAYERS, NULL, 0, "also write NAME_actor.png: the actor alone, RGBA, straight alpha", 0},
+    {"layers", KEY_LAYERS, NULL, 0,
+     "also write NAME_actor.png (the actor alone, RGBA, straight alpha) and NAME_source.png (where each of its "
+     "pixels is from: red 85 seen now, 170 borrowed from another moment, 255 filled in; 256 green + blue: how long "
+     "before or after, in hundredths of a second)",
+     0},
     {"start", KEY_START, "SECONDS", 0, "show the take from here when the first image comes (default 0)", 0},
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
@@ -148,6 +152,7 @@ static enum status open_run(struct run *r)
         status = gpu_open(&r->gpu);
     struct painter_options how = painter_default_options();
     how.detail = a->detail;
+    how.sources = a->layers;
     if (status == OK)
         status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
     if (status == OK)
@@ -248,6 +253,10 @@ static enum status one_picture(struct run *r, const struct frame *frame)
         status = write_picture(r, frame->name, "", PNG_RGB8, r->rgb);
     if (status == OK && r->arguments->layers)
         status = write_picture(r, frame->name, "_actor", PNG_RGBA8, r->rgba);
+    if (status == OK && r->arguments->layers)
+        status = painter_read_source(r->painter, r->rgb);
+    if (status == OK && r->arguments->layers)
+        status = write_picture(r, frame->name, "_source", PNG_RGB8, r->rgb);
     lap(r, STAGE_WRITE);
     return status;
 }

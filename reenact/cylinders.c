@@ -14,6 +14,51 @@ struct part_map cylinder_map(const struct part_frame *f, double radius_m)
     }};
 }
 
+struct part_map part_map_of(struct pose a_from_b)
+{
+    double m[3][3];
+    quat_to_matrix(a_from_b.rotation, m);
+    const double t[3] = {a_from_b.translation.x, a_from_b.translation.y, a_from_b.translation.z};
+    struct part_map map;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++)
+            map.row[i][k] = (float)m[i][k];
+        map.row[i][3] = (float)t[i];
+    }
+    return map;
+}
+
+struct part_map part_map_multiply(const struct part_map *a, const struct part_map *b)
+{
+    struct part_map map;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 4; k++) {
+            double sum = k == 3 ? a->row[i][3] : 0;
+            for (int n = 0; n < 3; n++)
+                sum += (double)a->row[i][n] * b->row[n][k];
+            map.row[i][k] = (float)sum;
+        }
+    return map;
+}
+
+struct part_map part_map_between(const struct part_frame *from, const struct part_frame *to)
+{
+    double scale = to->length / from->length;
+    struct part_map map;
+    const struct vec3 *f[3] = {&from->x, &from->y, &from->z}, *t[3] = {&to->x, &to->y, &to->z};
+    for (int i = 0; i < 3; i++) {
+        struct vec3 row = v3(0, 0, 0);
+        for (int k = 0; k < 3; k++)
+            row = v3_add(row, v3_scale(*f[k], scale * (i == 0 ? t[k]->x : i == 1 ? t[k]->y : t[k]->z)));
+        double origin = i == 0 ? to->origin.x : i == 1 ? to->origin.y : to->origin.z;
+        map.row[i][0] = (float)row.x;
+        map.row[i][1] = (float)row.y;
+        map.row[i][2] = (float)row.z;
+        map.row[i][3] = (float)(origin - v3_dot(row, from->origin));
+    }
+    return map;
+}
+
 enum { CAP_RINGS = 8 };
 
 // Ring number i of `rings`: its height and its radius.

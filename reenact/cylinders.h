@@ -11,6 +11,14 @@ struct part_map {
 // From the part's mesh (x, y in radii, z in bone lengths) into the frame's axes, metres.
 struct part_map cylinder_map(const struct part_frame *frame, double radius_m);
 
+// Rigid: metres to metres.
+struct part_map part_map_of(struct pose a_from_b);
+struct part_map part_map_multiply(const struct part_map *a_from_b, const struct part_map *b_from_c);
+
+// From one skeleton's axes to another's, so that a point of the part comes upon
+// the same point of the part there; scaled with the bone.
+struct part_map part_map_between(const struct part_frame *from, const struct part_frame *to);
+
 // How the mesh ends.
 enum cylinder_shape {
     CYLINDER_OPEN,    // the paper's: a tube

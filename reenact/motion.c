@@ -7,6 +7,7 @@ static const int64_t MAX_GAP_NS = 500000000;
 struct step {
     int64_t time_ns; // since the take's first frame
     int64_t frame;
+    struct pose world_from_camera;
     struct skeleton world;
 };
 
@@ -46,7 +47,8 @@ enum status motion_open(struct motion **out, const struct take *take)
         struct step *s = &steps[m->count++];
         s->time_ns = e->time_ns - take_entry(take, 0)->time_ns;
         s->frame = i;
-        s->world = skeleton_transform(anywhere ? e->world_from_camera : nowhere_from_camera, &e->skeleton);
+        s->world_from_camera = anywhere ? e->world_from_camera : nowhere_from_camera;
+        s->world = skeleton_transform(s->world_from_camera, &e->skeleton);
         for (int j = 0; j < JOINT_COUNT; j++)
             if (s->world.confidence[j] > 0 && !v3_finite(s->world.joint[j])) {
                 motion_close(&m);
@@ -88,7 +90,8 @@ enum status motion_at(const struct motion *m, int64_t time_ns, bool smooth, stru
     const struct step *nearest = to_before <= to_after ? before : after;
     if (llabs(time_ns - nearest->time_ns) > MAX_GAP_NS)
         return NOTHING;
-    *out = (struct moment){.frame = nearest->frame, .skeleton = nearest->world};
+    *out = (struct moment){
+        .frame = nearest->frame, .skeleton = nearest->world, .world_from_camera = nearest->world_from_camera};
     if (!smooth || before == after || time_ns <= before->time_ns || after->time_ns - before->time_ns > MAX_GAP_NS)
         return OK;
     double t = (double)(time_ns - before->time_ns) / (double)(after->time_ns - before->time_ns);

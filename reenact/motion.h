@@ -12,8 +12,9 @@ MUST_CHECK enum status motion_open(struct motion **out, const struct take *take)
 void motion_close(struct motion **m);
 
 struct moment {
-    int64_t frame;            // the recorded frame nearest in time
-    struct skeleton skeleton; // world axes
+    int64_t frame;                 // the recorded frame nearest in time
+    struct skeleton skeleton;      // world axes
+    struct pose world_from_camera; // of the colour camera at `frame`
 };
 
 // time_ns: since the take's first frame. smooth: joints between the frames before

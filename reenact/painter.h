@@ -12,9 +12,9 @@
 enum detail {
     DETAIL_PAPER, // 2014 to the letter: the yardstick. One frame for the whole body
                   // (equation 5), that frame's plain colours, open cylinders
-    DETAIL_FULL,  // our best: measured shapes, a frame for each part, its own pixels
-                  // only, smooth edges, joints between recorded instants
-    DETAIL_AUTO,  // full, or less where the eye cannot tell: see painter_level
+    DETAIL_FULL,  // our best: what the shown frame itself saw, and about it measured shapes, a frame for each part, its
+                 // own pixels only, smooth edges, joints between recorded instants
+    DETAIL_AUTO, // full, or less where the eye cannot tell: see painter_level
 };
 
 struct painter;
@@ -22,6 +22,7 @@ struct painter;
 struct painter_options {
     enum detail detail;   // default DETAIL_FULL
     size_t texture_bytes; // bound of what is kept on the GPU. Default 64 MiB
+    bool sources;         // painter_read_source will be asked for. Default no
 };
 struct painter_options painter_default_options(void);
 
@@ -58,6 +59,13 @@ MUST_CHECK enum status painter_read(struct painter *p, uint8_t *rgb);
 
 // The actor alone, RGBA with straight alpha. ERR_DEVICE.
 MUST_CHECK enum status painter_read_actor(struct painter *p, uint8_t *rgba);
+
+// Where each pixel of the actor last drawn is from, RGB, without smooth edges; needs options.sources.
+// Red: 0 nobody, 85 seen by the shown frame itself, 170 borrowed from another
+// frame, 255 filled in (a side that nobody saw drawn with what lies in front of
+// it). Green, blue: high and low byte of the borrowed frame's distance in time,
+// hundredths of a second, at most 65535. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status painter_read_source(struct painter *p, uint8_t *rgb);
 
 // The picture last drawn as a texture, top row first, for whoever shows it in a window.
 const struct gpu_texture *painter_texture(struct painter *p);

@@ -10,7 +10,12 @@ static const double LOWEST = -0.6, STEP = 0.06; // of the rings, bone lengths
 static const double TOP = 6;                    // highest stand-off kept, cylinder radii
 static const double SHARED_M = 0.01;            // neighbours overlap by this, so that no gap opens between them
 static const double SEEN_SHARE = 0.2;           // a ring seen less than this of what the middle was is no part of it
-static const int ENOUGH = 200;                  // samples for a part
+static const double SHIFT_LIMIT_M = 0.12;       // joints are not worse than this
+static const double SHIFT_TRUST = 0.05;         // in the joints, against a measured point
+static const double NECK_SHARE = 0.65;          // of the lowest measured ring's radius
+static const double END_REACH_M = 0.15;         // the end is sought so far about where it should be
+enum { SHIFT_ROUNDS = 4, SHIFT_POINTS = 20 };
+static const int ENOUGH = 200; // samples for a part
 
 double shape_height(int ring) { return LOWEST + STEP * ring; }
 
@@ -78,22 +83,23 @@ static float median(const uint16_t count[LEVELS])
 // Which rings are there: outwards from the middle as long as they were seen about as much.
 static bool find_ends(const struct tally *tally, struct part_shape *shape)
 {
-    long rings[SHAPE_ALONG] = {0}, total = 0, inner = 0;
-    int inner_rings = 0;
+    long rings[SHAPE_ALONG] = {0}, total = 0, below = 0, inner = 0;
     for (int i = 0; i < SHAPE_ALONG; i++) {
         for (int k = 0; k < SHAPE_AROUND; k++)
             for (int l = 0; l < LEVELS; l++)
                 rings[i] += tally->count[i][k][l];
         total += rings[i];
-        if (shape_height(i) > 0.2 && shape_height(i) < 0.8) {
-            inner += rings[i];
-            inner_rings++;
-        }
     }
-    if (total < ENOUGH || !inner)
+    if (total < ENOUGH)
         return false;
-    int middle = (int)lround((0.5 - LOWEST) / STEP);
-    double least = SEEN_SHARE * (double)inner / inner_rings;
+    // The middle of what was seen, which need not be the bone's: a head stands on top of its own.
+    int middle = 0;
+    while (2 * (below + rings[middle]) < total)
+        below += rings[middle++];
+    int from = middle > 3 ? middle - 3 : 0, to = middle + 3 < SHAPE_ALONG ? middle + 3 : SHAPE_ALONG - 1;
+    for (int i = from; i <= to; i++)
+        inner += rings[i];
+    double least = SEEN_SHARE * (double)inner / (to - from + 1);
     shape->first = shape->last = middle;
     while (shape->first > 0 && (double)rings[shape->first - 1] >= least)
         shape->first--;
@@ -142,7 +148,7 @@ static void smooth(struct part_shape *s)
     }
 }
 
-static void conclude(const struct tally *tally, struct part_shape *shape)
+static void conclude(const struct tally *tally, bool narrow_below, struct part_shape *shape)
 {
     if (!find_ends(tally, shape))
         return;
@@ -162,6 +168,13 @@ static void conclude(const struct tally *tally, struct part_shape *shape)
     for (int i = good; i <= shape->last; i++)
         if (!filled[i])
             memcpy(shape->radius[i], shape->radius[i - 1], sizeof shape->radius[i]);
+    if (narrow_below) { // down to the joint that it turns about: a neck, too hidden to be measured
+        int joint = (int)lround(-LOWEST / STEP);
+        for (int i = shape->first - 1; i >= joint; i--)
+            for (int k = 0; k < SHAPE_AROUND; k++)
+                shape->radius[i][k] = (float)NECK_SHARE * shape->radius[shape->first][k];
+        shape->first = joint < shape->first ? joint : shape->first;
+    }
     smooth(shape);
     shape->known = true;
 }
@@ -188,9 +201,66 @@ enum status shape_measure(struct shape *out, struct take *take, const struct sou
             status = add_frame(tallies, take, rays, i);
     }
     for (int p = 0; p < PART_COUNT && status == OK; p++)
-        conclude(&tallies[p], &out->parts[p]);
+        conclude(&tallies[p], p == PART_HEAD, &out->parts[p]);
     free(tallies);
     return status;
+}
+
+// How far the points' end lies beyond the shape's: all but the outermost hundredth of them, counted in bins.
+static double end_shift(const struct part_shape *s, const struct part_frame *f, const float *points, int count)
+{
+    enum { BINS = 256 };
+    int bins[BINS] = {0}, used = 0;
+    double low = shape_height(s->last) * f->length - END_REACH_M;
+    for (int i = 0; i < count; i++) {
+        const float *at = points + 3 * (size_t)i;
+        int bin = (int)floor((part_frame_point_in(f, v3(at[0], at[1], at[2])).z - low) / (2 * END_REACH_M) * BINS);
+        if (bin >= 0) {
+            bins[bin < BINS ? bin : BINS - 1]++;
+            used++;
+        }
+    }
+    if (used < SHIFT_POINTS)
+        return 0;
+    int top = BINS - 1;
+    for (int beyond = bins[top]; top > 0 && beyond * 100 < used; beyond += bins[top])
+        top--;
+    return (top + 1.0) / BINS * 2 * END_REACH_M - END_REACH_M;
+}
+
+struct vec3 shape_shift(const struct part_shape *s, const struct part_frame *f, double radius, bool free_end,
+                        const float *points, int count)
+{
+    struct vec3 shift = v3(0, 0, 0);
+    for (int round = 0; round < SHIFT_ROUNDS; round++) {
+        double xx = 0, xy = 0, yy = 0, x = 0, y = 0, used = 0;
+        for (int i = 0; i < count; i += 3) {
+            const float *at = points + 3 * (size_t)i;
+            struct vec3 in = v3_sub(part_frame_point_in(f, v3(at[0], at[1], at[2])), shift);
+            int ring = (int)lround((in.z / f->length - LOWEST) / STEP);
+            double far = hypot(in.x, in.y);
+            if (ring < s->first || ring > s->last || !(far > 1e-3))
+                continue;
+            int around = (int)lround(atan2(in.y, in.x) / (2 * PI) * SHAPE_AROUND);
+            double off = far - radius * s->radius[ring][(around + SHAPE_AROUND) % SHAPE_AROUND];
+            if (fabs(off) > SHIFT_LIMIT_M)
+                continue; // something else's
+            double cx = in.x / far, cy = in.y / far;
+            xx += cx * cx, xy += cx * cy, yy += cy * cy;
+            x += cx * off, y += cy * off;
+            used++;
+        }
+        if (used < SHIFT_POINTS)
+            return v3(0, 0, 0);
+        xx += SHIFT_TRUST * used;
+        yy += SHIFT_TRUST * used;
+        double det = xx * yy - xy * xy;
+        shift = v3_add(shift, v3((yy * x - xy * y) / det, (xx * y - xy * x) / det, 0));
+    }
+    if (free_end)
+        shift.z = end_shift(s, f, points, count);
+    double far = v3_length(shift);
+    return far > SHIFT_LIMIT_M ? v3_scale(shift, SHIFT_LIMIT_M / far) : shift;
 }
 
 enum status shape_mesh(const struct part_shape *s, struct cylinder_mesh *out)
