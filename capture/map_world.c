@@ -240,9 +240,9 @@ static bool surface_alloc(struct surface *s)
 // it where it was seen in depth: OK, else NOTHING and *height untouched.
 static enum status find_floor(const struct map *m, struct vec3 *up, double *height)
 {
-    struct surface all, flat;
+    struct surface all = {0}, flat = {0};
     enum status status = NOTHING;
-    bool room = surface_alloc(&all) & surface_alloc(&flat);
+    bool room = surface_alloc(&all) && surface_alloc(&flat);
     if (room && m->calibration.registered && m->calibration.depth.width)
         collect_surface(m, &all);
     *up = m->tag_count ? up_by_tags(m, held_up(m)) : held_up(m);
