@@ -321,6 +321,7 @@ static bool describe(const struct locator *l, const struct fit_tag *tags, bool w
         .tags_used = found->used,
         .tags_rejected = l->count - found->used,
         .points_used = agree,
+        .other = pose_inverse(found->other),
     };
     points_gather(l->points, &l->index, with_depth ? l->feature_depths : NULL, &l->lens, l->matches, agree, points);
     if (!fit_covariance(tags, l->count, points, agree, l->lens.fx, l->lens.fy, &found->camera_from_world,
