@@ -96,7 +96,7 @@ static void apply(const double h[9], double u, double v, double *x, double *y)
 }
 
 // Reads the pixels of the tag and most of its white rim.
-static void collect(struct refiner *r, const uint8_t *rgb, const double h[9])
+static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], int most)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     const struct lens *lens = &r->lens;
@@ -115,7 +115,7 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9])
     int left = (int)fmax(0, floor(x0)), right = (int)fmin(lens->width - 1, ceil(x1));
     int top = (int)fmax(0, floor(y0)), bottom = (int)fmin(lens->height - 1, ceil(y1));
     int step = 1;
-    while ((double)(right - left + 1) * (bottom - top + 1) > (double)MAX_SAMPLES * step * step)
+    while ((double)(right - left + 1) * (bottom - top + 1) > (double)most * step * step)
         step++;
     for (int y = top; y <= bottom; y += step) {
         for (int x = left; x <= right; x += step) {
@@ -426,6 +426,12 @@ static bool inform(const struct refiner *r, const struct model *m, const struct 
 bool refine_tag(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
                 const struct pixel corner[4], struct sighting *out)
 {
+    return refine_tag_by(r, rgb, id, pattern, corner, MAX_SAMPLES, out);
+}
+
+bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
+                   const struct pixel corner[4], int most_pixels, struct sighting *out)
+{
     static const double own[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     struct model m = {.blur_px = BLUR_START_PX};
     struct vec3 first[4];
@@ -440,7 +446,7 @@ bool refine_tag(struct refiner *r, const uint8_t *rgb, int32_t id, const struct 
         }
     struct gathered g;
     double noise;
-    collect(r, rgb, m.h);
+    collect(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
     if (!start_light(r, &m) || !descend(r, &m, &g, &noise))
         return false;
 

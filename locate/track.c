@@ -123,7 +123,11 @@ enum status camera_track_look(struct camera_track *t, const uint8_t *color, cons
         t->count = 0;
     for (int i = 0; i < t->count; i++)
         kalman_move(&t->of[i], seconds);
-    enum status status = locator_find(t->locator, color, depth, &found);
+    enum status status = NOTHING;
+    if (t->count == 1)
+        status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
+    if (status == NOTHING)
+        status = locator_find(t->locator, color, depth, &found);
     if (status < 0 || status == NOTHING)
         return status;
     t->unseen_s = 0;
