@@ -150,7 +150,8 @@ static double add_points(const struct fit_task *task, const struct body_build *b
     double c2 = task->reach_m * task->reach_m, share = INDEPENDENT_POINTS / fmax(e->count, 1), energy = 0;
     if (share > 1)
         share = 1;
-    for (int i = 0; i < e->count; i++) {
+    share *= task->every;
+    for (int i = 0; i < e->count; i += task->every) {
         struct nearest best = find_nearest(build, &bounds, e->point[i].p, out->solid[i]);
         out->residual[i] = (float)best.distance;
         out->solid[i] = (int8_t)best.solid;

@@ -374,9 +374,9 @@ static double likeness(const struct segmenter *s, const struct component *c)
     bool cut = c->border_bottom > 0;
     if (!cut && tall < 0.8)
         return 0;
-    if (s->have_floor && !cut && c->bottom > 0.5)
+    if (s->have_floor && !cut && c->bottom > 1.0)
         return 0;
-    double score = 1;
+    double score = s->have_floor && !cut && c->bottom > 0.5 ? 0.5 : 1; // legs hidden, or parted by a hem
     score *= c->top_width < 0.45 ? 1 : fmax(0.05, 1 - 3 * (c->top_width - 0.45));
     score *= fmin(1, tall / 1.3) * fmin(1, c->area_m2 / 0.35);
     double x = c->sum[0] / c->cells, z = c->sum[2] / c->cells;
@@ -440,11 +440,13 @@ static bool belongs(const struct segmenter *s, const struct component *c, const 
         return false;
     if (ball_count)
         return c->close > 0.5 * c->cells || (c->touching > 0.12 * c->cells && c->close > 0.1 * c->cells);
-    if (c->area_m2 > 0.6 * main->area_m2)
-        return false;
     double away[3];
     for (int k = 0; k < 3; k++)
         away[k] = c->sum[k] / c->cells - main->sum[k] / main->cells;
+    // As large as the main part: somebody else, unless both are in one place, parted by an arm before them.
+    bool stacked = fabs(away[0]) < 0.3 && fabs(away[2]) < 0.3 && fmax(c->top, main->top) - fmin(c->bottom, main->bottom) < 2.4;
+    if (c->area_m2 > 0.6 * main->area_m2 && !stacked)
+        return false;
     if (fabs(away[2]) > 0.9 || fabs(away[0]) > 1.1)
         return false;
     if (s->have_floor && c->top < 0.15)
