@@ -68,6 +68,22 @@ static void draw_sun(const struct grid *g)
     }
 }
 
+// A disc of 8.5 round (12, 12), less one of 6.5 round (15.5, 8.5); they meet at these angles.
+static void draw_moon(const struct grid *g)
+{
+    enum { OUTER = 28, INNER = 14 };
+    struct ui_point rim[OUTER + INNER];
+    for (int i = 0; i < OUTER; i++) {
+        double a = (4.6 + 260.8 * i / (OUTER - 1)) * PI / 180;
+        rim[i] = on(g, 12 + 8.5 * cos(a), 12 + 8.5 * sin(a));
+    }
+    for (int i = 0; i < INNER; i++) {
+        double a = (229.9 - 189.8 * i / (INNER - 1)) * PI / 180;
+        rim[OUTER + i] = on(g, 15.5 + 6.5 * cos(a), 8.5 + 6.5 * sin(a));
+    }
+    ui_stroke(g->ui, rim, OUTER + INNER, true, STROKE * g->unit, g->color);
+}
+
 static void draw_bones(const struct grid *g)
 {
     ui_ring(g->ui, on(g, 12, 4.5), 2.2 * g->unit, STROKE * g->unit, g->color);
@@ -181,10 +197,7 @@ void icon_draw(struct ui *ui, enum icon icon, struct ui_point centre, double siz
     case ICON_CAMERA: draw_camera(g); break;
     case ICON_MOVE: draw_move(g); break;
     case ICON_SUN: draw_sun(g); break;
-    case ICON_MOON:
-        arc(g, 12, 12, 8, 0.02 * PI, 1.48 * PI);
-        arc(g, 16.8, 7.2, 6.6, 0.42 * PI, 1.08 * PI);
-        break;
+    case ICON_MOON: draw_moon(g); break;
     case ICON_BONES: draw_bones(g); break;
     default: draw_more(g, icon); break;
     }

@@ -196,7 +196,11 @@ static void follow(struct tablet *t)
     struct show *s = &t->show;
     if (!s->orbiting || s->moving || !t->picture.has_skeleton || !(t->picture.skeleton.confidence[JOINT_WAIST] > 0))
         return;
-    s->orbit.centre = v3_mix(s->orbit.centre, t->picture.skeleton.joint[JOINT_WAIST], s->player.playing ? 0.05 : 0.25);
+    const struct vec3 waist = t->picture.skeleton.joint[JOINT_WAIST];
+    if (v3_distance(s->orbit.centre, waist) < 0.002)
+        return;
+    s->orbit.centre = v3_mix(s->orbit.centre, waist, s->player.playing ? 0.05 : 0.25);
+    s->changed = true;
 }
 
 static enum status draw_picture(struct tablet *t, const struct tablet_glass *glass, int64_t now_ns)

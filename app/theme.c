@@ -39,8 +39,8 @@ static const struct theme dark = {
     .on_accent = 0x04211dff,
     .warn = 0xfbbf24ff,
     .shadow = 0x000000a0,
-    .sky = 0x272d36ff,
-    .floor = 0x0d1014ff,
+    .sky = 0x2a313bff,
+    .floor = 0x13171dff,
     .grid = 0xffffff2a,
 };
 static const struct theme light = {
