@@ -8,6 +8,8 @@
 
 #include "app/tablet.h"
 #include "platform/clock.h"
+#include "platform/file.h"
+#include "platform/jpeg.h"
 #include "platform/png.h"
 #include "tests/support/rehearsal.h"
 
@@ -31,7 +33,8 @@ struct glass {
 static void glass_open(struct glass *g, int width, int height, const char *file, const char *take, const char *camera)
 {
     const struct tablet_options options = {
-        .file = file, .take = take, .camera = camera, .fixed_fineness = true, .refresh_hz = 60};
+        .file = file, .take = take, .camera = camera, .photos = rehearsal.scratch.path, .fixed_fineness = true,
+        .refresh_hz = 60};
     *g = (struct glass){.width = width, .height = height, .rgba = malloc((size_t)width * (size_t)height * 4)};
     EXPECT_STATUS(gpu_open(&g->gpu), OK);
     EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height, 1), OK);
@@ -169,6 +172,7 @@ static void test_nothing_is_drawn_when_nothing_changes(void **state)
     for (int i = 0; i < 40; i++) // the orbit comes to rest on him
         draw(&g);
     s->changed = false;
+    g.tablet.checked_ns = clock_now_ns(); // the look after the file comes once a second
     int64_t now = clock_now_ns(), next = tablet_update(&g.tablet, now);
     EXPECT_TRUE(!s->changed);
     EXPECT_AT_LEAST(next - now, 100000000);
@@ -189,6 +193,51 @@ static void test_actor_and_camera_are_of_one_instant(void **state)
         EXPECT_INT(t->look.time_ns, player_at(&t->show.player, t->sight->came_ns));
         EXPECT_INT(memcmp(&t->look.world_from_camera, &t->sight->world_from_camera, sizeof(struct pose)), 0);
     }
+    glass_close(&g);
+}
+
+static void test_a_photograph_is_what_is_seen_without_the_controls(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    settle(&g, true);
+    show_do(&g.tablet.show, DO_PHOTOGRAPH, clock_now_ns());
+    draw(&g);
+    const char *notice = g.tablet.show.notice, *name = strstr(notice, "reenact-");
+    EXPECT_TRUE(name);
+    uint8_t *bytes, *rgb = malloc(640 * 480 * 3);
+    size_t count;
+    EXPECT_STATUS(file_read(scratch_file(&rehearsal.scratch, name), &bytes, &count), OK);
+    EXPECT_STATUS(jpeg_decode(bytes, count, rgb, 640, 480), OK); // as large as the camera's picture
+    double sum = 0; // where the actor is not, it is the camera's picture
+    for (int y = 0; y < 120; y++)
+        for (int x = 0; x < 3 * 120; x++)
+            sum += abs(rgb[y * 640 * 3 + x] - g.tablet.sight->rgb[y * 640 * 3 + x]);
+    EXPECT_AT_MOST(sum / (120 * 360), 4);
+    free(rgb);
+    free(bytes);
+    glass_close(&g);
+}
+
+static void test_a_recording_that_is_taken_away_plays_on(void **state)
+{
+    (void)state;
+    char away[300];
+    struct glass g;
+    snprintf(away, sizeof away, "%s.away", rehearsal.file);
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    draw(&g);
+    EXPECT_INT(rename(rehearsal.file, away), 0);
+    g.tablet.checked_ns = 0;
+    at(&g, 0.8);
+    draw(&g);
+    EXPECT_TRUE(show_hint(&g.tablet.show) && strstr(show_hint(&g.tablet.show), "taken away"));
+    EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
+    EXPECT_INT(rename(away, rehearsal.file), 0);
+    g.tablet.checked_ns = 0;
+    draw(&g);
+    EXPECT_TRUE(!show_hint(&g.tablet.show));
     glass_close(&g);
 }
 
@@ -372,6 +421,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_an_orbit_shows_the_actor_and_a_finger_turns_it),
         cmocka_unit_test(test_nothing_is_drawn_when_nothing_changes),
         cmocka_unit_test(test_actor_and_camera_are_of_one_instant),
+        cmocka_unit_test(test_a_photograph_is_what_is_seen_without_the_controls),
+        cmocka_unit_test(test_a_recording_that_is_taken_away_plays_on),
         cmocka_unit_test(test_a_camera_that_is_lost_says_what_to_do),
         cmocka_unit_test(test_the_mirror_shows_him_the_other_way_round),
         cmocka_unit_test(test_a_file_without_a_take_says_so),

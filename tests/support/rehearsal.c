@@ -15,9 +15,9 @@ static void check(enum status status)
     }
 }
 
-static void write_camera(const struct rehearsal *r, const char *name, const struct world *w)
+void rehearse_camera(const struct scratch *scratch, const char *name, const struct world *w, double scale)
 {
-    struct calibration c = world_viewer_calibration(1);
+    struct calibration c = world_viewer_calibration(scale);
     const struct lens *l = &c.color;
     size_t pixels = (size_t)l->width * (size_t)l->height, count;
     uint8_t *rgb = malloc(3 * pixels), *bytes;
@@ -33,19 +33,19 @@ static void write_camera(const struct rehearsal *r, const char *name, const stru
             rgb[p] = (uint8_t)(168 + p / 3 % (size_t)l->width / 40);
         check(jpeg_encode(rgb, l->width, l->height, 92, &bytes, &count));
         snprintf(path, sizeof path, "%s/rgb/%04d.jpg", name, i);
-        scratch_write(&r->scratch, path, bytes, count);
+        scratch_write(scratch, path, bytes, count);
         free(bytes);
         sprintf(list + strlen(list), "%.3f rgb/%04d.jpg\n", 10 + 0.1 * i, i);
     }
     free(rgb);
     snprintf(path, sizeof path, "%s/rgb.txt", name);
-    scratch_text(&r->scratch, path, list);
+    scratch_text(scratch, path, list);
     snprintf(text, sizeof text,
              "{\"color\": {\"width\": %d, \"height\": %d, \"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, "
              "\"distortion\": [%.9g, %.9g, %.9g, %.9g, %.9g]}}",
              l->width, l->height, l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3);
     snprintf(path, sizeof path, "%s/calibration.json", name);
-    scratch_text(&r->scratch, path, text);
+    scratch_text(scratch, path, text);
 }
 
 static void record(struct recording_writer *writer, const struct rehearsal *r, const struct place *place,
@@ -79,8 +79,8 @@ struct rehearsal rehearsal_make(void)
     record(writer, &r, &place, "turn");
     record(writer, &r, &place, "once more");
     check(recording_close(&writer));
-    write_camera(&r, "viewer", world);
-    write_camera(&r, "wall", NULL);
+    rehearse_camera(&r.scratch, "viewer", world, 1);
+    rehearse_camera(&r.scratch, "wall", NULL, 1);
     place_free(&place);
     world_close(&world);
     return r;

@@ -11,5 +11,9 @@ struct rehearsal {
 
 enum { REHEARSAL_FRAMES = 8, REHEARSAL_PICTURES = 4 };
 
+// A folder `name` of what a tablet sees in that world, or of a wall without a tag
+// where there is none. scale: of 640 x 480.
+void rehearse_camera(const struct scratch *scratch, const char *name, const struct world *world, double scale);
+
 struct rehearsal rehearsal_make(void);
 void rehearsal_end(struct rehearsal *r);
