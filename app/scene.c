@@ -97,9 +97,9 @@ static bool floor_circle(const struct stage_picture *p, struct cover cover, doub
 static void draw_contact(const struct brush *b, const struct stage_picture *p, struct cover cover)
 {
     struct ui_point points[ROUND_POINTS];
-    for (int i = 10; i > 0; i--)
-        if (floor_circle(p, cover, 0.055 * i, points))
-            ui_polygon(b->ui, points, ROUND_POINTS, 0x00000012);
+    for (int i = 20; i > 0; i--)
+        if (floor_circle(p, cover, 0.024 * i, points))
+            ui_polygon(b->ui, points, ROUND_POINTS, 0x00000007);
 }
 
 static void draw_ring(const struct brush *b, const struct stage_picture *p, struct cover cover)

@@ -2,8 +2,7 @@
 // dark and light, with a camera that knows where it is and one that does not.
 //
 //     test_screens                          the tests
-//     test_screens FILE CAMERA BLIND FOLDER photographs of the screens, for the documents; BLIND is a camera
-//                                           that sees no tag
+//     test_screens FILE CAMERA FOLDER       photographs of the screens, for the documents (see tests/screens)
 #include "tests/test.h"
 
 #include "app/tablet.h"
@@ -322,7 +321,10 @@ static void arrange(struct glass *g, int n)
     s->placement = (struct placement){0};
     switch (n) {
     case 0: s->page = PAGE_TAKES; break;
-    case 2: show_do(s, DO_ORBIT, now); break;
+    case 2:
+        show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad;
+        break;
     case 3:
         s->skeleton = s->inset = s->strip = true;
         s->sheet = SHEET_LAYERS;
@@ -331,6 +333,7 @@ static void arrange(struct glass *g, int n)
     case 5:
         s->sources = true;
         show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad + 1;
         break;
     case 6:
         show_do(s, DO_MOVE, now);
@@ -411,9 +414,13 @@ static int tear_down(void **state)
 
 int main(int argc, char **argv)
 {
-    if (argc == 5) {
+    if (argc == 4) {
+        rehearsal.scratch = scratch_make();
+        rehearse_camera(&rehearsal.scratch, "wall", NULL, 1);
+        snprintf(rehearsal.blind, sizeof rehearsal.blind, "folder:%s/wall", rehearsal.scratch.path);
         for (int upright = 0; upright < 2; upright++)
-            photograph_all(argv[1], NULL, argv[2], argv[3], argv[4], upright);
+            photograph_all(argv[1], NULL, argv[2], rehearsal.blind, argv[3], upright);
+        rehearsal_end(&rehearsal);
         return 0;
     }
     const struct CMUnitTest tests[] = {
