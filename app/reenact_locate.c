@@ -93,6 +93,8 @@ struct summary {
     int64_t pictures, placed, nothing, ambiguous, damaged;
     int64_t tags_used, tags_rejected;
     double sum_rms2;
+    bool focal_wrong;
+    double focal_scale; // that fits, over the calibration's
 };
 
 // One picture. Negative statuses only for what ends the run.
@@ -162,10 +164,21 @@ static void report(const struct arguments *a, const struct summary *s)
     json_add_number(root, "tags_mean", (double)s->tags_used / placed);
     json_add_number(root, "tags_rejected", (double)s->tags_rejected);
     json_add_number(root, "rms_px", rms);
+    json_add_bool(root, "focal_wrong", s->focal_wrong);
+    json_add_number(root, "focal_scale", s->focal_scale);
     char *text = json_print(root);
     fputs(text ? text : "{}\n", stdout);
     free(text);
     json_free(&root);
+}
+
+static void warn(const char *program, const struct summary *s)
+{
+    if (s->focal_wrong)
+        fprintf(stderr,
+                "%s: warning: the pictures fit a focal length %.1f %% %s than the calibration's; calibrate the camera "
+                "again\n",
+                program, fabs(s->focal_scale - 1) * 100, s->focal_scale > 1 ? "longer" : "shorter");
 }
 
 static enum status open_all(const struct arguments *a, struct camera_track **track, struct source **camera)
@@ -211,8 +224,11 @@ int reenact_locate(int argc, char **argv)
     }
     if (status == OK)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
-    if (status == OK)
+    if (status == OK) {
+        s.focal_wrong = camera_track_doubts_focal(track, &s.focal_scale);
         report(&a, &s);
+        warn(argv[0], &s);
+    }
     free(lines.bytes);
     camera_track_close(&track);
     source_close(&camera);

@@ -345,6 +345,13 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
     points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, &l->lens, l->matches, agree, points);
     if (!locator_describe(l, tags, points, agree, &found, out))
         return NOTHING;
+    if (status == OK)
+        focal_add(&l->focal, tags, l->count, points, agree, l->lens.fx, l->lens.fy, &found.camera_from_world);
     locator_remember(l, tags, agree, &found.camera_from_world);
     return status;
+}
+
+bool locator_doubts_focal(const struct locator *l, double *scale)
+{
+    return focal_is_wrong(&l->focal, scale);
 }

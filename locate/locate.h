@@ -47,3 +47,7 @@ MUST_CHECK enum status locator_find(struct locator *l, const uint8_t *color, con
 // OK; NOTHING: too little of it is there, *out untouched: find the camera anew.
 MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                       struct pose guess, struct location *out);
+
+// True: the pictures in which locator_find found the camera so far do not fit the lens's focal
+// length. *scale: the one that fits them, over the lens's.
+bool locator_doubts_focal(const struct locator *l, double *scale);

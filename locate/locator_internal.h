@@ -1,6 +1,7 @@
 // What the locator's files share: the place, the picture in hand, and what of it will
 // be looked for in the next one.
 #pragma once
+#include "locate/focal.h"
 #include "locate/locate.h"
 #include "locate/patch.h"
 #include "locate/points.h"
@@ -40,6 +41,7 @@ struct locator {
     double feature_depths[FEATURES_MAX]; // where there is depth
     struct feature_index index;
     struct point_match matches[FEATURES_MAX];
+    struct focal focal; // what all pictures in which the camera was found say
     // for the next picture
     struct patch_picture picture;
     struct point_track tracks[LOCATOR_MOST_TRACKS];

@@ -136,3 +136,8 @@ enum status camera_track_look(struct camera_track *t, const uint8_t *color, cons
     tell(t, &found, out, motion);
     return t->count == 2 ? AMBIGUOUS : OK;
 }
+
+bool camera_track_doubts_focal(const struct camera_track *t, double *scale)
+{
+    return locator_doubts_focal(t->locator, scale);
+}

@@ -41,3 +41,6 @@ void camera_track_close(struct camera_track **t); // NULL is fine; sets *t = NUL
 // ERR_ORDER: time_ns is not later.
 MUST_CHECK enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
                                          int64_t time_ns, struct location *out, struct camera_motion *motion);
+
+// As locator_doubts_focal.
+bool camera_track_doubts_focal(const struct camera_track *t, double *scale);
