@@ -1,6 +1,7 @@
 #include "locate/fit.h"
 #include "locate/locate.h"
 #include "tests/tag_picture.h"
+#include "tests/tag_sight.h"
 #include "tests/test.h"
 
 #include <stdio.h>
@@ -182,25 +183,6 @@ static void senseless_squares(void **state)
 
 // ---------------------------------------------------------------- fits without pictures
 
-static struct sighting sight(const struct place_tag *tag, const struct pose *world_from_camera, double noise_px,
-                             struct dice *dice)
-{
-    struct sighting s = {.id = tag->id, .likeness = 1};
-    struct pose camera_from_tag = pose_multiply(pose_inverse(*world_from_camera), tag->world_from_tag);
-    project(&camera_from_tag, tag->side_m, s.ray);
-    for (int k = 0; k < 4; k++) {
-        s.ray[k].x += noise_px * dice_normal(dice) / 525;
-        s.ray[k].y += noise_px * dice_normal(dice) / 525;
-        s.information[2 * k][2 * k] = s.information[2 * k + 1][2 * k + 1] = 1 / (noise_px * noise_px + 1e-4);
-    }
-    return s;
-}
-
-static struct fit_tag with(const struct place_tag *tag, const struct sighting *s)
-{
-    return (struct fit_tag){.seen = s, .world_from_tag = tag->world_from_tag, .side_m = tag->side_m};
-}
-
 static const struct place_tag wall[4] = {
     {.id = 0, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {-0.8, 0.3, 0}}},
     {.id = 1, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {0.7, 0.4, 0}}},
@@ -221,8 +203,8 @@ static void a_moved_tag_is_rejected(void **state)
             struct place_tag now = wall[i];
             if (i == moved)
                 now.world_from_tag.translation.y += 0.12;
-            s[i] = sight(&now, &truth, 0.1, &dice);
-            tags[i] = with(&wall[i], &s[i]);
+            s[i] = tag_sight(&now, &truth, 0.1, &dice);
+            tags[i] = tag_sight_for_fit(&wall[i], &s[i]);
         }
         EXPECT_STATUS(fit_camera(tags, 4, 525, 525, 2.5, &fit), OK);
         EXPECT_INT(fit.used, 3);
@@ -239,8 +221,8 @@ static void two_tags_that_disagree_are_no_place(void **state)
     struct pose truth = tag_picture_view(2, 0.5, -0.3, 0);
     struct place_tag now = wall[1];
     now.world_from_tag.translation.y += 0.2;
-    struct sighting s[2] = {sight(&wall[0], &truth, 0.05, &dice), sight(&now, &truth, 0.05, &dice)};
-    struct fit_tag tags[2] = {with(&wall[0], &s[0]), with(&wall[1], &s[1])};
+    struct sighting s[2] = {tag_sight(&wall[0], &truth, 0.05, &dice), tag_sight(&now, &truth, 0.05, &dice)};
+    struct fit_tag tags[2] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[1], &s[1])};
     struct camera_fit fit;
     enum status status = fit_camera(tags, 2, 525, 525, 2.5, &fit);
     EXPECT_TRUE(status == AMBIGUOUS || status == NOTHING);
@@ -253,10 +235,10 @@ static void a_number_seen_twice(void **state)
     struct pose truth = tag_picture_view(2, 0.5, -0.3, 0);
     struct place_tag copy = wall[0];
     copy.world_from_tag.translation = v3(0.2, 0.9, 0.1);
-    struct sighting s[3] = {sight(&copy, &truth, 0.05, &dice), sight(&wall[0], &truth, 0.05, &dice),
-                            sight(&wall[2], &truth, 0.05, &dice)};
+    struct sighting s[3] = {tag_sight(&copy, &truth, 0.05, &dice), tag_sight(&wall[0], &truth, 0.05, &dice),
+                            tag_sight(&wall[2], &truth, 0.05, &dice)};
     struct camera_fit fit;
-    struct fit_tag tags[3] = {with(&wall[0], &s[0]), with(&wall[0], &s[1]), with(&wall[2], &s[2])};
+    struct fit_tag tags[3] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[0], &s[1]), tag_sight_for_fit(&wall[2], &s[2])};
     EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, &fit), NOTHING); // which of the two?
     EXPECT_STATUS(fit_camera(tags, 3, 525, 525, 2.5, &fit), OK);      // the third tag says which
     EXPECT_INT(fit.used, 2);
@@ -269,8 +251,8 @@ static void bad_sightings_are_no_place(void **state)
     (void)state;
     struct dice dice = {8};
     struct pose truth = tag_picture_view(2, 0.5, -0.3, 0);
-    struct sighting s[2] = {sight(&wall[0], &truth, 0.05, &dice), sight(&wall[2], &truth, 0.05, &dice)};
-    struct fit_tag tags[2] = {with(&wall[0], &s[0]), with(&wall[2], &s[1])};
+    struct sighting s[2] = {tag_sight(&wall[0], &truth, 0.05, &dice), tag_sight(&wall[2], &truth, 0.05, &dice)};
+    struct fit_tag tags[2] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[2], &s[1])};
     struct camera_fit fit;
     EXPECT_STATUS(fit_camera(tags, 0, 525, 525, 2.5, &fit), NOTHING);
     s[0].ray[2].x = NAN;
@@ -295,8 +277,8 @@ static void a_mirrored_pose_is_said(void **state)
     for (int i = 0; i < 50; i++) {
         struct pose truth = tag_picture_view(8, 0.25 * dice_normal(&dice), 0.25 * dice_normal(&dice), 0);
         struct place_tag tag = {.id = 0, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
-        struct sighting s = sight(&tag, &truth, 0.1, &dice);
-        struct fit_tag fit_one = with(&tag, &s);
+        struct sighting s = tag_sight(&tag, &truth, 0.1, &dice);
+        struct fit_tag fit_one = tag_sight_for_fit(&tag, &s);
         struct camera_fit fit;
         enum status status = fit_camera(&fit_one, 1, 525, 525, 2.5, &fit);
         bool flipped = pose_angle(pose_inverse(fit.camera_from_world), truth) > 0.35;
@@ -304,13 +286,13 @@ static void a_mirrored_pose_is_said(void **state)
         wrong += status == OK && flipped;
         // Depth of the tag's plane says which one, where the tag is near enough.
         struct pose near = tag_picture_view(1.2, 0.5, 0, 0);
-        struct sighting seen_near = sight(&tag, &near, 1.5, &dice);
+        struct sighting seen_near = tag_sight(&tag, &near, 1.5, &dice);
         struct tag_depth plane = {.share = 0.25};
         for (int k = 0; k < TAG_DEPTH_SAMPLES; k++) {
             struct vec3 p = pose_apply(pose_inverse(near), v3((k % 6 - 2.5) * 0.033, (k / 6 - 2.5) * 0.033, 0));
             plane.sample[plane.count++] = (struct depth_sample){p.x / p.z, p.y / p.z, p.z + 0.002 * dice_normal(&dice)};
         }
-        fit_one = with(&tag, &seen_near);
+        fit_one = tag_sight_for_fit(&tag, &seen_near);
         fit_one.depth = &plane;
         status = fit_camera(&fit_one, 1, 525, 525, 8, &fit);
         resolved += status >= 0 && status != NOTHING && pose_angle(pose_inverse(fit.camera_from_world), near) < 0.2;

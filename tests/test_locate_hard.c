@@ -2,13 +2,14 @@
 #include "locate/focal.h"
 #include "locate/locate.h"
 #include "tests/tag_picture.h"
+#include "tests/tag_sight.h"
 #include "tests/test.h"
 
 #include <stdio.h>
 #include <string.h>
 
 enum { WIDTH = 640, HEIGHT = 480 };
-static const double F_PX = 525, NOISE = 2;
+static const double F_PX = TAG_SIGHT_F_PX, NOISE = 2;
 
 static uint8_t rgb[WIDTH * HEIGHT * 3];
 
@@ -86,33 +87,13 @@ static void a_tag_of_20_pixels(void **state)
     one_tag("20 pixels wide", tag_picture_view(F_PX * 0.16 / 20, 0.6, 0.2, 0), 4, 0.1, 2);
 }
 
-// Sightings without pictures, for what no tag finder would let through.
-static struct sighting sight(const struct place_tag *tag, const struct pose *world_from_camera, double noise_px,
-                             struct dice *dice)
-{
-    struct sighting s = {.id = tag->id, .likeness = 1};
-    struct vec3 world[4];
-    place_tag_corners(tag, world);
-    for (int k = 0; k < 4; k++) {
-        struct vec3 p = pose_apply(pose_inverse(*world_from_camera), world[k]);
-        s.ray[k] = v3(p.x / p.z + noise_px * dice_normal(dice) / F_PX, p.y / p.z + noise_px * dice_normal(dice) / F_PX, 1);
-        s.information[2 * k][2 * k] = s.information[2 * k + 1][2 * k + 1] = 1 / (noise_px * noise_px);
-    }
-    return s;
-}
-
-static struct fit_tag with(const struct place_tag *tag, const struct sighting *s)
-{
-    return (struct fit_tag){.seen = s, .world_from_tag = tag->world_from_tag, .side_m = tag->side_m};
-}
-
 static void corners_nearly_in_a_line(void **state)
 {
     (void)state;
     struct dice dice = {11};
     struct pose truth = tag_picture_view(1, 89.5 / 57.29577951308232, 0, 0);
-    struct sighting s = sight(&one[0], &truth, 0.1, &dice);
-    struct fit_tag tag = with(&one[0], &s);
+    struct sighting s = tag_sight(&one[0], &truth, 0.1, &dice);
+    struct fit_tag tag = tag_sight_for_fit(&one[0], &s);
     struct camera_fit fit = {.used = 0};
     enum status status = fit_camera(&tag, 1, F_PX, F_PX, 2.5, &fit);
     double covariance[36], off = off_m(pose_inverse(fit.camera_from_world), truth);
@@ -138,8 +119,8 @@ static void a_corner_that_is_not_a_number(void **state)
     struct fit_tag tags[3];
     struct camera_fit fit;
     for (int i = 0; i < 3; i++) {
-        s[i] = sight(&corner[i], &truth, 0.1, &dice);
-        tags[i] = with(&corner[i], &s[i]);
+        s[i] = tag_sight(&corner[i], &truth, 0.1, &dice);
+        tags[i] = tag_sight_for_fit(&corner[i], &s[i]);
     }
     s[1].ray[2].x = NAN;
     EXPECT_STATUS(fit_camera(tags, 3, F_PX, F_PX, 2.5, &fit), OK);
