@@ -21,7 +21,7 @@ static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
     {"tags", KEY_TAGS, "TAGS.json", 0,
      "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
-     "the side is the outer edge of the black square",
+     "the side is the outer edge of the black square. Without it the place is mapped by natural points and depth",
      0},
     {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
@@ -190,7 +190,8 @@ static void warn(const char *program, const struct mapper_report *r, int64_t dam
                 program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
         fprintf(stderr,
-                "%s: warning: the floor is in no depth picture, so height 0 is the lowest corner of a tag; "
+                "%s: warning: the floor is in no depth picture, so height 0 is the lowest corner of a tag, or without tags the "
+                "lowest point; "
                 "film the floor too\n",
                 program);
     if (damaged)
@@ -244,7 +245,7 @@ int capture_map(int argc, char **argv)
     const struct argp argp = {
         options,
         parse,
-        "--sensor URI --tags TAGS.json --out FILE",
+        "--sensor URI [--tags TAGS.json] --out FILE",
         "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
         "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together.",
@@ -252,17 +253,13 @@ int capture_map(int argc, char **argv)
         NULL,
         NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
-    if (!a.tags) {
-        fprintf(stderr, "%s: this version maps a place by its tags; hang some and list them with --tags\n", argv[0]);
-        return 1;
-    }
     if (file_exists(a.out)) {
         (void)fail(ERR_EXISTS, "%s exists already; choose another name or remove it", a.out);
         return command_failed(argv[0]);
     }
-    struct mapper_tag *tags;
-    int32_t count;
-    if (mapper_read_tags(a.tags, &tags, &count) != OK)
+    struct mapper_tag *tags = NULL;
+    int32_t count = 0;
+    if (a.tags && mapper_read_tags(a.tags, &tags, &count) != OK)
         return command_failed(argv[0]);
     int code = map_place(argv[0], &a, tags, count);
     free(tags);

@@ -120,7 +120,7 @@ int capture_record(int argc, char **argv)
     struct place place = {0};
     struct recorder_result result = {0};
     enum status status = record(&given, &place, &result);
-    bool has_place = place.tag_count > 0;
+    bool has_place = place.tag_count > 0 || place.point_count > 0;
     place_free(&place);
     if (result.frames)
         report(&given, &result);

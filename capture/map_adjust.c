@@ -128,6 +128,7 @@ enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost
             .plane_depth_count = filled.depths,
             .sighting_count = hold_frames ? 0 : filled.sightings,
             .held_square = m->reference,
+            .held_camera = m->reference_frame,
             .hold_cameras = hold_frames,
             .most_rounds = rounds,
             .cost = cost,

@@ -208,7 +208,10 @@ static enum status grow_sure(struct map *m)
 
 enum status map_grow(struct map *m, bool use_points)
 {
+    m->reference_frame = -1;
     m->reference = most_seen(m);
+    if (!m->tag_count)
+        return map_grow_by_points(m);
     if (m->reference < 0)
         return fail(ERR_INPUT,
                     "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "

@@ -53,7 +53,8 @@ struct map {
     struct place_point *points; // room for MAP_MOST_CANDIDATES
     int32_t *point_sightings;
     int32_t point_count;
-    int32_t reference; // index of the tag that holds the world still
+    int32_t reference;       // index of the tag that holds the world still; -1: there is none ...
+    int32_t reference_frame; // ... and this frame does; else -1
     double rms_px, rms_m;
 };
 
@@ -74,6 +75,9 @@ void map_measure(struct map *m);
 // ---- map_points.c: natural points
 // Finds points from placed frame to placed frame and sharpens their poses by them.
 MUST_CHECK enum status map_add_points(struct map *m);
+// From frame to frame by points with depth alone: a first pose of every frame that hangs
+// together with the one that shows most of them. ERR_INPUT: too little to go by.
+MUST_CHECK enum status map_grow_by_points(struct map *m);
 // Places frames of two possible poses by the points they show. How many.
 MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);
 // Looks for all points in all frames again and adjusts everything, twice. The `most`
@@ -82,5 +86,6 @@ MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
 
 // ---- map_world.c
 // Turns and shifts everything so that z is up, z = 0 the floor, x as the lowest
-// tag has it. *floor: the floor was seen in depth.
+// tag has it, or without a tag as the first placed frame has its right hand, and the origin
+// below that frame. *floor: the floor was seen in depth.
 MUST_CHECK enum status map_level(struct map *m, bool *floor);

@@ -1,4 +1,5 @@
 #include "capture/map_internal.h"
+#include "locate/relocate.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -6,6 +7,8 @@
 static const double AGAIN_PX = 4;  // how near a point is looked for in an adjusted map
 static const double SAME_M = 0.03; // two points this near that look alike are one
 enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2, ROUNDS = 6, POLISH_ROUNDS = 15 };
+// Without tags: points with depth to begin with, points that agree to place a frame, and how often all is adjusted.
+enum { LEAST_START = 40, LEAST_SURE = 20, ADJUST_EVERY = 8 };
 
 // What is needed for one frame at a time.
 struct desk {
@@ -65,6 +68,124 @@ static void visit(struct map *m, struct desk *d, struct map_frame *f)
         add_new(m, f);
 }
 
+static void count_sightings(struct map *m)
+{
+    memset(m->point_sightings, 0, (size_t)m->point_count * sizeof *m->point_sightings);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                m->point_sightings[m->frames[i].features[k].point]++;
+}
+
+// Sightings far from where the adjusted map has their point say nothing; a point
+// seen too seldom says nothing either.
+static void forget_bad(struct map *m)
+{
+    const struct lens *lens = &m->calibration.color;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; k < f->feature_count; k++) {
+            struct map_feature *s = &f->features[k];
+            if (s->point < 0)
+                continue;
+            struct vec3 ray = lens_ray(lens, s->feature.at);
+            struct fit_point p = {m->points[s->point].world, ray.x, ray.y, feature_sigma(&s->feature), 0};
+            if (!f->placed || fit_point_error(&p, &f->camera_from_world, lens->fx, lens->fy) > 4)
+                s->point = -1;
+        }
+    }
+    count_sightings(m);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
+            struct map_feature *s = &m->frames[i].features[k];
+            if (s->point >= 0 && m->point_sightings[s->point] < LEAST_SIGHTINGS)
+                s->point = -1;
+        }
+    count_sightings(m);
+}
+
+// Where to begin without tags: the frame that shows most points with depth. -1: none shows enough.
+static int32_t richest_frame(const struct map *m)
+{
+    int32_t best = -1, most = LEAST_START;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        int32_t count = 0;
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+            count += m->frames[i].features[k].depth > 0;
+        if (count > most) {
+            most = count;
+            best = i;
+        }
+    }
+    return best;
+}
+
+// Places a frame by the points of the map: near `guess`, or else anywhere.
+static bool place_frame(struct map *m, struct desk *d, struct map_frame *f, struct pose guess)
+{
+    const struct lens *lens = &m->calibration.color;
+    int count = 0, agree = 0;
+    lay_out(d, m, f);
+    struct pose pose = guess;
+    bool known = points_refine(m->points, m->point_count, &d->index, d->depth, lens, NULL, 0, &pose, d->matches,
+                               MAP_FEATURES, &count);
+    if (!known || count < LEAST_SURE) {
+        int matches = relocate_match(m->points, m->point_count, &d->index, d->matches, MAP_FEATURES);
+        if (!relocate(m->points, &d->index, lens, d->matches, matches, &pose, &agree) ||
+            !points_refine(m->points, m->point_count, &d->index, d->depth, lens, NULL, 0, &pose, d->matches,
+                           MAP_FEATURES, &count) ||
+            count < LEAST_SURE)
+            return false;
+    }
+    f->camera_from_world = pose;
+    f->placed = true;
+    return true;
+}
+
+enum status map_grow_by_points(struct map *m)
+{
+    struct desk *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to map natural points");
+    int32_t start = richest_frame(m), reach[2] = {start, start}; // the frames from ... to have been tried
+    enum status status = OK;
+    m->reference_frame = start;
+    if (start < 0)
+        status = fail(ERR_INPUT, "no picture shows enough corners with depth to map the place by; film it from 1 to 4 "
+                                 "metres, in good light, or hang tags and list them");
+    if (status == OK) {
+        lay_out(d, m, &m->frames[start]);
+        m->frames[start].placed = m->frames[start].visited = true;
+        add_new(m, &m->frames[start]);
+    }
+    // Outwards in both directions, each frame from where its neighbour is.
+    for (int step = 1; status == OK && step < m->frame_count; step++) {
+        bool grown = false;
+        for (int side = -1; side <= 1; side += 2) {
+            int32_t i = start + side * step;
+            if (i < 0 || i >= m->frame_count)
+                continue;
+            struct pose guess = m->frames[reach[side > 0]].camera_from_world;
+            if (!place_frame(m, d, &m->frames[i], guess))
+                continue;
+            visit(m, d, &m->frames[i]);
+            reach[side > 0] = i;
+            grown = true;
+        }
+        if (grown && step % ADJUST_EVERY == 0) {
+            forget_bad(m);
+            status = map_adjust(m, ROUNDS, false, NULL);
+        }
+    }
+    // Those that could not be placed then may be now that the map is whole.
+    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
+        if (!m->frames[i].placed && place_frame(m, d, &m->frames[i], m->frames[start].camera_from_world))
+            visit(m, d, &m->frames[i]);
+    free(d);
+    forget_bad(m);
+    return status == OK ? map_adjust(m, ROUNDS, false, NULL) : status;
+}
+
 // Points that are near and look alike become one.
 static void merge_twins(struct map *m)
 {
@@ -111,42 +232,6 @@ static void look_again(struct map *m, struct desk *d)
                                  AGAIN_PX, d->matches, MAP_FEATURES);
         assign(f, d, count);
     }
-}
-
-static void count_sightings(struct map *m)
-{
-    memset(m->point_sightings, 0, (size_t)m->point_count * sizeof *m->point_sightings);
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                m->point_sightings[m->frames[i].features[k].point]++;
-}
-
-// Sightings far from where the adjusted map has their point say nothing; a point
-// seen too seldom says nothing either.
-static void forget_bad(struct map *m)
-{
-    const struct lens *lens = &m->calibration.color;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
-        for (int32_t k = 0; k < f->feature_count; k++) {
-            struct map_feature *s = &f->features[k];
-            if (s->point < 0)
-                continue;
-            struct vec3 ray = lens_ray(lens, s->feature.at);
-            struct fit_point p = {m->points[s->point].world, ray.x, ray.y, feature_sigma(&s->feature), 0};
-            if (!f->placed || fit_point_error(&p, &f->camera_from_world, lens->fx, lens->fy) > 4)
-                s->point = -1;
-        }
-    }
-    count_sightings(m);
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
-            struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= 0 && m->point_sightings[s->point] < LEAST_SIGHTINGS)
-                s->point = -1;
-        }
-    count_sightings(m);
 }
 
 // Where to begin: the frame that its tags hold best.

@@ -1,4 +1,5 @@
 #include "capture/map_internal.h"
+#include "capture/upright.h"
 
 #include "locate/linear.h"
 
@@ -18,6 +19,35 @@ static struct vec3 direction(const struct map_tag *tag, int which)
     return quat_rotate(tag->world_from_tag.rotation, own[which]);
 }
 
+// Up without tags: as most of the floors that single pictures show have it; as the camera
+// was held where none does.
+static struct vec3 seen_up(const struct map *m, struct vec3 held)
+{
+    struct vec3 up[MAP_MOST_FRAMES], best = held;
+    int count = 0, most = 0;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct floor_plane floor;
+        if (m->frames[i].placed && m->frames[i].depth &&
+            upright_floor(&m->calibration.depth, m->frames[i].depth, &floor))
+            up[count++] = quat_rotate(quat_conjugate(m->frames[i].camera_from_world.rotation), floor.up);
+    }
+    for (int i = 0; i < count; i++) {
+        struct vec3 sum = v3(0, 0, 0);
+        int votes = 0;
+        for (int k = 0; k < count; k++) {
+            if (v3_dot(up[i], up[k]) > AGREE_COS) {
+                sum = v3_add(sum, up[k]);
+                votes++;
+            }
+        }
+        if (votes > most) {
+            most = votes;
+            best = v3_unit(sum);
+        }
+    }
+    return best;
+}
+
 // Up, as most tags have it; where that leaves a choice (all tags on one wall), as
 // the camera was held.
 static struct vec3 vote_up(const struct map *m)
@@ -28,6 +58,8 @@ static struct vec3 vote_up(const struct map *m)
         if (m->frames[i].placed)
             held = v3_add(held, quat_rotate(quat_conjugate(m->frames[i].camera_from_world.rotation), v3(0, -1, 0)));
     held = v3_unit(held);
+    if (m->reference < 0)
+        return seen_up(m, held);
     for (int32_t i = 0; i < m->tag_count; i++) {
         for (int w = 0; w < 5 && m->tags[i].mapped; w++) {
             struct vec3 d = direction(&m->tags[i], w), sum = v3(0, 0, 0);
@@ -208,6 +240,23 @@ static void transform(struct map *m, struct pose new_from_old)
         m->points[i].world = pose_apply(new_from_old, m->points[i].world);
 }
 
+// world_from_camera of the first frame that is placed.
+static struct pose first_camera(const struct map *m)
+{
+    int32_t i = 0;
+    while (i + 1 < m->frame_count && !m->frames[i].placed)
+        i++;
+    return pose_inverse(m->frames[i].camera_from_world);
+}
+
+static double lowest_point(const struct map *m, struct vec3 up)
+{
+    double low = 1e9;
+    for (int32_t i = 0; i < m->point_count; i++)
+        low = fmin(low, v3_dot(up, m->points[i].world));
+    return m->point_count ? low : 0;
+}
+
 enum status map_level(struct map *m, bool *floor)
 {
     struct vec3 up = vote_up(m);
@@ -229,15 +278,19 @@ enum status map_level(struct map *m, bool *floor)
         for (int k = 0; k < 4 && !*floor; k++)
             height = fmin(height, v3_dot(up, corner[k]));
     }
-    // x as the lowest tag has it; as its y where it hangs sideways and x is steep.
-    struct vec3 x = quat_rotate(first->world_from_tag.rotation, v3(1, 0, 0));
+    if (!first && !*floor)
+        height = lowest_point(m, up);
+    // x as the lowest tag has it; as its y where it hangs sideways and x is steep. Without a
+    // tag, as the first picture has it.
+    struct pose from = first ? first->world_from_tag : first_camera(m);
+    struct vec3 x = quat_rotate(from.rotation, v3(1, 0, 0));
     if (fabs(v3_dot(x, up)) > 0.8)
-        x = quat_rotate(first->world_from_tag.rotation, v3(0, 1, 0));
+        x = quat_rotate(from.rotation, v3(0, 1, 0));
     x = v3_unit(v3_sub(x, v3_scale(up, v3_dot(x, up))));
     struct vec3 y = v3_cross(up, x);
     double turn[3][3] = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {up.x, up.y, up.z}};
     struct pose new_from_old = {quat_from_matrix(turn), {0, 0, 0}};
-    struct vec3 centre = quat_rotate(new_from_old.rotation, first->world_from_tag.translation);
+    struct vec3 centre = quat_rotate(new_from_old.rotation, from.translation);
     new_from_old.translation = v3(-centre.x, -centre.y, -height);
     transform(m, new_from_old);
     return OK;

@@ -20,6 +20,11 @@ struct mapper_options mapper_default_options(void)
     return (struct mapper_options){.quad_decimate = 1, .most_points = 4000, .most_views = 40};
 }
 
+static bool usable_depth(const struct calibration *c)
+{
+    return c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
+}
+
 static enum status check(const struct calibration *calibration, const struct mapper_tag *tags, int32_t tag_count,
                          const struct mapper_options *options)
 {
@@ -29,8 +34,13 @@ static enum status check(const struct calibration *calibration, const struct map
     if (options->most_points < 0 || options->most_points > MAP_MOST_CANDIDATES || options->most_views < 0)
         return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
                     (int)MAP_MOST_CANDIDATES);
-    if (tag_count <= 0 || tag_count > MAPPER_MAX_TAGS)
-        return fail(ERR_INPUT, "a place is mapped by 1 to %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
+    if (tag_count < 0 || tag_count > MAPPER_MAX_TAGS)
+        return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
+    if (!tag_count && !usable_depth(calibration))
+        return fail(ERR_INPUT, "without tags a place is mapped by depth, and this sensor has none that is registered to "
+                               "its colour; hang tags and list them");
+    if (!tag_count && !options->most_points)
+        return fail(ERR_INPUT, "without tags a place is mapped by natural points; most_points must not be 0");
     for (int32_t i = 0; i < tag_count; i++) {
         if (tags[i].id < 0 || tags[i].id >= TAG_NUMBERS || !(tags[i].side_m > 0) || !isfinite(tags[i].side_m))
             return fail(ERR_INPUT, "tag %d with a side of %g m is no tag of tag36h11", (int)tags[i].id, tags[i].side_m);
@@ -45,7 +55,7 @@ static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t
 {
     struct map *map = &m->map;
     size_t pixels = (size_t)map->calibration.color.width * (size_t)map->calibration.color.height;
-    map->tags = calloc((size_t)tag_count, sizeof *map->tags);
+    map->tags = calloc((size_t)tag_count + 1, sizeof *map->tags);
     map->frames = calloc(MAP_MOST_FRAMES, sizeof *map->frames);
     map->points = malloc(MAP_MOST_CANDIDATES * sizeof *map->points);
     map->point_sightings = malloc(MAP_MOST_CANDIDATES * sizeof *map->point_sightings);
@@ -229,8 +239,7 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
         return OK;
     thin_out(m);
     const struct calibration *c = &m->map.calibration;
-    bool usable = c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
-    const uint16_t *depth = usable ? frame->depth : NULL;
+    const uint16_t *depth = usable_depth(c) ? frame->depth : NULL;
     struct map_frame f = {.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
     gray_from_rgb(frame->color, (size_t)c->color.width * (size_t)c->color.height, m->gray);
     enum status status = see_tags(m, frame, depth, &f);
@@ -309,7 +318,7 @@ static enum status hand_over(struct mapper *m, struct place *out)
 {
     struct map *map = &m->map;
     *out = (struct place){.calibration = map->calibration, .rms_px = map->rms_px, .rms_m = map->rms_m};
-    out->tags = calloc((size_t)map->tag_count, sizeof *out->tags);
+    out->tags = calloc((size_t)map->tag_count + 1, sizeof *out->tags);
     out->points = calloc((size_t)map->point_count + 1, sizeof *out->points);
     out->views = calloc((size_t)m->options.most_views + 1, sizeof *out->views);
     if (!out->tags || !out->points || !out->views) {

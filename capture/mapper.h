@@ -3,7 +3,7 @@
 //
 //     mapper_open, mapper_add for each frame, mapper_finish, mapper_close
 //
-// Scale comes from the tags' known sides and the sensor's depth together.
+// Scale comes from the tags' known sides and the sensor's depth together, or from either.
 // Deterministic: the same frames give the same place. One handle, one thread.
 #pragma once
 #include "capture/recording/place.h"
@@ -31,7 +31,8 @@ struct mapper_options {
 };
 struct mapper_options mapper_default_options(void);
 
-// Copies what it needs. ERR_INPUT: a senseless lens or option, no tag, a number twice. ERR_MEMORY.
+// Copies what it needs. tag_count 0: the place is mapped by natural points and depth alone.
+// ERR_INPUT: a senseless lens or option, neither tags nor registered depth, a number twice. ERR_MEMORY.
 MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration *calibration,
                                    const struct mapper_tag *tags, int32_t tag_count,
                                    const struct mapper_options *options);
@@ -57,7 +58,7 @@ struct mapper_report {
 };
 
 // The place, in world axes as place.h has them. The caller owns *out: place_free.
-// ERR_INPUT: no listed tag was seen, or none could be placed. ERR_MEMORY, ERR_SOLVER.
+// ERR_INPUT: no listed tag was seen, or none could be placed; without tags, too few points with depth. ERR_MEMORY, ERR_SOLVER.
 // On error *out is zeroed. Call it once.
 MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
 

@@ -1,6 +1,7 @@
 // A place: what a camera can recognise there. Made by capture/mapper, kept in a
 // recording, used by locate. World axes: z up, z = 0 on the floor, metres; x
-// and y as the lowest-numbered tag has them.
+// and y as the lowest-numbered tag has them; without tags, x to the right of the sweep's
+// first picture and the origin below it.
 #pragma once
 #include "platform/lens.h"
 
