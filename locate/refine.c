@@ -12,7 +12,7 @@ enum {
     PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
     MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
-    NOISE_ROUNDS = 2, // in which the picture's noise is still estimated
+    NOISE_ROUND = 1, // in which the picture's noise is estimated: the first one has no say in it
     SLOPES = 1024,
     BELL_STEPS = 1024, // of the table of the normal distribution, over +- BELL_REACH
 };
@@ -21,7 +21,7 @@ enum {
 static const double CELL = 2.0 / TAG_CELLS;
 static const double BLUR_START_PX = 0.45, BLUR_LOOSE_PX = 0.3, BLUR_LEAST_PX = 0.1, BLUR_MOST_PX = 3;
 static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
-static const double SETTLED = 1e-4; // a change in (u, v): a hundredth of a pixel of a tag 200 pixels wide
+static const double SETTLED = 5e-4; // a step in (u, v); what is left after it is ten times less
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
 static const double LEAST_NOISE = 0.006, CORNER_FLOOR_PX = 0.03;
@@ -405,7 +405,7 @@ static bool descend(const struct refiner *r, struct model *m, struct gathered *g
     for (int round = 0; round < MAX_ROUNDS; round++) {
         if (g->count < 40)
             return false;
-        if (round < NOISE_ROUNDS) {
+        if (round == NOISE_ROUND) {
             *noise = fmax(LEAST_NOISE, sqrt(g->cost / fmax(1, g->weight - PARAMETERS)));
             gather(r, m, *noise, g);
         }
@@ -435,7 +435,7 @@ static bool descend(const struct refiner *r, struct model *m, struct gathered *g
         double largest = 0;
         for (int i = 0; i < TURN; i++)
             largest = fmax(largest, fabs(d[i]));
-        if (largest < SETTLED && before - now < 1e-4 * before)
+        if (round >= NOISE_ROUND && largest < SETTLED && before - now < 1e-4 * before)
             return true;
     }
     return true;
