@@ -50,6 +50,7 @@ struct camera_fit {
     struct pose other; // with AMBIGUOUS: the second best
     double rms_px;     // over the corners used
     double cost;       // robust, whitened; of the tags used
+    double other_worse; // by how much the other's cost is higher
     int32_t used;
 };
 

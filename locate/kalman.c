@@ -5,7 +5,7 @@
 #include <string.h>
 
 // Jerks of a hand, as white noise of acceleration: rad/s^2 and m/s^2 times the root of a second.
-static const double TURN_JERK = 0.6, SHIFT_JERK = 0.3;
+static const double TURN_JERK = 2, SHIFT_JERK = 1;
 // Speeds nobody's hand exceeds: what is known of them at the start.
 static const double TURN_SPEED = 2, SHIFT_SPEED = 1;
 

@@ -74,7 +74,7 @@ static bool take_in(struct camera_track *t, const struct location *found, bool a
         int which = off[1] < off[0];
         if (off[which] <= ELSEWHERE) {
             t->of[i] = with[which];
-            t->against[i] += off[which];
+            t->against[i] += off[which] + (which ? found->other_worse : 0);
             agrees = true;
         } else {
             t->against[i] += ELSEWHERE;
