@@ -93,7 +93,11 @@ struct summary {
     int64_t pictures, placed, nothing, ambiguous, damaged;
     int64_t tags_used, tags_rejected;
     double sum_rms2;
+    double focal, focal_weight; // what the pictures say of the focal length, each weighed by how sure it is
 };
+
+// A focal length that the pictures want this much longer or shorter is wrong.
+static const double WRONG_FOCAL = 0.01;
 
 // One picture. Negative statuses only for what ends the run.
 static enum status place_one(struct camera_track *track, const struct frame *frame, struct text *lines, struct summary *s)
@@ -116,6 +120,11 @@ static enum status place_one(struct camera_track *track, const struct frame *fra
     s->tags_used += found.tags_used;
     s->tags_rejected += found.tags_rejected;
     s->sum_rms2 += found.rms_px * found.rms_px;
+    if (found.focal.sigma > 0) {
+        double weight = 1 / (found.focal.sigma * found.focal.sigma);
+        s->focal += weight * found.focal.longer;
+        s->focal_weight += weight;
+    }
     return add_line(lines, frame->time_ns, found.world_from_camera);
 }
 
@@ -142,6 +151,16 @@ static enum status run(struct camera_track *track, struct source *camera, struct
     }
     progress_end(&bar);
     return status;
+}
+
+static void warn(const char *program, const struct summary *s)
+{
+    double longer = s->focal_weight > 0 ? s->focal / s->focal_weight : 0;
+    if (fabs(longer) > WRONG_FOCAL && fabs(longer) * sqrt(s->focal_weight) > 5)
+        fprintf(stderr,
+                "%s: warning: the pictures look as if the focal length were %.1f %% %s than the calibration says; "
+                "calibrate the camera anew, all positions are off by about that share of the distance\n",
+                program, fabs(longer) * 100, longer > 0 ? "longer" : "shorter");
 }
 
 static void report(const struct arguments *a, const struct summary *s)
@@ -213,6 +232,8 @@ int reenact_locate(int argc, char **argv)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
     if (status == OK)
         report(&a, &s);
+    if (status == OK)
+        warn(argv[0], &s);
     free(lines.bytes);
     camera_track_close(&track);
     source_close(&camera);

@@ -3,6 +3,7 @@
 // tag's two mirrored poses are tried as a start, tags that do not fit the rest
 // are left out. Pure; no allocation.
 #pragma once
+#include "capture/recording/place.h"
 #include "locate/refine.h"
 #include "locate/square.h"
 

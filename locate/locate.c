@@ -346,6 +346,8 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
     points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, &l->lens, l->matches, agree, points);
     if (!locator_describe(l, tags, points, agree, &found, out))
         return NOTHING;
+    if (!focal_check(tags, l->count, points, agree, l->lens.fx, l->lens.fy, &found.camera_from_world, &out->focal))
+        out->focal = (struct focal){0, 0};
     locator_remember(l, tags, agree, &found.camera_from_world);
     return status;
 }

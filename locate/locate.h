@@ -3,7 +3,7 @@
 // points around. Where no tag is in sight, natural points alone say where it is.
 // Deterministic; safe from any thread, one `struct locator` to a thread.
 #pragma once
-#include "capture/recording/place.h"
+#include "locate/focal.h"
 
 struct locator;
 
@@ -27,6 +27,9 @@ struct location {
     // With AMBIGUOUS: the second best world_from_camera, and by how much worse it fits (chi squared).
     struct pose other;
     double other_worse;
+    // Whether the lens's focal length is right, of a camera found (not of one followed); sigma 0:
+    // this picture does not tell.
+    struct focal focal;
 };
 
 // Copies what it needs of `place` and `lens`. ERR_INPUT: neither tags nor enough
