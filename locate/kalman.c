@@ -29,7 +29,7 @@ static struct pose small_motion(const double d[6], double by)
 
 void kalman_move(struct kalman *k, double seconds)
 {
-    double (*p)[KALMAN_STATE] = k->covariance, t = seconds;
+    double(*p)[KALMAN_STATE] = k->covariance, t = seconds;
     k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(k->speed, t));
     k->world_from_camera.rotation = quat_unit(k->world_from_camera.rotation);
     // F P F^T with F = [1 t; 0 1] in blocks of six

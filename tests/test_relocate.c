@@ -16,8 +16,8 @@ static struct room {
     struct world *world;
     struct place place;
     struct pose world_from_place;
-    struct lens lens;            // of the tablet
-    struct pose truth[VIEWS];    // of the tablet
+    struct lens lens;         // of the tablet
+    struct pose truth[VIEWS]; // of the tablet
     uint8_t view[VIEWS][BYTES];
 } room;
 static uint8_t rgb[BYTES];
@@ -292,16 +292,15 @@ static void one_wall_alone(void **state)
             struct pixel at = lens_project(&room.lens, v3_scale(p, p.z > 0 ? 1 : -1));
             if (i < WRONG)
                 at = (struct pixel){WIDTH * dice_uniform(&dice), HEIGHT * dice_uniform(&dice)};
-            features[i] = (struct feature){
-                .at = {at.x + 0.5 * dice_normal(&dice), at.y + 0.5 * dice_normal(&dice)}, .scale = 1};
+            features[i] =
+                (struct feature){.at = {at.x + 0.5 * dice_normal(&dice), at.y + 0.5 * dice_normal(&dice)}, .scale = 1};
             matches[i] = (struct point_match){i, i};
         }
         feature_index_build(&index, features, POINTS, &room.lens);
         struct pose found;
         int agree;
         EXPECT_TRUE(relocate(points, &index, &room.lens, matches, POINTS, &found, &agree));
-        worst_m = fmax(worst_m,
-                       v3_distance(pose_inverse(found).translation, pose_inverse(truth).translation));
+        worst_m = fmax(worst_m, v3_distance(pose_inverse(found).translation, pose_inverse(truth).translation));
         worst_rad = fmax(worst_rad, pose_angle(found, truth));
     }
     printf("all points on one wall, half of the matches wrong: worst %.1f mm, %.2f degrees\n", worst_m * 1e3,
@@ -345,9 +344,9 @@ static void a_wrong_focal_length_shows(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bad_pictures),          cmocka_unit_test(a_mirrored_room_is_another),
-        cmocka_unit_test(far_from_the_origin),   cmocka_unit_test(a_moved_tag_is_left_out),
-        cmocka_unit_test(one_wall_alone),        cmocka_unit_test(a_wrong_focal_length_shows),
+        cmocka_unit_test(bad_pictures),        cmocka_unit_test(a_mirrored_room_is_another),
+        cmocka_unit_test(far_from_the_origin), cmocka_unit_test(a_moved_tag_is_left_out),
+        cmocka_unit_test(one_wall_alone),      cmocka_unit_test(a_wrong_focal_length_shows),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

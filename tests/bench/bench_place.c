@@ -312,9 +312,6 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_place = {"place",
-                                              "where a tablet is that is carried round a room",
-                                              "position_mm",
-                                              "time_ms",
-                                              {"turn_deg", "jump_mm", "jumps_over_5mm"},
-                                              run};
+const struct bench_stage bench_stage_place = {
+    "place",   "where a tablet is that is carried round a room", "position_mm",
+    "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm"},        run};
