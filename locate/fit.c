@@ -455,7 +455,7 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
     double sum = 0;
     for (int i = 0; i < count; i++)
         sum += tags[i].used ? tags[i].rms_px * tags[i].rms_px : 0;
-    *out = (struct camera_fit){best.pose, second.pose, sqrt(sum / best.used), best.cost, best.used};
+    *out = (struct camera_fit){best.pose, second.pose, sqrt(sum / best.used), best.cost, second.cost - best.cost, best.used};
     bool alike = second.used == best.used && second.cost - best.cost < ALIKE_COST;
     return alike ? AMBIGUOUS : OK;
 }

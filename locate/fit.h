@@ -3,6 +3,7 @@
 // tag's two mirrored poses are tried as a start, tags that do not fit the rest
 // are left out. Pure; no allocation.
 #pragma once
+#include "capture/recording/place.h"
 #include "locate/refine.h"
 #include "locate/square.h"
 
@@ -50,6 +51,7 @@ struct camera_fit {
     struct pose other; // with AMBIGUOUS: the second best
     double rms_px;     // over the corners used
     double cost;       // robust, whitened; of the tags used
+    double other_worse; // by how much the other's cost is higher
     int32_t used;
 };
 

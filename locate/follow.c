@@ -3,18 +3,18 @@
 #include <string.h>
 
 // Tags are read by this many pixels, all of them together.
-enum { TAG_PIXELS = 3000, LEAST_TAG_PIXELS = 500 };
+enum { TAG_PIXELS = 2000, LEAST_TAG_PIXELS = 500 };
 // So many points are enough, and with fewer than half of that new ones are looked for.
 enum { ENOUGH_TRACKS = 160, FEW_TRACKS = 100 };
 // Fewer say nothing, without a tag and with one.
 enum { LEAST_TRACKS = 15 };
-static const double FAR_SIGMA = 4;  // a track further off is lost
-static const double CORNER_PX = 1;  // how sure a tag's corner is by brightness alone
+static const double FAR_SIGMA = 4;    // a track further off is lost
+static const double CORNER_PX = 1;    // how sure a tag's corner is by brightness alone
 static const double FOLLOW_PX = 0.25; // how exactly a patch is found again
 static const double CHANGE_PX = 0.05; // by how much more a track errs in the next picture
-static const double LEAK = 0.1;       // the share of what was learnt of a track's error that is forgotten with each picture
-static const double NEAR_PX = 4;    // how near a point is looked for around a pose that is known
-static const double APART_PX = 8;  // tracks nearer to each other tell the same
+static const double LEAK = 0.1;   // the share of what was learnt of a track's error that is forgotten with each picture
+static const double NEAR_PX = 4;  // how near a point is looked for around a pose that is known
+static const double APART_PX = 8; // tracks nearer to each other tell the same
 static const double NEW_LOOK = 0.08; // a patch seen from this much aside (radians), nearer or further is cut anew
 
 static bool in_picture(const struct lens *lens, struct vec3 p)

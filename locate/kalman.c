@@ -5,7 +5,7 @@
 #include <string.h>
 
 // Jerks of a hand, as white noise of acceleration: rad/s^2 and m/s^2 times the root of a second.
-static const double TURN_JERK = 0.6, SHIFT_JERK = 0.3;
+static const double TURN_JERK = 2, SHIFT_JERK = 1;
 // Speeds nobody's hand exceeds: what is known of them at the start.
 static const double TURN_SPEED = 2, SHIFT_SPEED = 1;
 
@@ -29,7 +29,7 @@ static struct pose small_motion(const double d[6], double by)
 
 void kalman_move(struct kalman *k, double seconds)
 {
-    double (*p)[KALMAN_STATE] = k->covariance, t = seconds;
+    double(*p)[KALMAN_STATE] = k->covariance, t = seconds;
     k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(k->speed, t));
     k->world_from_camera.rotation = quat_unit(k->world_from_camera.rotation);
     // F P F^T with F = [1 t; 0 1] in blocks of six

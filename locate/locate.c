@@ -302,6 +302,7 @@ bool locator_describe(const struct locator *l, const struct fit_tag *tags, const
         .tags_rejected = l->count - found->used,
         .points_used = point_count,
         .other = pose_inverse(found->other),
+        .other_worse = found->other_worse,
     };
     if (!fit_covariance(tags, l->count, points, point_count, l->lens.fx, l->lens.fy, &found->camera_from_world,
                         at.covariance))

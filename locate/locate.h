@@ -24,7 +24,9 @@ struct location {
     // and the errors seen, not what the map as a whole is off by.
     double covariance[36]; // row-major
     double position_sigma_m; // root of the trace of the shift's part
-    struct pose other; // with AMBIGUOUS: the second best world_from_camera
+    // With AMBIGUOUS: the second best world_from_camera, and by how much worse it fits (chi squared).
+    struct pose other;
+    double other_worse;
 };
 
 // Copies what it needs of `place` and `lens`. ERR_INPUT: neither tags nor enough

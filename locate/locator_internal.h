@@ -13,12 +13,12 @@ struct point_track {
     int32_t point; // index into the place's points; -1: a tag's corner
     struct vec3 world;
     double sigma_px;
-    struct pixel at;     // in the last picture
+    struct pixel at; // in the last picture
     // Of point, map and feature each errs by some pixels, and the same in each picture that
     // follows. That is learnt, so that new points and old ones do not make the pose jump.
     double off[2], off_variance; // ideal pixels
-    struct patch patch;  // what it looks like ...
-    struct vec3 cut_from; // ... seen from here: the camera less the point, world axes
+    struct patch patch;          // what it looks like ...
+    struct vec3 cut_from;        // ... seen from here: the camera less the point, world axes
 };
 
 struct locator {

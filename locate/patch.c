@@ -5,9 +5,9 @@
 
 enum { MOST_ROUNDS = 8, HALF = PATCH_SIDE / 2, BORDER = PATCH_SIDE + 2 };
 static const float SETTLED_PX = 0.02f;
-static const float LEAST_SPREAD = 4;      // grey levels, standard deviation
+static const float LEAST_SPREAD = 4;       // grey levels, standard deviation
 static const float LEAST_LIKENESS = 0.85f; // correlation in the full picture
-static const double MOST_PX = 16;         // further than this from the start it is another one
+static const double MOST_PX = 16;          // further than this from the start it is another one
 
 enum status patch_picture_open(struct patch_picture *p, int width, int height)
 {
@@ -127,7 +127,8 @@ static bool settle(const struct patch_picture *p, int l, const struct patch_leve
         *likeness = dot / (PATCH_PIXELS * patch->spread * fmaxf(spread, 0.5f));
         if (step < SETTLED_PX)
             break;
-        float dx = patch->inverse[0] * bx + patch->inverse[1] * by, dy = patch->inverse[1] * bx + patch->inverse[2] * by;
+        float dx = patch->inverse[0] * bx + patch->inverse[1] * by,
+              dy = patch->inverse[1] * bx + patch->inverse[2] * by;
         step = fmaxf(fabsf(dx), fabsf(dy));
         if (step > 2) { // a slope holds for a pixel or two
             dx *= 2 / step;

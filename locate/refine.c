@@ -12,6 +12,7 @@ enum {
     PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
     MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
+    NOISE_ROUND = 1, // in which the picture's noise is estimated: the first one has no say in it
     SLOPES = 1024,
     BELL_STEPS = 1024, // of the table of the normal distribution, over +- BELL_REACH
 };
@@ -20,6 +21,7 @@ enum {
 static const double CELL = 2.0 / TAG_CELLS;
 static const double BLUR_START_PX = 0.45, BLUR_LOOSE_PX = 0.3, BLUR_LEAST_PX = 0.1, BLUR_MOST_PX = 3;
 static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
+static const double SETTLED = 5e-4; // a step in (u, v); what is left after it is ten times less
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
 static const double LEAST_NOISE = 0.006, CORNER_FLOOR_PX = 0.03;
@@ -39,6 +41,7 @@ static const double BELL_REACH = 4;
 
 struct refiner {
     struct lens lens;
+    float *ray; // of each pixel on the plane z = 1, distortion undone: x, y
     struct bell bell[BELL_STEPS + 1];
     double linear[256];       // sRGB to linear light
     double slope[SLOPES + 1]; // of the encoding, over linear light 0..1
@@ -60,6 +63,18 @@ enum status refiner_open(struct refiner **out, const struct lens *lens)
     if (!r)
         return fail(ERR_MEMORY, "no memory to refine tag corners");
     r->lens = *lens;
+    r->ray = malloc((size_t)lens->width * (size_t)lens->height * 2 * sizeof *r->ray);
+    if (!r->ray) {
+        refiner_close(&r);
+        return fail(ERR_MEMORY, "no memory to refine tag corners");
+    }
+    for (int y = 0, i = 0; y < lens->height; y++) {
+        for (int x = 0; x < lens->width; x++) {
+            struct vec3 ray = lens_ray(lens, (struct pixel){x, y});
+            r->ray[i++] = (float)ray.x;
+            r->ray[i++] = (float)ray.y;
+        }
+    }
     for (int i = 0; i < 256; i++) { // IEC 61966-2-1
         double v = i / 255.0;
         r->linear[i] = v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
@@ -79,6 +94,8 @@ enum status refiner_open(struct refiner **out, const struct lens *lens)
 
 void refiner_close(struct refiner **r)
 {
+    if (*r)
+        free((*r)->ray);
     free(*r);
     *r = NULL;
 }
@@ -116,32 +133,37 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], in
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     const struct lens *lens = &r->lens;
     const double reach = 1 + CELL; // the white rim is one cell wide at least
-    double x0 = 1e9, y0 = 1e9, x1 = -1e9, y1 = -1e9, inverse[9];
+    double x0 = 1e9, y0 = 1e9, x1 = -1e9, y1 = -1e9, inverse[9], twice_area = 0;
+    struct pixel at[4];
     r->count = 0;
     for (int i = 0; i < 4; i++) {
         double x, y;
         apply(h, reach * corner[i][0], reach * corner[i][1], &x, &y);
-        struct pixel px = lens_project(lens, v3(x, y, 1));
-        x0 = fmin(x0, px.x), x1 = fmax(x1, px.x);
-        y0 = fmin(y0, px.y), y1 = fmax(y1, px.y);
+        at[i] = lens_project(lens, v3(x, y, 1));
+        x0 = fmin(x0, at[i].x), x1 = fmax(x1, at[i].x);
+        y0 = fmin(y0, at[i].y), y1 = fmax(y1, at[i].y);
     }
     if (!invert3(h, inverse) || !isfinite(x0 + x1 + y0 + y1))
         return;
+    for (int i = 0; i < 4; i++)
+        twice_area += at[i].x * at[(i + 1) % 4].y - at[(i + 1) % 4].x * at[i].y;
     int left = (int)fmax(0, floor(x0)), right = (int)fmin(lens->width - 1, ceil(x1));
     int top = (int)fmax(0, floor(y0)), bottom = (int)fmin(lens->height - 1, ceil(y1));
-    int step = 1;
-    while ((double)(right - left + 1) * (bottom - top + 1) > (double)most * step * step)
-        step++;
-    for (int y = top; y <= bottom; y += step) {
-        for (int x = left; x <= right; x += step) {
-            struct vec3 ray = lens_ray(lens, (struct pixel){x, y});
+    // Of a large tag every second, third ... pixel, as they come along the rows; the stride is no
+    // whole number, so that it does not fall into step with the rows.
+    double stride = fmax(1, fabs(twice_area) / 2 / most), next = 0;
+    int inside = 0;
+    for (int y = top; y <= bottom; y++) {
+        for (int x = left; x <= right; x++) {
+            const float *ray = r->ray + ((size_t)y * (size_t)lens->width + (size_t)x) * 2;
             double u, v;
-            apply(inverse, ray.x, ray.y, &u, &v);
-            if (!(fabs(u) < reach && fabs(v) < reach) || r->count == MAX_SAMPLES)
+            apply(inverse, (double)ray[0], (double)ray[1], &u, &v);
+            if (!(fabs(u) < reach && fabs(v) < reach) || inside++ < next || r->count == MAX_SAMPLES)
                 continue;
+            next += stride;
             const uint8_t *p = rgb + ((size_t)y * (size_t)lens->width + (size_t)x) * 3;
             double light = 0.2126 * r->linear[p[0]] + 0.7152 * r->linear[p[1]] + 0.0722 * r->linear[p[2]];
-            r->samples[r->count++] = (struct sample){ray.x, ray.y, light};
+            r->samples[r->count++] = (struct sample){(double)ray[0], (double)ray[1], light};
         }
     }
 }
@@ -383,8 +405,10 @@ static bool descend(const struct refiner *r, struct model *m, struct gathered *g
     for (int round = 0; round < MAX_ROUNDS; round++) {
         if (g->count < 40)
             return false;
-        *noise = fmax(LEAST_NOISE, sqrt(g->cost / fmax(1, g->weight - PARAMETERS)));
-        gather(r, m, *noise, g);
+        if (round == NOISE_ROUND) {
+            *noise = fmax(LEAST_NOISE, sqrt(g->cost / fmax(1, g->weight - PARAMETERS)));
+            gather(r, m, *noise, g);
+        }
         double a[PARAMETERS * PARAMETERS], d[PARAMETERS];
         memcpy(a, g->normal, sizeof a);
         memcpy(d, g->gradient, sizeof d);
@@ -411,7 +435,7 @@ static bool descend(const struct refiner *r, struct model *m, struct gathered *g
         double largest = 0;
         for (int i = 0; i < TURN; i++)
             largest = fmax(largest, fabs(d[i]));
-        if (largest < 2e-5 && before - now < 1e-4 * before)
+        if (round >= NOISE_ROUND && largest < SETTLED && before - now < 1e-4 * before)
             return true;
     }
     return true;

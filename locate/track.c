@@ -74,7 +74,7 @@ static bool take_in(struct camera_track *t, const struct location *found, bool a
         int which = off[1] < off[0];
         if (off[which] <= ELSEWHERE) {
             t->of[i] = with[which];
-            t->against[i] += off[which];
+            t->against[i] += off[which] + (which ? found->other_worse : 0);
             agrees = true;
         } else {
             t->against[i] += ELSEWHERE;
@@ -106,7 +106,7 @@ static void tell(const struct camera_track *t, const struct location *found, str
         out->covariance[i] = k->covariance[i / 6][i % 6];
     out->position_sigma_m = sqrt(out->covariance[21] + out->covariance[28] + out->covariance[35]);
     *motion = (struct camera_motion){t->time_ns, k->world_from_camera, v3(k->speed[3], k->speed[4], k->speed[5]),
-                              v3(k->speed[0], k->speed[1], k->speed[2])};
+                                     v3(k->speed[0], k->speed[1], k->speed[2])};
 }
 
 enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { PICTURES = 40, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
+enum { PICTURES = 200, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 static const uint64_t SEED = 2014;
 static const double SIDE_M = 0.16, FLIP_DEG = 15;
 

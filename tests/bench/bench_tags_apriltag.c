@@ -66,3 +66,36 @@ enum status apriltag_peer_find(struct apriltag_peer *p, const uint8_t *gray, con
     apriltag_detections_destroy(found);
     return status;
 }
+
+static double area_of(const apriltag_detection_t *d)
+{
+    double sum = 0;
+    for (int k = 0; k < 4; k++)
+        sum += d->p[k][0] * d->p[(k + 1) % 4][1] - d->p[(k + 1) % 4][0] * d->p[k][1];
+    return fabs(sum) / 2;
+}
+
+enum status apriltag_peer_locate(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens,
+                                 const struct place_tag *tags, int32_t tag_count, struct pose *world_from_camera)
+{
+    image_u8_t picture = {
+        .width = lens->width, .height = lens->height, .stride = lens->width, .buf = (uint8_t *)(uintptr_t)gray};
+    zarray_t *found = apriltag_detector_detect(p->detector, &picture);
+    apriltag_detection_t *largest = NULL;
+    const struct place_tag *tag = NULL;
+    for (int i = 0; i < zarray_size(found); i++) {
+        apriltag_detection_t *detection;
+        zarray_get(found, i, &detection);
+        for (int32_t k = 0; k < tag_count; k++) {
+            if (tags[k].id == detection->id && (!largest || area_of(detection) > area_of(largest))) {
+                largest = detection;
+                tag = &tags[k];
+            }
+        }
+    }
+    if (largest)
+        *world_from_camera =
+            pose_multiply(tag->world_from_tag, pose_inverse(pose_of(largest, lens, tag->side_m)));
+    apriltag_detections_destroy(found);
+    return largest ? OK : NOTHING;
+}

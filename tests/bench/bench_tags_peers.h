@@ -1,7 +1,7 @@
 // What a user would take instead for tags: libapriltag as it comes, and OpenCV's
 // ArUco with the same family. Grey pictures, one tag of known number and side.
 #pragma once
-#include "platform/lens.h"
+#include "capture/recording/place.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -13,6 +13,10 @@ void apriltag_peer_close(struct apriltag_peer **p);
 // NOTHING: not found.
 enum status apriltag_peer_find(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens, int32_t id,
                                double side_m, struct pose *camera_from_tag);
+
+// Of the tags of a place the largest in sight, and from it the camera. NOTHING: none of them is in sight.
+enum status apriltag_peer_locate(struct apriltag_peer *p, const uint8_t *gray, const struct lens *lens,
+                                 const struct place_tag *tags, int32_t tag_count, struct pose *world_from_camera);
 
 enum aruco_corners { ARUCO_NONE, ARUCO_SUBPIX, ARUCO_APRILTAG };
 enum status aruco_peer_find(enum aruco_corners corners, const uint8_t *gray, const struct lens *lens, int32_t id,

@@ -1,0 +1,317 @@
+// Where a tablet is that somebody carries round a room: how wrong its position comes out,
+// how far it jumps from one picture to the next, and how long that takes. Next to it what a
+// user would take: libapriltag and its own pose of the largest tag in sight, in the same map.
+//
+// The pictures are the small world's, at 30 Hz; or with --data those of a folder that holds
+// place/ and viewer/ (TUM layout), tags.json, and truth/viewer_truth.txt to judge by.
+#include "tests/bench/bench.h"
+
+#include "capture/mapper.h"
+#include "locate/refine.h"
+#include "locate/track.h"
+#include "tests/bench/bench_tags_peers.h"
+#include "tests/support/align.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST = 200, SWEEP = 40, WALK = 90 };
+static const double WALK_HZ = 30, SAME_S = 0.02;
+
+struct walk {
+    struct place place;
+    struct lens lens;
+    int count;
+    int64_t time_ns[MOST];
+    uint8_t *rgb[MOST], *gray[MOST];
+    struct pose truth[MOST]; // world_from_camera, in the place's axes once aligned
+};
+
+static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
+
+// Keeps a copy of the picture.
+static enum status keep(struct walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
+{
+    size_t pixels = pixels_of(&w->lens);
+    int i = w->count;
+    w->rgb[i] = malloc(pixels * 3);
+    w->gray[i] = malloc(pixels);
+    if (!w->rgb[i] || !w->gray[i])
+        return fail(ERR_MEMORY, "no memory for the pictures of the walk");
+    memcpy(w->rgb[i], rgb, pixels * 3);
+    gray_from_rgb(rgb, pixels, w->gray[i]);
+    w->time_ns[i] = time_ns;
+    w->truth[i] = truth;
+    w->count++;
+    return OK;
+}
+
+// ---------------------------------------------------------------- the small world's walk
+
+static enum status map_world(const struct world *world, struct walk *w)
+{
+    struct calibration sensor = world_calibration(1);
+    struct mapper_tag tags[64];
+    struct mapper_report report;
+    struct mapper *m;
+    int32_t count;
+    const struct place_tag *known = world_tags(world, &count);
+    for (int32_t i = 0; i < count; i++)
+        tags[i] = (struct mapper_tag){known[i].id, known[i].side_m};
+    uint8_t *color = malloc(pixels_of(&sensor.color) * 3);
+    uint16_t *depth = malloc(pixels_of(&sensor.color) * sizeof *depth);
+    enum status status = color && depth ? mapper_open(&m, &sensor, tags, count, NULL) : ERR_MEMORY;
+    for (int i = 0; i < SWEEP && status == OK; i++) {
+        double t = (double)WORLD_SWEEP_S * i / SWEEP;
+        struct world_shot shot = {sensor.color, world_sweep_pose(world, t), 0, false};
+        struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = depth};
+        status = world_render(world, &shot, &(struct world_picture){.color = color, .depth = depth});
+        world_color_noise(color, sensor.color.width, sensor.color.height, (uint64_t)i);
+        if (status == OK)
+            status = world_depth_noise(&sensor.color, depth, (uint64_t)i, depth);
+        if (status == OK)
+            status = mapper_add(m, &frame);
+    }
+    if (status == OK)
+        status = mapper_finish(m, &w->place, &report);
+    if (color && depth)
+        mapper_close(&m);
+    free(color);
+    free(depth);
+    return status;
+}
+
+static enum status make(struct walk *w)
+{
+    struct world_options options = world_default_options();
+    struct world *world;
+    options.motion = "still";
+    enum status status = world_open(&world, &options);
+    if (status != OK)
+        return status;
+    status = map_world(world, w);
+    w->lens = world_viewer_calibration(1).color;
+    uint8_t *color = malloc(pixels_of(&w->lens) * 3);
+    if (status == OK && !color)
+        status = fail(ERR_MEMORY, "no memory for a picture");
+    for (int i = 0; i < WALK && status == OK; i++) {
+        struct world_shot shot = {w->lens, world_viewer_pose(world, i / WALK_HZ), 0, false};
+        status = world_render(world, &shot, &(struct world_picture){.color = color});
+        world_color_noise(color, w->lens.width, w->lens.height, 500 + (uint64_t)i);
+        if (status == OK)
+            status = keep(w, color, (int64_t)(i / WALK_HZ * 1e9), shot.world_from_camera);
+    }
+    free(color);
+    world_close(&world);
+    return status;
+}
+
+// ---------------------------------------------------------------- a folder's walk
+
+static enum status map_folder(const char *data, struct walk *w)
+{
+    char path[4096];
+    struct mapper_tag *tags = NULL;
+    struct mapper *m = NULL;
+    struct source *sensor = NULL;
+    struct mapper_report report;
+    struct frame frame;
+    int32_t count;
+    snprintf(path, sizeof path, "%s/tags.json", data);
+    enum status status = mapper_read_tags(path, &tags, &count);
+    snprintf(path, sizeof path, "folder:%s/place", data);
+    if (status == OK)
+        status = source_open(&sensor, path, SOURCE_SENSOR);
+    if (status == OK)
+        status = mapper_open(&m, source_calibration(sensor), tags, count, NULL);
+    while (status == OK && (status = source_next(sensor, &frame)) == OK)
+        status = mapper_add(m, &frame);
+    if (status == NOTHING)
+        status = mapper_finish(m, &w->place, &report);
+    mapper_close(&m);
+    source_close(&sensor);
+    free(tags);
+    return status;
+}
+
+// The line of the trajectory at that time. False: none.
+static bool truth_at(FILE *file, double seconds, struct pose *out)
+{
+    char line[512];
+    rewind(file);
+    while (fgets(line, sizeof line, file)) {
+        double t;
+        struct pose p;
+        if (sscanf(line, "%lf %lf %lf %lf %lf %lf %lf %lf", &t, &p.translation.x, &p.translation.y, &p.translation.z,
+                   &p.rotation.x, &p.rotation.y, &p.rotation.z, &p.rotation.w) == 8 &&
+            fabs(t - seconds) < SAME_S) {
+            *out = (struct pose){quat_unit(p.rotation), p.translation};
+            return true;
+        }
+    }
+    return false;
+}
+
+static enum status read_folder(const char *data, struct walk *w)
+{
+    char path[4096];
+    struct source *camera = NULL;
+    struct frame frame;
+    enum status status = map_folder(data, w);
+    snprintf(path, sizeof path, "%s/truth/viewer_truth.txt", data);
+    FILE *truth = status == OK ? fopen(path, "r") : NULL;
+    if (status == OK && !truth)
+        status = fail(ERR_MISSING, "%s is missing", path);
+    snprintf(path, sizeof path, "folder:%s/viewer", data);
+    if (status == OK)
+        status = source_open(&camera, path, SOURCE_CAMERA);
+    if (status == OK)
+        w->lens = source_calibration(camera)->color;
+    while (status == OK && w->count < MOST && (status = source_next(camera, &frame)) == OK) {
+        struct pose pose;
+        if (frame.color && truth_at(truth, (double)frame.time_ns * 1e-9, &pose))
+            status = keep(w, frame.color, frame.time_ns, pose);
+    }
+    if (truth)
+        fclose(truth);
+    source_close(&camera);
+    return status == NOTHING ? OK : status;
+}
+
+// Puts the truth into the place's axes, by where our own locator has the cameras.
+static enum status align_truth(struct walk *w)
+{
+    struct vec3 ours[MOST], truth[MOST];
+    struct locator *l;
+    struct location at;
+    int n = 0;
+    enum status status = locator_open(&l, &w->place, &w->lens, NULL);
+    for (int i = 0; i < w->count && status >= 0; i++) {
+        status = locator_find(l, w->rgb[i], NULL, &at);
+        if (status != OK)
+            continue;
+        ours[n] = at.world_from_camera.translation;
+        truth[n++] = w->truth[i].translation;
+    }
+    locator_close(&l);
+    if (status < 0)
+        return status;
+    if (n < 10)
+        return fail(ERR_INPUT, "only %d pictures of the walk can be placed", n);
+    struct pose place_from_truth = align(truth, ours, n);
+    for (int i = 0; i < w->count; i++)
+        w->truth[i] = pose_multiply(place_from_truth, w->truth[i]);
+    return OK;
+}
+
+// ---------------------------------------------------------------- the contenders
+
+struct runner {
+    const struct walk *walk;
+    struct locator *locator;
+    struct camera_track *track;
+    struct apriltag_peer *peer;
+    int last; // the item before; its error:
+    struct vec3 error;
+};
+
+static void judge(struct runner *r, int item, struct pose found, struct bench_measure *out)
+{
+    const struct pose *truth = &r->walk->truth[item];
+    struct vec3 error = v3_sub(found.translation, truth->translation);
+    out->error = v3_length(error) * 1e3;
+    out->extra[0] = pose_angle(found, *truth) * 57.29577951308232;
+    out->extra[1] = item > 0 && r->last == item - 1 ? v3_distance(error, r->error) * 1e3 : 0;
+    out->extra[2] = out->extra[1] > 5;
+    r->last = item;
+    r->error = error;
+}
+
+static enum status measure_find(void *self, int item, struct bench_measure *out)
+{
+    struct runner *r = self;
+    struct location at;
+    double started_ms = bench_clock_ms();
+    enum status status = locator_find(r->locator, r->walk->rgb[item], NULL, &at);
+    out->time_ms = bench_clock_ms() - started_ms;
+    if (status == OK)
+        judge(r, item, at.world_from_camera, out);
+    return status == AMBIGUOUS ? NOTHING : status;
+}
+
+static enum status measure_track(void *self, int item, struct bench_measure *out)
+{
+    struct runner *r = self;
+    struct location at;
+    struct camera_motion motion;
+    if (item == 0) { // a new round
+        camera_track_close(&r->track);
+        enum status status = camera_track_open(&r->track, &r->walk->place, &r->walk->lens, NULL);
+        if (status != OK)
+            return status;
+    }
+    double started_ms = bench_clock_ms();
+    enum status status = camera_track_look(r->track, r->walk->rgb[item], NULL, r->walk->time_ns[item], &at, &motion);
+    out->time_ms = bench_clock_ms() - started_ms;
+    if (status == OK)
+        judge(r, item, at.world_from_camera, out);
+    return status == AMBIGUOUS ? NOTHING : status;
+}
+
+static enum status measure_peer(void *self, int item, struct bench_measure *out)
+{
+    struct runner *r = self;
+    struct pose found;
+    double started_ms = bench_clock_ms();
+    enum status status = apriltag_peer_locate(r->peer, r->walk->gray[item], &r->walk->lens, r->walk->place.tags,
+                                              r->walk->place.tag_count, &found);
+    out->time_ms = bench_clock_ms() - started_ms;
+    if (status == OK)
+        judge(r, item, found, out);
+    return status;
+}
+
+static enum status run(struct bench *b)
+{
+    static struct walk w;
+    struct runner r[5] = {{0}};
+    enum status status = bench_data(b) ? read_folder(bench_data(b), &w) : make(&w);
+    if (status == OK)
+        status = align_truth(&w);
+    for (int i = 0; i < 5; i++)
+        r[i] = (struct runner){.walk = &w, .last = -1};
+    for (int i = 0; i < 2 && status == OK; i++) {
+        struct locator_options options = locator_default_options();
+        options.quad_decimate = i + 1;
+        status = locator_open(&r[i].locator, &w.place, &w.lens, &options);
+        if (status == OK)
+            status = apriltag_peer_open(&r[3 + i].peer, i + 1);
+    }
+    if (status == OK) {
+        const struct bench_contender contenders[] = {
+            {"ours, followed", measure_track, &r[2], false},
+            {"ours, found anew each time", measure_find, &r[0], false},
+            {"ours, anew, decimate 2", measure_find, &r[1], false},
+            {"libapriltag, every pixel", measure_peer, &r[3], true},
+            {"libapriltag, decimate 2", measure_peer, &r[4], false},
+        };
+        status = bench_run(b, contenders, COUNT_OF(contenders), w.count);
+    }
+    for (int i = 0; i < 5; i++) {
+        locator_close(&r[i].locator);
+        camera_track_close(&r[i].track);
+        apriltag_peer_close(&r[i].peer);
+    }
+    for (int i = 0; i < w.count; i++) {
+        free(w.rgb[i]);
+        free(w.gray[i]);
+    }
+    place_free(&w.place);
+    return status;
+}
+
+const struct bench_stage bench_stage_place = {
+    "place",   "where a tablet is that is carried round a room", "position_mm",
+    "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm"},        run};
