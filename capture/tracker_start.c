@@ -32,7 +32,8 @@ static double rank_of(double *values, int count, double share)
 struct start {
     double top, bottom, height; // over the floor or any level
     struct vec3 trunk;          // a point of the trunk's surface, its middle
-    bool cut;
+    bool cut;    // by the picture's lower edge
+    bool halved; // by its left or right edge
 };
 
 static double level_of(const struct fit_task *task, struct vec3 p) { return v3_dot(task->up, p) + task->floor_m; }
@@ -47,6 +48,7 @@ static bool measure(const struct fit_task *task, struct start *out)
     out->top = rank_of(level, e->count, 0.995) + 0.01;
     out->bottom = rank_of(level, e->count, 0.005);
     out->cut = e->bottom >= e->picture.bottom - 2;
+    out->halved = e->left <= e->picture.left + 2 || e->right >= e->picture.right - 2;
     out->height = BODY_AVERAGE_HEIGHT_M;
     if (!out->cut) {
         if (task->have_floor && out->bottom < 0.25)
@@ -120,6 +122,8 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     task->every = 3;
     for (int turn = 0; turn < YAWS; turn++)
         for (int a = 0; a < 2; a++) {
+            if (s.halved && turn > 0) // half a person fits any way
+                continue;
             struct body_pose pose = body_rest_pose(root, task->up, turn * 2 * PI / YAWS);
             raise_arms(&pose, arms[a], arms[a]);
             best = fit_start(task, &pose, room, best, s.cut);
