@@ -9,7 +9,7 @@ enum {
     COLUMNS_MAX = 320,
     JUMPS = 10001,         // depths whose jump is looked up, mm
     SETTLED_FRAMES = 3,    // a background value is believed after so many sightings
-    REPLACED_FRAMES = 45,  // something nearer that stays this long becomes background
+    REPLACED_FRAMES = 24,  // something nearer that stays this long becomes background
 };
 
 struct segmenter {
@@ -200,7 +200,7 @@ static void read_cells(struct segmenter *s, const uint16_t *picture)
                 if (axis ? (y == 0 || y == s->height - 1) : (x == 0 || x == w - 1))
                     continue;
                 int a = s->depth[i - k], b = s->depth[i + k];
-                if (a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far)))
+                if (abs(a - b) > far && a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far)))
                     s->label[i] = 1;
             }
         }
@@ -292,14 +292,16 @@ static void level_axes(const struct segmenter *s, struct vec3 *across, struct ve
     *away = v3_unit(v3_cross(*across, v3_scale(s->up, -1)));
 }
 
-static void measure_components(struct segmenter *s, const struct ball *balls, int ball_count)
+static void clear_components(struct segmenter *s)
 {
-    struct vec3 across, away;
-    level_axes(s, &across, &away);
     for (int c = 0; c < s->component_count; c++)
         s->components[c] = (struct component){.top = -1e9, .bottom = 1e9, .low = {1e9, 1e9, 1e9}, .high = {-1e9, -1e9, -1e9}};
-    int w = s->width;
-    double cell = s->step / s->lens.fx;
+}
+
+// How many cells each component has, and how many of them are close to the balls.
+static void count_close(struct segmenter *s, const struct ball *balls, int ball_count)
+{
+    clear_components(s);
     // The balls' common sphere spares most cells the search.
     struct vec3 middle = v3(0, 0, 0);
     double reach = 0;
@@ -307,6 +309,33 @@ static void measure_components(struct segmenter *s, const struct ball *balls, in
         middle = v3_add(middle, v3_scale(balls[b].centre, 1.0 / ball_count));
     for (int b = 0; b < ball_count; b++)
         reach = fmax(reach, v3_distance(middle, balls[b].centre) + balls[b].radius + 0.2);
+    for (int i = 0; i < s->width * s->height; i++) {
+        if (s->label[i] < 0)
+            continue;
+        struct component *c = &s->components[s->label[i]];
+        double z = s->depth[i] * 0.001, margin = 0.10 + 2 * depth_sigma_m(z);
+        struct vec3 p = cell_point(s, i, z), far = v3_sub(p, middle);
+        c->cells++;
+        if (!(v3_dot(far, far) < reach * reach))
+            continue;
+        for (int b = 0; b < ball_count; b++) {
+            double r = balls[b].radius + margin;
+            struct vec3 d = v3_sub(p, balls[b].centre);
+            if (v3_dot(d, d) < r * r) {
+                c->close++;
+                break;
+            }
+        }
+    }
+}
+
+static void measure_components(struct segmenter *s)
+{
+    struct vec3 across, away;
+    level_axes(s, &across, &away);
+    clear_components(s);
+    int w = s->width;
+    double cell = s->step / s->lens.fx;
     for (int i = 0; i < w * s->height; i++) {
         if (s->label[i] < 0)
             continue;
@@ -329,15 +358,6 @@ static void measure_components(struct segmenter *s, const struct ball *balls, in
         c->border_right += x >= s->picture.right / s->step - 1;
         c->border_top += y < s->picture.top / s->step + 2;
         c->border_bottom += y >= s->picture.bottom / s->step - 1;
-        if (ball_count && v3_distance(p, middle) < reach)
-            for (int b = 0; b < ball_count; b++) {
-                double r = balls[b].radius + 0.10 + 2 * depth_sigma_m(z);
-                struct vec3 d = v3_sub(p, balls[b].centre);
-                if (v3_dot(d, d) < r * r) {
-                    c->close++;
-                    break;
-                }
-            }
     }
     double *edge = malloc((size_t)(s->component_count + 1) * 2 * sizeof *edge);
     if (!edge)
@@ -514,7 +534,10 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
     enum status status = draw_components(s);
     if (status != OK)
         return status;
-    measure_components(s, balls, ball_count);
+    if (ball_count)
+        count_close(s, balls, ball_count);
+    else
+        measure_components(s);
     int main = choose_main(s, ball_count);
     memset(s->person, 0, (size_t)s->width * (size_t)s->height);
     if (main < 0)

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4 };
+enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, LEARN_EVERY = 2 };
 
 struct tracker {
     struct tracker_options options;
@@ -33,7 +33,7 @@ struct tracker {
 
 struct tracker_options tracker_default_options(void)
 {
-    return (struct tracker_options){.points = 1200, .iterations = 7, .learn_s = 10, .patience_s = 0.7};
+    return (struct tracker_options){.points = 600, .iterations = 5, .learn_s = 10, .patience_s = 0.7};
 }
 
 enum status tracker_open(struct tracker **out, const struct calibration *calibration, const struct tracker_options *options)
@@ -347,7 +347,8 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     else
         move_shown(t, &t->room->best.shape, passed_s);
     t->time_ns = time_ns;
-    segmenter_learn(t->segmenter);
+    if (fresh || t->frames % LEARN_EVERY == 0)
+        segmenter_learn(t->segmenter);
     report(t, &t->room->best, passed_s, out);
     if (mask)
         memcpy(mask, t->mask, pixels);

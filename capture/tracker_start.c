@@ -5,7 +5,7 @@
 
 #define SEARCH_REACH_M 0.12
 enum { YAWS = 8 };
-#define BACK_RATE 1.6
+#define BACK_RATE 2.0
 #define PI 3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
@@ -32,7 +32,7 @@ static double rank_of(double *values, int count, double share)
 struct start {
     double top, bottom, height; // over the floor or any level
     struct vec3 trunk;          // a point of the trunk's surface, its middle
-    bool cut;    // by the picture's lower edge
+    bool cut;    // by the picture's lower edge or by something before the legs
     bool halved; // by its left or right edge
 };
 
@@ -47,7 +47,7 @@ static bool measure(const struct fit_task *task, struct start *out)
         level[i] = level_of(task, e->point[i].p);
     out->top = rank_of(level, e->count, 0.995) + 0.01;
     out->bottom = rank_of(level, e->count, 0.005);
-    out->cut = e->bottom >= e->picture.bottom - 2;
+    out->cut = e->bottom >= e->picture.bottom - 2 || (task->have_floor && out->bottom > 0.4);
     out->halved = e->left <= e->picture.left + 2 || e->right >= e->picture.right - 2;
     out->height = BODY_AVERAGE_HEIGHT_M;
     if (!out->cut) {
