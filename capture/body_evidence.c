@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { CELLS_ACROSS = 160, FAR_AWAY = 4000 };
+enum { CELLS_ACROSS = 160, FAR_AWAY = 4000, AREA_MARGIN = 12 };
 
 // Cloth and the model's own coarseness, metres (standard deviation).
 #define SURFACE_SIGMA_M 0.012
@@ -53,42 +53,54 @@ static void take_over(struct body_evidence *e, int x, int y, int i, int j)
     }
 }
 
-// Two sweeps of vectors (Danielsson 1980); exact to a fraction of a cell.
+// Two sweeps of vectors (Danielsson 1980), within the area; exact to a fraction of a cell.
 static void spread_nearest(struct body_evidence *e)
 {
-    int w = e->width, h = e->height;
-    for (int i = 0; i < w * h; i++) {
-        e->nearest[i][0] = e->inside[i] ? 0 : FAR_AWAY;
-        e->nearest[i][1] = e->inside[i] ? 0 : FAR_AWAY;
-    }
-    for (int y = 0; y < h; y++) {
-        for (int x = 0; x < w; x++) {
-            if (y > 0)
+    const struct cell_area a = e->area;
+    for (int y = a.top; y <= a.bottom; y++)
+        for (int x = a.left; x <= a.right; x++) {
+            int i = y * e->width + x;
+            e->nearest[i][0] = e->nearest[i][1] = e->inside[i] ? 0 : FAR_AWAY;
+        }
+    for (int y = a.top; y <= a.bottom; y++) {
+        for (int x = a.left; x <= a.right; x++) {
+            if (y > a.top)
                 take_over(e, x, y, 0, -1);
-            if (y > 0 && x > 0)
+            if (y > a.top && x > a.left)
                 take_over(e, x, y, -1, -1);
-            if (y > 0 && x < w - 1)
+            if (y > a.top && x < a.right)
                 take_over(e, x, y, 1, -1);
-            if (x > 0)
+            if (x > a.left)
                 take_over(e, x, y, -1, 0);
         }
-        for (int x = w - 2; x >= 0; x--)
+        for (int x = a.right - 1; x >= a.left; x--)
             take_over(e, x, y, 1, 0);
     }
-    for (int y = h - 1; y >= 0; y--) {
-        for (int x = w - 1; x >= 0; x--) {
-            if (y < h - 1)
+    for (int y = a.bottom; y >= a.top; y--) {
+        for (int x = a.right; x >= a.left; x--) {
+            if (y < a.bottom)
                 take_over(e, x, y, 0, 1);
-            if (y < h - 1 && x < w - 1)
+            if (y < a.bottom && x < a.right)
                 take_over(e, x, y, 1, 1);
-            if (y < h - 1 && x > 0)
+            if (y < a.bottom && x > a.left)
                 take_over(e, x, y, -1, 1);
-            if (x < w - 1)
+            if (x < a.right)
                 take_over(e, x, y, 1, 0);
         }
-        for (int x = 1; x < w; x++)
+        for (int x = a.left + 1; x <= a.right; x++)
             take_over(e, x, y, -1, 0);
     }
+}
+
+static int within(int low, int x, int high) { return x < low ? low : x > high ? high : x; }
+
+// The person's cells and some around them.
+static void find_area(struct body_evidence *e)
+{
+    e->area.left = within(0, e->left / e->step - AREA_MARGIN, e->width - 1);
+    e->area.right = within(0, e->right / e->step + AREA_MARGIN, e->width - 1);
+    e->area.top = within(0, e->top / e->step - AREA_MARGIN, e->height - 1);
+    e->area.bottom = within(0, e->bottom / e->step + AREA_MARGIN, e->height - 1);
 }
 
 bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted)
@@ -99,9 +111,12 @@ bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t
     e->count = e->pixels = 0;
     e->left = l->width, e->top = l->height, e->right = e->bottom = -1;
     memset(e->inside, 0, (size_t)e->width * (size_t)e->height);
-    for (int y = 0; y < l->height; y++)
+    for (int y = 0; y < l->height; y++) {
+        const uint8_t *row = mask + (size_t)y * (size_t)l->width;
+        if (!memchr(row, 255, (size_t)l->width))
+            continue;
         for (int x = 0; x < l->width; x++)
-            if (mask[y * l->width + x]) {
+            if (row[x]) {
                 e->inside[(y / e->step) * e->width + x / e->step] = 1;
                 e->pixels++;
                 e->left = x < e->left ? x : e->left;
@@ -109,9 +124,11 @@ bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t
                 e->top = y < e->top ? y : e->top;
                 e->bottom = y;
             }
+    }
     if (e->pixels < 40)
         return false;
     e->picture = picture_bounds(depth, l);
+    find_area(e);
     spread_nearest(e);
     if (wanted > EVIDENCE_POINTS_MAX)
         wanted = EVIDENCE_POINTS_MAX;
@@ -150,10 +167,13 @@ enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, d
     }
     if (there > 0 && there < z - 0.15 - 3 * depth_sigma_m(z))
         return EVIDENCE_HIDDEN;
-    const int16_t *way = e->nearest[(y / e->step) * e->width + x / e->step];
-    if (way[0] == 0 && way[1] == 0)
+    x /= e->step;
+    y /= e->step;
+    int at_x = within(e->area.left, x, e->area.right), at_y = within(e->area.top, y, e->area.bottom);
+    const int16_t *way = e->nearest[at_y * e->width + at_x];
+    if (way[0] == 0 && way[1] == 0 && x == at_x && y == at_y)
         return EVIDENCE_PERSON;
-    *dx = way[0] * e->step;
-    *dy = way[1] * e->step;
+    *dx = (way[0] + at_x - x) * e->step; // beyond the area: by way of its edge
+    *dy = (way[1] + at_y - y) * e->step;
     return EVIDENCE_BESIDE;
 }

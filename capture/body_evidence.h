@@ -11,10 +11,15 @@ struct evidence_point {
 
 enum { EVIDENCE_POINTS_MAX = 1600 };
 
+struct cell_area {
+    int left, top, right, bottom; // cells, inclusive
+};
+
 struct body_evidence {
     struct lens lens;
     int step, width, height;     // of the grids: pixels a cell, cells
     uint8_t *inside;             // per cell: some pixel is the person
+    struct cell_area area;       // where `nearest` is known: the person and some way around them
     int16_t (*nearest)[2];       // per cell: cells to the nearest inside one, x and y
     const uint16_t *depth;       // the picture itself, borrowed
     const uint8_t *mask;

@@ -53,9 +53,9 @@ struct solid_rule {
      SHAPE_LEG_GIRTH}
 
 static const struct solid_rule solid_rule[SOLID_COUNT] = {
-    {SEG_PELVIS, {0, -0.050, 0.016}, {0, 0.012, 0.022}, 0.026, 0.020, 0.072, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_HIP_GIRTH},
-    {SEG_ABDOMEN, {0, 0.020, 0.026}, {0, 0.115, 0.028}, 0.012, 0.010, 0.067, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_WAIST_GIRTH},
-    {SEG_CHEST, {0, 0.0, 0.028}, {0, 0.094, 0.026}, 0.010, 0.028, 0.072, 0.067, SHAPE_SHOULDERS, SHAPE_TORSO, SHAPE_CHEST_GIRTH},
+    {SEG_PELVIS, {0, -0.050, 0.022}, {0, 0.012, 0.028}, 0.026, 0.020, 0.072, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_HIP_GIRTH},
+    {SEG_ABDOMEN, {0, 0.020, 0.032}, {0, 0.115, 0.034}, 0.012, 0.010, 0.067, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_WAIST_GIRTH},
+    {SEG_CHEST, {0, 0.0, 0.034}, {0, 0.094, 0.030}, 0.010, 0.028, 0.072, 0.067, SHAPE_SHOULDERS, SHAPE_TORSO, SHAPE_CHEST_GIRTH},
     {SEG_HEAD, {0, -0.010, 0.004}, {0, 0.055, 0.008}, 0, 0, 0.036, 0.034, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
     {SEG_HEAD, {0, 0.060, 0.024}, {0, 0.094, 0.018}, 0, 0, 0.046, 0.052, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
     ARM(LEFT, 1),
@@ -64,7 +64,8 @@ static const struct solid_rule solid_rule[SOLID_COUNT] = {
     LEG(RIGHT),
 };
 
-#define HEAD_CENTRE_RATE 0.089 // of body height over the neck joint, which is at the seventh vertebra
+// Of body height, from the neck joint, which is at the seventh vertebra: over the spine, between the ears.
+static const struct vec3 head_centre = {0, 0.098, -0.012};
 
 int body_parent(enum segment s) { return segment_rule[s].parent; }
 
@@ -140,7 +141,7 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
     for (size_t i = 0; i < COUNT_OF(at_origin); i++)
         out->joint[at_origin[i].joint] = out->origin[at_origin[i].segment];
     out->joint[JOINT_HEAD] = v3_add(out->origin[SEG_HEAD],
-                                    turned(out->axes[SEG_HEAD], v3(0, HEAD_CENTRE_RATE * factor[SHAPE_HEAD], 0)));
+                                    turned(out->axes[SEG_HEAD], v3_scale(head_centre, factor[SHAPE_HEAD])));
 }
 
 struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)

@@ -1,51 +1,7 @@
-#include "capture/segment.h"
-
-#include "capture/segment_floor.h"
+#include "capture/segment_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-enum {
-    COLUMNS_MAX = 320,
-    JUMPS = 10001,         // depths whose jump is looked up, mm
-    SETTLED_FRAMES = 3,    // a background value is believed after so many sightings
-    REPLACED_FRAMES = 45,  // something nearer that stays this long becomes background
-};
-
-struct segmenter {
-    struct lens lens;
-    int step, width, height; // grid: pixels a cell, cells
-    struct grid_ray *ray;    // per cell: the ray's x/z, y/z
-    uint16_t jump_mm[JUMPS]; // by depth: how far two neighbouring readings of one surface may differ
-    uint16_t *depth;         // per cell, mm, flying pixels removed
-    int32_t *label;          // per cell: component, -1 none
-    int32_t *parent;         // union-find
-    uint16_t *background;    // per cell, learned; 0 unknown
-    uint8_t *sightings, *nearer;
-    uint16_t *given;         // per cell, given; 0 unknown
-    uint8_t *person, *before; // per cell
-    struct component *components;
-    int component_count, component_room;
-    bool have_floor, floor_given, follows;
-    struct vec3 up;
-    double height_m;
-    int floor_tries;
-    struct picture_bounds picture; // of this frame
-};
-
-struct component {
-    int cells;
-    double area_m2;
-    double top, bottom;       // along up, metres (over the floor when known)
-    double low[3], high[3];   // bounds: across, depth (horizontal), and picture depth
-    double sum[3];            // of the points
-    int border_left, border_right, border_bottom, border_top;
-    int overlap;              // cells that were the person's before
-    int close;                // cells close to the predicted body
-    int touching;             // cells beside what is the person's already
-    bool mine;                // it is the person, or a part of them
-    double top_width;         // how wide it is within 0.2 m of its top
-};
 
 static int find_jump_mm(const struct segmenter *s, int depth_mm)
 {
@@ -200,7 +156,7 @@ static void read_cells(struct segmenter *s, const uint16_t *picture)
                 if (axis ? (y == 0 || y == s->height - 1) : (x == 0 || x == w - 1))
                     continue;
                 int a = s->depth[i - k], b = s->depth[i + k];
-                if (a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far)))
+                if (abs(a - b) > far && a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far)))
                     s->label[i] = 1;
             }
         }
@@ -292,14 +248,16 @@ static void level_axes(const struct segmenter *s, struct vec3 *across, struct ve
     *away = v3_unit(v3_cross(*across, v3_scale(s->up, -1)));
 }
 
-static void measure_components(struct segmenter *s, const struct ball *balls, int ball_count)
+static void clear_components(struct segmenter *s)
 {
-    struct vec3 across, away;
-    level_axes(s, &across, &away);
     for (int c = 0; c < s->component_count; c++)
         s->components[c] = (struct component){.top = -1e9, .bottom = 1e9, .low = {1e9, 1e9, 1e9}, .high = {-1e9, -1e9, -1e9}};
-    int w = s->width;
-    double cell = s->step / s->lens.fx;
+}
+
+// How many cells each component has, and how many of them are close to the balls.
+static void count_close(struct segmenter *s, const struct ball *balls, int ball_count)
+{
+    clear_components(s);
     // The balls' common sphere spares most cells the search.
     struct vec3 middle = v3(0, 0, 0);
     double reach = 0;
@@ -307,6 +265,33 @@ static void measure_components(struct segmenter *s, const struct ball *balls, in
         middle = v3_add(middle, v3_scale(balls[b].centre, 1.0 / ball_count));
     for (int b = 0; b < ball_count; b++)
         reach = fmax(reach, v3_distance(middle, balls[b].centre) + balls[b].radius + 0.2);
+    for (int i = 0; i < s->width * s->height; i++) {
+        if (s->label[i] < 0)
+            continue;
+        struct component *c = &s->components[s->label[i]];
+        double z = s->depth[i] * 0.001, margin = 0.10 + 2 * depth_sigma_m(z);
+        struct vec3 p = cell_point(s, i, z), far = v3_sub(p, middle);
+        c->cells++;
+        if (!(v3_dot(far, far) < reach * reach))
+            continue;
+        for (int b = 0; b < ball_count; b++) {
+            double r = balls[b].radius + margin;
+            struct vec3 d = v3_sub(p, balls[b].centre);
+            if (v3_dot(d, d) < r * r) {
+                c->close++;
+                break;
+            }
+        }
+    }
+}
+
+static void measure_components(struct segmenter *s)
+{
+    struct vec3 across, away;
+    level_axes(s, &across, &away);
+    clear_components(s);
+    int w = s->width;
+    double cell = s->step / s->lens.fx;
     for (int i = 0; i < w * s->height; i++) {
         if (s->label[i] < 0)
             continue;
@@ -329,15 +314,6 @@ static void measure_components(struct segmenter *s, const struct ball *balls, in
         c->border_right += x >= s->picture.right / s->step - 1;
         c->border_top += y < s->picture.top / s->step + 2;
         c->border_bottom += y >= s->picture.bottom / s->step - 1;
-        if (ball_count && v3_distance(p, middle) < reach)
-            for (int b = 0; b < ball_count; b++) {
-                double r = balls[b].radius + 0.10 + 2 * depth_sigma_m(z);
-                struct vec3 d = v3_sub(p, balls[b].centre);
-                if (v3_dot(d, d) < r * r) {
-                    c->close++;
-                    break;
-                }
-            }
     }
     double *edge = malloc((size_t)(s->component_count + 1) * 2 * sizeof *edge);
     if (!edge)
@@ -514,7 +490,10 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
     enum status status = draw_components(s);
     if (status != OK)
         return status;
-    measure_components(s, balls, ball_count);
+    if (ball_count)
+        count_close(s, balls, ball_count);
+    else
+        measure_components(s);
     int main = choose_main(s, ball_count);
     memset(s->person, 0, (size_t)s->width * (size_t)s->height);
     if (main < 0)
@@ -534,90 +513,4 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
     memcpy(s->before, s->person, (size_t)s->width * (size_t)s->height);
     s->follows = true;
     return OK;
-}
-
-// label[] becomes 1 within four cells of the person, else 0: hair, flying pixels
-// and shadows at the rim are no background.
-static void mark_near_person(struct segmenter *s)
-{
-    enum { REACH = 4 };
-    int w = s->width, h = s->height;
-    for (int y = 0; y < h; y++) { // along the rows: how far from the last and to the next
-        int far = REACH + 1;
-        for (int x = 0; x < w; x++) {
-            far = s->person[y * w + x] ? 0 : far + 1;
-            s->label[y * w + x] = far <= REACH;
-        }
-        far = REACH + 1;
-        for (int x = w - 1; x >= 0; x--) {
-            far = s->person[y * w + x] ? 0 : far + 1;
-            s->label[y * w + x] |= far <= REACH;
-        }
-    }
-    // Down the columns, row by row; parent[] has how far each is from the last marked one.
-    for (int x = 0; x < w; x++)
-        s->parent[x] = REACH + 1;
-    for (int y = 0; y < h; y++)
-        for (int x = 0; x < w; x++) {
-            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
-            s->label[y * w + x] |= 2 * (s->parent[x] <= REACH);
-        }
-    for (int x = 0; x < w; x++)
-        s->parent[x] = REACH + 1;
-    for (int y = h - 1; y >= 0; y--)
-        for (int x = 0; x < w; x++) {
-            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
-            s->label[y * w + x] |= 2 * (s->parent[x] <= REACH);
-        }
-}
-
-void segmenter_learn(struct segmenter *s)
-{
-    int disagree = 0, known = 0;
-    // Inside the person's bounds nothing is learned that is not clearly behind
-    // them: it may be a part of them that the mask lost.
-    int left = s->width, right = -1, top = s->height, bottom = -1, far = 0;
-    for (int i = 0; i < s->width * s->height; i++)
-        if (s->person[i]) {
-            int x = i % s->width, y = i / s->width;
-            left = x < left ? x : left, right = x > right ? x : right;
-            top = y < top ? y : top, bottom = y > bottom ? y : bottom;
-            far = s->depth[i] > far ? s->depth[i] : far;
-        }
-    mark_near_person(s);
-    for (int i = 0; i < s->width * s->height; i++) {
-        int x = i % s->width, y = i / s->width, d = s->depth[i];
-        if (!d || s->label[i])
-            continue;
-        if (x > left - 8 && x < right + 8 && y > top - 8 && y < bottom + 4 && d < far + 400)
-            continue;
-        double z = d * 0.001;
-        int b = s->background[i], same = (int)(1000 * (3 * 1.4142 * depth_sigma_m(z) + 0.01));
-        if (!b || d > b + same) { // the room begins further back than believed
-            disagree += b != 0;
-            known += b != 0;
-            s->background[i] = (uint16_t)d;
-            s->sightings[i] = 1;
-            s->nearer[i] = 0;
-        } else if (d >= b - same) {
-            known++;
-            int n = s->sightings[i] < 30 ? s->sightings[i] : 30;
-            s->background[i] = (uint16_t)((b * n + d + (n + 1) / 2) / (n + 1));
-            s->sightings[i] += s->sightings[i] < 255;
-            s->nearer[i] = 0;
-        } else {
-            known++;
-            disagree++;
-            if (++s->nearer[i] >= REPLACED_FRAMES) {
-                s->background[i] = (uint16_t)d;
-                s->sightings[i] = 1;
-                s->nearer[i] = 0;
-            }
-        }
-    }
-    if (known > 500 && disagree > 0.4 * known) { // the sensor was moved: begin again
-        size_t n = (size_t)s->width * (size_t)s->height;
-        memset(s->background, 0, n * sizeof *s->background);
-        memset(s->sightings, 0, n);
-    }
 }

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4 };
+enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, LEARN_EVERY = 2 };
 
 struct tracker {
     struct tracker_options options;
@@ -26,6 +26,7 @@ struct tracker {
     int64_t lost_since_ns;           // 0: in sight
     int poor_frames, frames;
     double turned_evidence;          // that the person looks the other way, as a logarithm of odds
+    double swapped_evidence;         // the same for their legs
     bool turned;                     // in this frame they turned out to
     bool seen_ever[JOINT_COUNT];
     float out_of_picture_s[JOINT_COUNT];
@@ -33,7 +34,7 @@ struct tracker {
 
 struct tracker_options tracker_default_options(void)
 {
-    return (struct tracker_options){.points = 1200, .iterations = 7, .learn_s = 10, .patience_s = 0.7};
+    return (struct tracker_options){.points = 600, .iterations = 5, .learn_s = 10, .patience_s = 0.7};
 }
 
 enum status tracker_open(struct tracker **out, const struct calibration *calibration, const struct tracker_options *options)
@@ -89,7 +90,7 @@ static void forget_person(struct tracker *t)
 {
     t->following = t->moving = false;
     t->poor_frames = 0;
-    t->turned_evidence = 0;
+    t->turned_evidence = t->swapped_evidence = 0;
     t->lost_since_ns = 0;
     memset(t->seen_ever, 0, sizeof t->seen_ever);
     memset(t->out_of_picture_s, 0, sizeof t->out_of_picture_s);
@@ -228,6 +229,11 @@ static void learn_shape(struct tracker *t, const struct fit_task *task, const st
         t->taught = fit->pose;
 }
 
+static bool is_whole(const struct body_evidence *e)
+{
+    return e->bottom < e->picture.bottom - 2 && e->left > e->picture.left + 2 && e->right < e->picture.right - 2;
+}
+
 // A person in front and one from behind look much alike: now and then the other
 // way round is tried too, and taken when it has been likelier for a while.
 static bool is_turned_round(struct tracker *t, const struct fit_task *task)
@@ -241,11 +247,21 @@ static bool is_turned_round(struct tracker *t, const struct fit_task *task)
     return true;
 }
 
+// And so do legs that crossed.
+static bool legs_are_swapped(struct tracker *t, const struct fit_task *task)
+{
+    double gain = legs_swapped_gain(task, t->room) - 0.2 * t->room->best.energy;
+    t->swapped_evidence = fmax(0, 0.9 * t->swapped_evidence + gain);
+    if (t->swapped_evidence < 20)
+        return false;
+    t->swapped_evidence = 0;
+    return true;
+}
+
 // Lays the body into this frame from where it is expected. False: it is not there.
 static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
 {
     struct fit_result *best = &t->room->best;
-    t->turned = false;
     task->learn_shape = false;
     task->expected_sigma = fmin(6, fmax(1, passed_s * 30));
     int first = t->options.iterations / 2;
@@ -269,11 +285,13 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         body_fit(task, &start, &t->room->trial);
         *best = t->room->trial;
     }
-    if (++t->frames % TURN_EVERY == 0 && is_turned_round(t, task)) {
+    t->frames++;
+    int turn = is_whole(t->evidence) ? t->frames % TURN_EVERY : -1; // without feet nothing tells
+    t->turned = turn == 0 && is_turned_round(t, task);
+    if (t->turned || (turn == TURN_EVERY / 2 && legs_are_swapped(t, task))) {
         task->expected = t->room->trial.pose;
         task->expected_sigma = 4;
         body_fit(task, &task->expected, best);
-        t->turned = true;
     }
     explained = explained_share(t->evidence, best, 0.10);
     t->poor_frames = explained < 0.7 ? t->poor_frames + 1 : 0;
@@ -347,7 +365,8 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     else
         move_shown(t, &t->room->best.shape, passed_s);
     t->time_ns = time_ns;
-    segmenter_learn(t->segmenter);
+    if (fresh || t->frames % LEARN_EVERY == 0)
+        segmenter_learn(t->segmenter);
     report(t, &t->room->best, passed_s, out);
     if (mask)
         memcpy(mask, t->mask, pixels);

@@ -5,7 +5,7 @@
 
 #define SEARCH_REACH_M 0.12
 enum { YAWS = 8 };
-#define BACK_RATE 1.6
+#define BACK_RATE 2.0
 #define PI 3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
@@ -32,7 +32,8 @@ static double rank_of(double *values, int count, double share)
 struct start {
     double top, bottom, height; // over the floor or any level
     struct vec3 trunk;          // a point of the trunk's surface, its middle
-    bool cut;
+    bool cut;    // by the picture's lower edge or by something before the legs
+    bool halved; // by its left or right edge
 };
 
 static double level_of(const struct fit_task *task, struct vec3 p) { return v3_dot(task->up, p) + task->floor_m; }
@@ -46,7 +47,8 @@ static bool measure(const struct fit_task *task, struct start *out)
         level[i] = level_of(task, e->point[i].p);
     out->top = rank_of(level, e->count, 0.995) + 0.01;
     out->bottom = rank_of(level, e->count, 0.005);
-    out->cut = e->bottom >= e->picture.bottom - 2;
+    out->cut = e->bottom >= e->picture.bottom - 2 || (task->have_floor && out->bottom > 0.4);
+    out->halved = e->left <= e->picture.left + 2 || e->right >= e->picture.right - 2;
     out->height = BODY_AVERAGE_HEIGHT_M;
     if (!out->cut) {
         if (task->have_floor && out->bottom < 0.25)
@@ -120,6 +122,8 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     task->every = 3;
     for (int turn = 0; turn < YAWS; turn++)
         for (int a = 0; a < 2; a++) {
+            if (s.halved && turn > 0) // half a person fits any way
+                continue;
             struct body_pose pose = body_rest_pose(root, task->up, turn * 2 * PI / YAWS);
             raise_arms(&pose, arms[a], arms[a]);
             best = fit_start(task, &pose, room, best, s.cut);
@@ -295,4 +299,29 @@ int limbs_search(const struct fit_task *given, struct fit_room *room)
         moved += better;
     }
     return moved;
+}
+
+double legs_swapped_gain(const struct fit_task *given, struct fit_room *room)
+{
+    struct fit_task task = *given;
+    struct fit_result *best = &room->best;
+    struct body_pose now = best->pose;
+    struct body_shape shape = best->shape;
+    double(*pelvis)[3] = best->build.axes[SEG_PELVIS];
+    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]),
+                left = best->build.origin[SEG_LEFT_FOOT], right = best->build.origin[SEG_RIGHT_FOOT];
+    struct body_pose one = reach_for(best, &limb[2], right, ahead), other = reach_for(best, &limb[3], left, ahead), pose = now;
+    for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
+        pose.turn[s] = s <= SEG_LEFT_FOOT ? one.turn[s] : other.turn[s];
+    task.learn_shape = false;
+    task.shape.mean = shape;
+    task.reach_m = SEARCH_REACH_M;
+    task.expected = pose;
+    task.expected_sigma = 2;
+    task.iterations = 5;
+    task.every = 2;
+    body_judge(&task, &now, &shape, &room->trial);
+    double energy = room->trial.energy;
+    body_fit(&task, &pose, &room->trial);
+    return energy - room->trial.energy;
 }

@@ -21,5 +21,8 @@ int limbs_search(const struct fit_task *task, struct fit_room *room);
 // way into room->trial. Returns by how much its energy is less, negative when it is more.
 double turned_round_gain(const struct fit_task *task, struct fit_room *room);
 
+// The same for the body with its feet exchanged.
+double legs_swapped_gain(const struct fit_task *task, struct fit_room *room);
+
 // The share of the points within `within_m` of the body.
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m);

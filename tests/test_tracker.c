@@ -287,7 +287,7 @@ static void near_far_and_half_out_of_the_picture(void **state)
     struct pose stand = world_sensor_pose(s.world);
     struct skeleton truth = world_joints_in_camera(s.world, 0, stand);
     double z = truth.joint[JOINT_TORSO].z;
-    static const struct { double distance_m, aside_m, bound_m; } at[] = {{0.9, 0, 0.12}, {4.5, 0, 0.09}, {2.5, 1.55, 0.25}};
+    static const struct { double distance_m, aside_m, bound_m; } at[] = {{0.9, 0, 0.12}, {4.5, 0, 0.09}, {2.5, 1.5, 0.25}};
     for (size_t k = 0; k < COUNT_OF(at); k++) {
         tracker_reset(s.tracker);
         struct pose from = moved(stand, v3(truth.joint[JOINT_TORSO].x - at[k].aside_m, 0, z - at[k].distance_m));

@@ -3,12 +3,14 @@
 #include "tests/bench/bench.h"
 
 extern const struct bench_stage bench_stage_depth;
+extern const struct bench_stage bench_stage_skeleton;
 extern const struct bench_stage bench_stage_tags;
 extern const struct bench_stage bench_stage_tag_distance;
 extern const struct bench_stage bench_stage_place;
 
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,
+    &bench_stage_skeleton,
     &bench_stage_tags,
     &bench_stage_tag_distance,
     &bench_stage_place,

@@ -43,6 +43,8 @@ struct physique physique_of(const struct world_figure *figure)
     return p;
 }
 
+#define SPINE_RATE 0.028 // of body height behind the trunk's middle
+
 // The motion that turns about `pivot` of the rest frame and takes it to `to`.
 static struct pose turn_about(struct quat turn, struct vec3 pivot, struct vec3 to)
 {
@@ -170,10 +172,12 @@ void physique_pose(const struct physique *p, const struct stance *stance, struct
     struct vec3 throat = pose_apply(bone[BONE_CHEST], p->rest[JOINT_NECK]);
     bone[BONE_NECK] = turn_about(neck, p->rest[JOINT_NECK], throat);
     bone[BONE_HEAD] = turn_about(s.head, p->skull, pose_apply(bone[BONE_NECK], p->skull));
-    out->joints.joint[JOINT_WAIST] = s.waist;
-    out->joints.joint[JOINT_TORSO] = torso;
+    // Told as motion capture has them: in the spine, well behind the trunk's middle, and the head over it.
+    struct vec3 back = v3(0, SPINE_RATE * p->figure.height_m, 0);
+    out->joints.joint[JOINT_WAIST] = pose_apply(bone[BONE_BELLY], v3_add(p->rest[JOINT_WAIST], back));
+    out->joints.joint[JOINT_TORSO] = pose_apply(bone[BONE_BELLY], v3_add(p->rest[JOINT_TORSO], back));
     out->joints.joint[JOINT_NECK] = throat;
-    out->joints.joint[JOINT_HEAD] = pose_apply(bone[BONE_HEAD], p->rest[JOINT_HEAD]);
+    out->joints.joint[JOINT_HEAD] = pose_apply(bone[BONE_HEAD], v3_add(p->rest[JOINT_HEAD], back));
     for (int side = LEFT; side <= RIGHT; side++) {
         pose_arm(p, &s, side, out);
         pose_leg(p, &s, side, out);

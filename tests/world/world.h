@@ -77,9 +77,9 @@ void world_close(struct world **w); // NULL is fine; sets *w = NULL
 double world_seconds(const struct world *w);
 
 // The joints at `time_s`, in world axes, all with confidence 1: inside the body,
-// as motion capture has them. head: centre of the head; neck: its base; shoulders,
-// elbows, hips, knees: joint centres; hand: the root of the palm; torso: half-way
-// up the spine; waist: the pelvis' upper centre; foot: the ankle.
+// as motion capture has them. head: half-way up it, over the spine; neck: its base;
+// shoulders, elbows, hips, knees: joint centres; hand: the root of the palm; torso:
+// half-way up the spine; waist: the spine at the pelvis' upper end; foot: the ankle.
 struct skeleton world_joints(const struct world *w, double time_s);
 struct skeleton world_joints_in_camera(const struct world *w, double time_s, struct pose world_from_camera);
 

@@ -1,0 +1,46 @@
+// What the files of the segmenter share.
+#pragma once
+#include "capture/segment.h"
+#include "capture/segment_floor.h"
+
+enum {
+    COLUMNS_MAX = 320,
+    JUMPS = 10001,         // depths whose jump is looked up, mm
+    SETTLED_FRAMES = 3,    // a background value is believed after so many sightings
+    REPLACED_FRAMES = 24,  // something nearer that stays this long becomes background
+};
+
+struct segmenter {
+    struct lens lens;
+    int step, width, height; // grid: pixels a cell, cells
+    struct grid_ray *ray;    // per cell: the ray's x/z, y/z
+    uint16_t jump_mm[JUMPS]; // by depth: how far two neighbouring readings of one surface may differ
+    uint16_t *depth;         // per cell, mm, flying pixels removed
+    int32_t *label;          // per cell: component, -1 none
+    int32_t *parent;         // union-find
+    uint16_t *background;    // per cell, learned; 0 unknown
+    uint8_t *sightings, *nearer;
+    uint16_t *given;         // per cell, given; 0 unknown
+    uint8_t *person, *before; // per cell
+    struct component *components;
+    int component_count, component_room;
+    bool have_floor, floor_given, follows;
+    struct vec3 up;
+    double height_m;
+    int floor_tries;
+    struct picture_bounds picture; // of this frame
+};
+
+struct component {
+    int cells;
+    double area_m2;
+    double top, bottom;       // along up, metres (over the floor when known)
+    double low[3], high[3];   // bounds: across, depth (horizontal), and picture depth
+    double sum[3];            // of the points
+    int border_left, border_right, border_bottom, border_top;
+    int overlap;              // cells that were the person's before
+    int close;                // cells close to the predicted body
+    int touching;             // cells beside what is the person's already
+    bool mine;                // it is the person, or a part of them
+    double top_width;         // how wide it is within 0.2 m of its top
+};

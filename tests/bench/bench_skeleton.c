@@ -1,0 +1,100 @@
+// Joints from depth: error against time over the tracker's settings, beside what
+// libapriltag takes for the same instant's colour picture.
+//
+// Without --data the small world's kata is filmed here. With --data FOLDER, a
+// folder with depth.txt and calibration.json, and joints_truth.csv and
+// sensor_truth.txt in FOLDER/truth or FOLDER/../truth.
+#include "tests/bench/bench.h"
+#include "tests/bench/bench_skeleton_data.h"
+#include "tests/bench/bench_tags_peers.h"
+
+#include "capture/tracker.h"
+
+#include <stdlib.h>
+
+struct ours {
+    const struct skeleton_data *data;
+    struct tracker_options options;
+    struct tracker *tracker;
+};
+
+static enum status measure_ours(void *self, int item, struct bench_measure *out)
+{
+    struct ours *o = self;
+    if (item == 0) { // a new round
+        tracker_close(&o->tracker);
+        enum status status = tracker_open(&o->tracker, &o->data->calibration, &o->options);
+        if (status != OK)
+            return status;
+    }
+    const struct skeleton_frame *f = &o->data->frame[item];
+    struct skeleton got;
+    double started_ms = bench_clock_ms();
+    enum status status = tracker_next(o->tracker, f->time_ns, f->depth, &got, NULL);
+    out->time_ms = bench_clock_ms() - started_ms;
+    if (status != OK)
+        return status;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        double e = v3_distance(got.joint[j], f->truth.joint[j]);
+        out->error += 1000 * e / JOINT_COUNT;
+        out->extra[0] += (e < 0.1 && got.confidence[j] > 0) * 100.0 / JOINT_COUNT;
+        out->extra[1] = fmax(out->extra[1], 1000 * e);
+    }
+    return OK;
+}
+
+struct peer {
+    const struct skeleton_data *data;
+    struct apriltag_peer *apriltag;
+};
+
+// Only its time counts: it knows nothing of bodies.
+static enum status measure_peer(void *self, int item, struct bench_measure *out)
+{
+    struct peer *o = self;
+    struct pose found;
+    double started_ms = bench_clock_ms();
+    enum status status =
+        apriltag_peer_find(o->apriltag, o->data->frame[item].gray, &o->data->calibration.color, -1, 1, &found);
+    out->time_ms = bench_clock_ms() - started_ms;
+    return status < 0 ? status : NOTHING;
+}
+
+static enum status run(struct bench *b)
+{
+    static const struct { const char *name; int points, iterations; } settings[] = {
+        {"150 points, 3 rounds", 150, 3}, {"300 points, 4 rounds", 300, 4},   {"600 points, 5 rounds", 600, 5},
+        {"600 points, 7 rounds", 600, 7}, {"1200 points, 7 rounds", 1200, 7}, {"1600 points, 12 rounds", 1600, 12},
+    };
+    enum { SETTINGS = COUNT_OF(settings) };
+    struct skeleton_data data;
+    struct ours ours[SETTINGS];
+    struct bench_contender contenders[SETTINGS + 1];
+    struct peer peer = {.data = &data};
+    enum status status = skeleton_data_open(&data, bench_data(b));
+    for (int i = 0; i < SETTINGS; i++) {
+        ours[i] = (struct ours){&data, tracker_default_options(), NULL};
+        ours[i].options.points = settings[i].points;
+        ours[i].options.iterations = settings[i].iterations;
+        contenders[i] = (struct bench_contender){settings[i].name, measure_ours, &ours[i], false};
+    }
+    contenders[SETTINGS] = (struct bench_contender){"libapriltag, decimate 2", measure_peer, &peer, true};
+    if (status == OK)
+        status = apriltag_peer_open(&peer.apriltag, 2);
+    if (status == OK)
+        status = bench_run(b, contenders, COUNT_OF(contenders), data.count);
+    for (int i = 0; i < SETTINGS; i++)
+        tracker_close(&ours[i].tracker);
+    apriltag_peer_close(&peer.apriltag);
+    skeleton_data_close(&data);
+    return status;
+}
+
+const struct bench_stage bench_stage_skeleton = {
+    .name = "skeleton",
+    .about = "16 joints from depth, segmentation included",
+    .error_name = "mean_error_mm",
+    .time_name = "time_ms",
+    .extra_names = {"within_10cm_percent", "worst_joint_mm"},
+    .run = run,
+};

@@ -1,0 +1,23 @@
+// What the skeleton's bench works on: depth and grey pictures with true joints.
+#pragma once
+#include "capture/recording/skeleton.h"
+#include "platform/lens.h"
+
+struct skeleton_frame {
+    int64_t time_ns;
+    uint16_t *depth;
+    uint8_t *gray;
+    struct skeleton truth; // camera axes
+};
+
+struct skeleton_data {
+    struct calibration calibration;
+    struct skeleton_frame *frame;
+    int count;
+};
+
+// folder NULL: films the small world. Else a folder with its truth in truth/ or
+// ../truth: joints_truth.csv in world axes and sensor_truth.txt. At most 300
+// frames are read. On error *data is empty.
+MUST_CHECK enum status skeleton_data_open(struct skeleton_data *data, const char *folder);
+void skeleton_data_close(struct skeleton_data *data);

@@ -1,0 +1,244 @@
+// What may happen to a tracker in a real room, each with the error it costs:
+// broken pictures and clocks, too near and too far, half out of the picture,
+// somebody walking through, a table in the way.
+#include "tests/test.h"
+#include "tests/world/world.h"
+
+#include "capture/tracker.h"
+
+#include <string.h>
+
+enum { FPS = 30 };
+
+struct set {
+    struct world *world;
+    struct calibration calibration;
+    struct tracker *tracker;
+    size_t pixels;
+    uint16_t *depth;
+    uint8_t *mask;
+};
+
+static void set_open(struct set *s, const char *figure, const char *motion)
+{
+    memset(s, 0, sizeof *s);
+    struct world_options options = world_default_options();
+    options.plain = true;
+    options.motion = motion;
+    EXPECT_TRUE(world_figure_named(figure, &options.figure));
+    EXPECT_STATUS(world_open(&s->world, &options), OK);
+    s->calibration = world_calibration(0.5);
+    s->pixels = (size_t)s->calibration.depth.width * (size_t)s->calibration.depth.height;
+    s->depth = calloc(s->pixels, sizeof *s->depth);
+    s->mask = calloc(s->pixels, 1);
+    assert_true(s->depth && s->mask);
+    EXPECT_STATUS(tracker_open(&s->tracker, &s->calibration, NULL), OK);
+}
+
+static void set_close(struct set *s)
+{
+    tracker_close(&s->tracker);
+    world_close(&s->world);
+    free(s->depth);
+    free(s->mask);
+}
+
+static int64_t ns(double time_s) { return (int64_t)llround(time_s * 1e9); }
+
+static void film(struct set *s, struct pose from, double time_s, uint64_t seed)
+{
+    struct world_shot shot = {s->calibration.depth, from, time_s, true};
+    EXPECT_STATUS(world_render(s->world, &shot, &(struct world_picture){.depth = s->depth, .mask = s->mask}), OK);
+    EXPECT_STATUS(world_depth_noise(&shot.lens, s->depth, seed, s->depth), OK);
+}
+
+// The sensor's pose moved along its own axes.
+static struct pose moved(struct pose world_from_camera, struct vec3 by)
+{
+    return pose_multiply(world_from_camera, (struct pose){{0, 0, 0, 1}, by});
+}
+
+// Mean over the joints that are known; -1 when none is.
+static double error_of(const struct skeleton *got, const struct skeleton *truth)
+{
+    double sum = 0;
+    int count = 0;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        EXPECT_TRUE(v3_finite(got->joint[j]));
+        if (got->confidence[j] > 0) {
+            sum += v3_distance(got->joint[j], truth->joint[j]);
+            count++;
+        }
+    }
+    return count ? sum / count : -1;
+}
+
+static double step(struct set *s, struct pose from, double time_s, int64_t when, enum status *status)
+{
+    struct skeleton got, truth = world_joints_in_camera(s->world, time_s, from);
+    *status = tracker_next(s->tracker, when, s->depth, &got, NULL);
+    EXPECT_TRUE(*status >= 0);
+    return error_of(&got, &truth);
+}
+
+// ---------------------------------------------------------------- pictures and clocks
+
+enum mishap { NO_MISHAP, ONE_BLACK, TEN_BLACK, REPEATED, CLOCK_BACK, CLOCK_AHEAD };
+
+// The mean error of the ten frames after the mishap, in the middle of a turn.
+static double after(enum mishap mishap)
+{
+    struct set s;
+    set_open(&s, "woman", "pirouette");
+    struct pose from = world_sensor_pose(s.world);
+    double sum = 0;
+    int64_t shift = 0;
+    for (int k = 0; k < 40; k++) {
+        double t = 2 + (double)k / FPS, e;
+        enum status status;
+        film(&s, from, t, (uint64_t)k);
+        bool black = mishap == ONE_BLACK ? k == 20 : mishap == TEN_BLACK && k >= 20 && k < 30;
+        if (black)
+            memset(s.depth, 0, s.pixels * sizeof *s.depth);
+        if (k == 20)
+            shift = mishap == CLOCK_BACK ? -ns(1.5) : mishap == CLOCK_AHEAD ? ns(0.4) : 0;
+        e = step(&s, from, t, ns(t) + shift, &status);
+        EXPECT_STATUS(status, black ? NOTHING : OK);
+        if (mishap == REPEATED && k == 20)
+            e = step(&s, from, t, ns(t) + ns(0.01), &status);
+        if (k >= 30)
+            sum += e / 10;
+    }
+    set_close(&s);
+    return sum;
+}
+
+static void broken_pictures_and_clocks(void **state)
+{
+    (void)state;
+    static const struct { enum mishap mishap; const char *name; } all[] = {
+        {NO_MISHAP, "nothing happens"},     {ONE_BLACK, "one black frame"},   {TEN_BLACK, "ten black frames"},
+        {REPEATED, "one frame twice"}, {CLOCK_BACK, "clock 1.5 s back"}, {CLOCK_AHEAD, "clock 0.4 s ahead"},
+    };
+    for (size_t i = 0; i < COUNT_OF(all); i++) {
+        double error = after(all[i].mishap);
+        print_message("%s: %.3f m\n", all[i].name, error);
+        EXPECT_AT_LEAST(error, 0);
+        EXPECT_AT_MOST(error, 0.05);
+    }
+}
+
+static void a_room_without_depth_and_then_a_person(void **state)
+{
+    (void)state;
+    struct set s;
+    set_open(&s, "man", "still");
+    struct pose from = world_sensor_pose(s.world);
+    enum status status;
+    double error = -1;
+    for (int k = 0; k < 20; k++) {
+        film(&s, from, 0, (uint64_t)k);
+        if (k < 10)
+            memset(s.depth, 0, s.pixels * sizeof *s.depth);
+        error = step(&s, from, 0, ns((double)k / FPS), &status);
+        EXPECT_STATUS(status, k < 10 ? NOTHING : OK);
+    }
+    print_message("after ten frames of nothing but zeros: %.3f m\n", error);
+    EXPECT_AT_MOST(error, 0.05);
+    set_close(&s);
+}
+
+// ---------------------------------------------------------------- where the person stands
+
+static void near_far_and_half_out(void **state)
+{
+    (void)state;
+    static const struct { const char *name; double distance_m, aside_m, down_m, bound_m; } all[] = {
+        {"0.8 m away", 0.8, 0, 0, 0.25},         {"4.5 m away", 4.5, 0, 0, 0.06},
+        {"half out, left", 2.5, -1.5, 0, 0.30},  {"half out, right", 2.5, 1.5, 0, 0.30},
+        {"half out, below", 2.5, 0, 1.1, 0.15}, {"half out, above", 2.5, 0, -1.0, 0.60},
+    };
+    struct set s;
+    set_open(&s, "man", "still");
+    struct pose stand = world_sensor_pose(s.world);
+    struct vec3 torso = world_joints_in_camera(s.world, 0, stand).joint[JOINT_TORSO];
+    for (size_t i = 0; i < COUNT_OF(all); i++) {
+        tracker_reset(s.tracker);
+        struct pose from = moved(stand, v3(torso.x - all[i].aside_m, -all[i].down_m, torso.z - all[i].distance_m));
+        double error = -1;
+        enum status status = NOTHING;
+        for (int k = 0; k < 8; k++) {
+            film(&s, from, 0, (uint64_t)k);
+            error = step(&s, from, 0, ns((double)k / FPS), &status);
+        }
+        print_message("%s: %s, %.3f m over the joints that are claimed\n", all[i].name,
+                      status == OK ? "found" : "nobody found", error);
+        EXPECT_AT_MOST(error, all[i].bound_m);
+    }
+    set_close(&s);
+}
+
+// ---------------------------------------------------------------- others in the room
+
+static void somebody_walks_through(void **state)
+{
+    (void)state;
+    struct set s, other;
+    set_open(&s, "woman", "still");
+    set_open(&other, "man", "still");
+    struct pose from = world_sensor_pose(s.world);
+    double worst = 0, last = 0;
+    for (int k = 0; k < 50; k++) { // from the left to the right, 0.9 m before the one who is tracked
+        double t = (double)k / FPS;
+        struct pose beside = moved(from, v3(2.0 - 2.4 * t, 0, 0.9));
+        enum status status;
+        film(&s, from, 0, 30 + (uint64_t)k);
+        film(&other, beside, 0, 90 + (uint64_t)k);
+        for (size_t i = 0; i < s.pixels; i++)
+            if (other.mask[i] && other.depth[i] && (!s.depth[i] || other.depth[i] < s.depth[i]))
+                s.depth[i] = other.depth[i];
+        last = step(&s, from, 0, ns(t), &status);
+        worst = last > worst ? last : worst;
+    }
+    print_message("somebody walks through: worst frame %.3f m, afterwards %.3f m\n", worst, last);
+    EXPECT_AT_LEAST(last, 0);
+    EXPECT_AT_MOST(last, 0.06);
+    set_close(&s);
+    set_close(&other);
+}
+
+static void a_table_before_the_legs(void **state)
+{
+    (void)state;
+    struct set s;
+    set_open(&s, "man", "still");
+    struct pose from = world_sensor_pose(s.world);
+    struct skeleton truth = world_joints_in_camera(s.world, 0, from), got;
+    double z = truth.joint[JOINT_TORSO].z - 0.5;
+    int edge = (int)lens_project(&s.calibration.depth, truth.joint[JOINT_LEFT_HIP]).y;
+    for (int k = 0; k < 8; k++) {
+        film(&s, from, 0, (uint64_t)k);
+        for (int y = edge; y < edge + 60 && y < s.calibration.depth.height; y++) // its front, as wide as the picture's half
+            for (int x = 80; x < 240; x++)
+                s.depth[y * s.calibration.depth.width + x] = (uint16_t)(1000 * z);
+        EXPECT_STATUS(tracker_next(s.tracker, ns((double)k / FPS), s.depth, &got, NULL), OK);
+    }
+    double error = 0;
+    for (int j = JOINT_HEAD; j <= JOINT_TORSO; j++)
+        error += v3_distance(got.joint[j], truth.joint[j]) / (JOINT_TORSO + 1);
+    print_message("a table before the legs: %.3f m from head to torso\n", error);
+    EXPECT_AT_MOST(error, 0.10);
+    set_close(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(broken_pictures_and_clocks),
+        cmocka_unit_test(a_room_without_depth_and_then_a_person),
+        cmocka_unit_test(near_far_and_half_out),
+        cmocka_unit_test(somebody_walks_through),
+        cmocka_unit_test(a_table_before_the_legs),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
