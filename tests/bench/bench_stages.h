@@ -3,9 +3,11 @@
 #include "tests/bench/bench.h"
 
 extern const struct bench_stage bench_stage_depth;
+extern const struct bench_stage bench_stage_search;
 extern const struct bench_stage bench_stage_tags;
 
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,
+    &bench_stage_search,
     &bench_stage_tags,
 };
