@@ -25,4 +25,5 @@ set(CMAKE_MODULE_LINKER_FLAGS_INIT ${CMAKE_EXE_LINKER_FLAGS_INIT})
 set(ENV{PKG_CONFIG_SYSROOT_DIR} ${CMAKE_SYSROOT})
 set(ENV{PKG_CONFIG_LIBDIR} ${LIBRARIES}/pkgconfig:${CMAKE_SYSROOT}/usr/share/pkgconfig)
 
-set(CMAKE_CROSSCOMPILING_EMULATOR qemu-aarch64;-L;${CMAKE_SYSROOT})
+# In 3 GiB, because the code that llvmpipe makes reaches only 4 GiB far and does not check.
+set(CMAKE_CROSSCOMPILING_EMULATOR qemu-aarch64;-R;3G;-L;${CMAKE_SYSROOT})
