@@ -4,7 +4,8 @@
 #include <string.h>
 
 enum {
-    LANES = 16,       // points in a block, blocks in a group: what is bounded side by side
+    BLOCK = 8,        // points in a block: they share a box, and are bounded side by side
+    LANES = 16,       // blocks in a group: their boxes are bounded side by side
     FAR = 8191,       // the farthest coordinate, units
     ANYWHERE = 24000, // a box this wide holds every place; its differences still fit 16 bits
     SUM_MOST = 32767,
@@ -13,6 +14,7 @@ enum {
 };
 
 typedef int16_t lanes[LANES];
+typedef int16_t points_lanes[BLOCK];
 
 // What has to become part of each of ask_all's versions.
 #define KERNEL inline __attribute__((always_inline))
@@ -22,7 +24,7 @@ struct box_lanes {
     lanes low[3], high[3];
 };
 struct point_lanes {
-    lanes at[3];
+    points_lanes at[3];
 };
 
 struct nearest {
@@ -31,14 +33,16 @@ struct nearest {
     int64_t count, capacity;
     int16_t place_most;         // distances count up to this, so that their sum fits
     struct point_lanes *points; // [block][place]
-    lanes *own;                 // [block], units, the points'
+    points_lanes *own;          // [block], units, the points'
     uint32_t *known;            // [block]: places known in every point
     struct box_lanes *boxes;    // [group][place]
     lanes *least_own;           // [group], the blocks'
     lanes *bounds;              // [group], nearest_find's working memory
 };
 
-static int64_t share(int64_t count) { return (count + LANES - 1) / LANES; }
+static int64_t blocks_of(int64_t count) { return (count + BLOCK - 1) / BLOCK; }
+
+static int64_t groups_of(int64_t blocks) { return (blocks + LANES - 1) / LANES; }
 
 enum status nearest_open(struct nearest **out, int places, double unit_m, int64_t capacity)
 {
@@ -50,7 +54,7 @@ enum status nearest_open(struct nearest **out, int places, double unit_m, int64_
     *n = (struct nearest){.places = places, .unit_m = unit_m, .capacity = capacity};
     n->place_most = (int16_t)(SUM_MOST / (places + 1));
     // One more than needed, so that none is empty.
-    size_t blocks = (size_t)share(capacity) + 1, groups = (size_t)share((int64_t)blocks) + 1;
+    size_t blocks = (size_t)blocks_of(capacity) + 1, groups = (size_t)groups_of((int64_t)blocks) + 1;
     n->points = calloc(blocks * (size_t)places, sizeof *n->points);
     n->own = calloc(blocks, sizeof *n->own);
     n->known = calloc(blocks, sizeof *n->known);
@@ -97,8 +101,8 @@ static int16_t own_units(const struct nearest *n, double own_m)
 void nearest_add(struct nearest *n, const struct nearest_point *point)
 {
     assert(n->count < n->capacity && point->own_m >= 0);
-    int64_t block = n->count / LANES, group = block / LANES;
-    int lane = (int)(n->count % LANES), lane_of_block = (int)(block % LANES);
+    int64_t block = n->count / BLOCK, group = block / LANES;
+    int lane = (int)(n->count % BLOCK), lane_of_block = (int)(block % LANES);
     bool first = lane == 0;
     n->count++;
     n->known[block] = first ? point->known : n->known[block] & point->known;
@@ -151,7 +155,7 @@ static inline int16_t outside(int16_t low, int16_t high, int16_t at)
 }
 
 static KERNEL void add_boxes(const struct nearest *n, int64_t group, const struct wanted *w, int from, int to,
-                      int16_t *restrict sums)
+                             int16_t *restrict sums)
 {
     int16_t most = n->place_most;
     for (int k = from; k < to; k++) {
@@ -173,7 +177,7 @@ static inline int16_t apart(int16_t a, int16_t b)
 }
 
 static KERNEL void add_points(const struct nearest *n, int64_t block, const struct wanted *w, int from, int to,
-                      int16_t *restrict sums)
+                              int16_t *restrict sums)
 {
     int16_t most = n->place_most;
     for (int k = from; k < to; k++) {
@@ -181,7 +185,7 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
             continue;
         const struct point_lanes *p = &n->points[block * n->places + w->place[k]];
         const int16_t *at = w->at[k];
-        for (int i = 0; i < LANES; i++) {
+        for (int i = 0; i < BLOCK; i++) {
             int16_t d =
                 length_at_least(apart(p->at[0][i], at[0]), apart(p->at[1][i], at[1]), apart(p->at[2][i], at[2]));
             sums[i] = (int16_t)(sums[i] + (d < most ? d : most));
@@ -189,15 +193,25 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
     }
 }
 
-static KERNEL int16_t least_of(const lanes sums)
+// Whether any of the sums is at most `limit`.
+static KERNEL bool within(const lanes sums, int16_t limit)
 {
-    int16_t least[LANES / 2]; // of pairs, of fours ...: compilers see how to do that side by side
-    for (int i = 0; i < LANES / 2; i++)
-        least[i] = sums[i] < sums[i + LANES / 2] ? sums[i] : sums[i + LANES / 2];
-    for (int half = LANES / 4; half > 0; half /= 2)
-        for (int i = 0; i < half; i++)
-            least[i] = least[i] < least[i + half] ? least[i] : least[i + half];
-    return least[0];
+    lanes low;
+    uint64_t fours[LANES / 4];
+    for (int i = 0; i < LANES; i++)
+        low[i] = sums[i] <= limit ? -1 : 0;
+    memcpy(fours, low, sizeof low);
+    return fours[0] | fours[1] | fours[2] | fours[3];
+}
+
+static KERNEL bool points_within(const points_lanes sums, int16_t limit)
+{
+    points_lanes low;
+    uint64_t fours[BLOCK / 4];
+    for (int i = 0; i < BLOCK; i++)
+        low[i] = sums[i] <= limit ? -1 : 0;
+    memcpy(fours, low, sizeof low);
+    return fours[0] | fours[1];
 }
 
 // ---------------------------------------------------------------- finding
@@ -229,16 +243,16 @@ static void ask(struct search *s, int64_t number)
 static KERNEL void ask_block(struct search *s, int64_t block)
 {
     const struct nearest *n = s->n;
-    lanes sums;
+    points_lanes sums;
     memcpy(sums, n->own[block], sizeof sums);
     for (int k = 0, to; k < s->wanted.count; k = to) {
         to = k + STRIDE < s->wanted.count ? k + STRIDE : s->wanted.count;
         add_points(n, block, &s->wanted, k, to, sums);
-        if (least_of(sums) > s->limit)
+        if (!points_within(sums, s->limit))
             return;
     }
-    int64_t first = block * LANES, left = n->count - first;
-    for (int i = 0; i < LANES && i < left; i++)
+    int64_t first = block * BLOCK, left = n->count - first;
+    for (int i = 0; i < BLOCK && i < left; i++)
         if (sums[i] <= s->limit)
             ask(s, first + i);
 }
@@ -257,38 +271,55 @@ static struct wanted wanted_of(const struct nearest *n, const struct nearest_poi
     return w;
 }
 
+// The first places of every block, then the block that looks best by them: it sets the mark for all.
+static KERNEL void ask_promising(struct search *s, int first)
+{
+    const struct nearest *n = s->n;
+    int64_t blocks = blocks_of(n->count), groups = groups_of(blocks), promising = -1;
+    int16_t least = SUM_MOST;
+    lanes leasts, where = {0}; // lane by lane, and in which group modulo 2^15
+    for (int i = 0; i < LANES; i++)
+        leasts[i] = SUM_MOST;
+    for (int64_t g = 0; g < groups; g++) {
+        int16_t *sums = n->bounds[g], here = (int16_t)(g & 0x7fff);
+        memcpy(sums, n->least_own[g], sizeof *n->bounds);
+        add_boxes(n, g, &s->wanted, 0, first, sums);
+        for (int i = 0; i < LANES; i++) {
+            where[i] = sums[i] < leasts[i] ? here : where[i];
+            leasts[i] = sums[i] < leasts[i] ? sums[i] : leasts[i];
+        }
+    }
+    for (int i = 0; i < LANES; i++)
+        if (leasts[i] < least && where[i] * LANES + i < blocks) {
+            least = leasts[i];
+            promising = where[i] * LANES + i;
+        }
+    if (promising >= 0)
+        ask_block(s, promising);
+}
+
 #ifdef __x86_64__
 // Twice as wide where the processor can; all is in whole numbers, so the answer is the same.
 __attribute__((target_clones("avx2", "default")))
 #endif
-static void ask_all(struct search *s)
+static void
+ask_all(struct search *s)
 {
     const struct nearest *n = s->n;
-    int64_t blocks = share(n->count), promising = 0;
-    int first = s->wanted.count < FIRST ? s->wanted.count : FIRST, least = SUM_MOST + 1;
-    // The first places of every block, and the block that looks best by them ...
+    int64_t blocks = blocks_of(n->count);
+    int first = s->wanted.count < FIRST ? s->wanted.count : FIRST;
+    ask_promising(s, first);
     for (int64_t b = 0; b < blocks; b += LANES) {
         int16_t *sums = n->bounds[b / LANES];
-        memcpy(sums, n->least_own[b / LANES], sizeof *n->bounds);
-        add_boxes(n, b / LANES, &s->wanted, 0, first, sums);
-        int16_t here = least_of(sums);
-        if (here >= least)
+        if (!within(sums, s->limit))
             continue;
-        least = here;
-        promising = b;
-        while (sums[promising % LANES] != here)
-            promising++;
-    }
-    if (promising < blocks)
-        ask_block(s, promising);
-    // ... sets the mark for all.
-    for (int64_t b = 0; b < blocks; b += LANES) {
-        int16_t *sums = n->bounds[b / LANES];
-        if (least_of(sums) > s->limit)
-            continue;
-        add_boxes(n, b / LANES, &s->wanted, first, s->wanted.count, sums);
+        if (first < s->wanted.count) {
+            add_boxes(n, b / LANES, &s->wanted, first, s->wanted.count, sums);
+            if (!within(sums, s->limit))
+                continue;
+        }
         for (int i = 0; i < LANES && b + i < blocks; i++)
-            if (sums[i] <= s->limit && b + i != promising)
+            if (sums[i] <= s->limit)
                 ask_block(s, b + i);
     }
 }

@@ -4,7 +4,7 @@
 //
 // The caller tells the cost of any one point; what is kept here only says which
 // points need not be asked. Points come in an order in which neighbours are
-// alike, as the frames of a take are: sixteen in a row are held in one box for
+// alike, as the frames of a take are: eight in a row are held in one box for
 // each place, and a whole box is passed over when even its nearest corner costs
 // too much. The bounds are whole numbers, so every machine asks about the same
 // points; and they are never too high, so the answer is that of asking about

@@ -160,10 +160,7 @@ static struct nearest_point whole_point(const struct skeleton *s)
 
 enum { PART_PLACES = 4 };
 
-static double own_cost(const struct part_sight *sight)
-{
-    return HIDDEN_M * sight->hidden + GUESS_M * sight->guess;
-}
+static double own_cost(const struct part_sight *sight) { return HIDDEN_M * sight->hidden + GUESS_M * sight->guess; }
 
 // Bodily and facing axes have nothing to do with each other: of the rarer, facing ones nothing is known.
 static struct nearest_point part_point(const struct part_sight *sight)

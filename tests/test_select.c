@@ -246,6 +246,11 @@ static void hidden_parts_are_passed_over(void **state)
     selector_close(&without);
 }
 
+static enum status choose(const struct selector *s, const struct skeleton *k, int p, struct selection *out)
+{
+    return p < PART_COUNT ? select_part(s, k, (enum part)p, out) : select_whole(s, k, out);
+}
+
 // A moving person, some joints unknown, some frames twice: the frame chosen for
 // each part is the first of those that are cheapest when they are the only choice.
 static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
@@ -269,15 +274,15 @@ static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
     }
     for (int view = 0; view < VIEWS; view++) {
         int shown = (int)(dice_uniform(&dice) * LONG);
-        struct skeleton k = view % 4 ? limbs_turned(&frames[shown], 6 * dice_uniform(&dice), 0.02, &dice) : frames[shown];
+        struct skeleton k = frames[shown];
+        if (view % 4)
+            k = limbs_turned(&k, 6 * dice_uniform(&dice), 0.02, &dice);
         for (int p = 0; p <= PART_COUNT; p++) { // the last one is the whole
             struct selection best = {-1, 0}, got = {-1, 0}, one;
             for (int n = 0; n < LONG; n++)
-                if ((p < PART_COUNT ? select_part(alone[n], &k, (enum part)p, &one) : select_whole(alone[n], &k, &one)) ==
-                        OK && (best.frame < 0 || one.cost_m < best.cost_m))
+                if (choose(alone[n], &k, p, &one) == OK && (best.frame < 0 || one.cost_m < best.cost_m))
                     best = one;
-            enum status status = p < PART_COUNT ? select_part(s, &k, (enum part)p, &got) : select_whole(s, &k, &got);
-            EXPECT_STATUS(status, best.frame < 0 ? NOTHING : OK);
+            EXPECT_STATUS(choose(s, &k, p, &got), best.frame < 0 ? NOTHING : OK);
             EXPECT_INT(got.frame, best.frame);
             EXPECT_TRUE(got.cost_m == best.cost_m);
         }

@@ -4,6 +4,7 @@
 
 extern const struct bench_stage bench_stage_depth;
 extern const struct bench_stage bench_stage_skeleton;
+extern const struct bench_stage bench_stage_search;
 extern const struct bench_stage bench_stage_tags;
 extern const struct bench_stage bench_stage_tag_distance;
 extern const struct bench_stage bench_stage_place;
@@ -11,6 +12,7 @@ extern const struct bench_stage bench_stage_place;
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,
     &bench_stage_skeleton,
+    &bench_stage_search,
     &bench_stage_tags,
     &bench_stage_tag_distance,
     &bench_stage_place,

@@ -1,0 +1,219 @@
+// Which recorded frame is most like the one to be shown: ours, the plain loop
+// over equation 5, and nanoflann's k-d tree, over takes of 10 000 and 100 000
+// frames of somebody whose every bone swings on its own (nothing comes back, so
+// the nearest is not near). Asked for are frames of the take seen from up to a
+// radian aside, each coordinate 3 cm off. The error is how much more than the
+// best frame costs the frame found. Adding is timed a frame, the index alone
+// and all that a selector works out.
+#include "tests/bench/bench.h"
+#include "tests/bench/bench_search_nanoflann.h"
+#include "tests/support/limbs.h"
+
+#include "reenact/nearest.h"
+#include "reenact/select.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { QUERIES = 200, BATCH = 20, TAKES = 2 };
+static const int take_frames[TAKES] = {10000, 100000};
+static const uint64_t SEED = 2014;
+
+struct take_of_limbs {
+    int count;
+    struct skeleton *frames;
+    struct selector *selector;
+    float *numbers; // of the frames, necks at 0
+    struct nanoflann_peer *peer;
+    struct skeleton queries[QUERIES];
+    struct selection best[QUERIES];
+};
+
+// ------------------------------------------------------------- the plain loop
+
+static double equation_5(const struct skeleton *k, const struct skeleton *n)
+{
+    double sum = 0;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        sum += v3_distance(v3_sub(k->joint[j], k->joint[JOINT_NECK]), v3_sub(n->joint[j], n->joint[JOINT_NECK]));
+    return sum;
+}
+
+static struct selection plain_loop(const struct take_of_limbs *t, const struct skeleton *k)
+{
+    struct selection best = {0, equation_5(k, &t->frames[0])};
+    for (int n = 1; n < t->count; n++) {
+        double cost = equation_5(k, &t->frames[n]);
+        if (cost < best.cost_m)
+            best = (struct selection){n, cost};
+    }
+    return best;
+}
+
+// ------------------------------------------------------------- contenders
+
+// One contender's answer to one query.
+typedef enum status search(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame);
+
+static enum status search_ours(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
+{
+    struct selection found;
+    enum status status = select_whole(t->selector, k, &found);
+    *frame = found.frame;
+    return status;
+}
+
+// Its answers are held by tests/test_select; here only the time is of interest.
+static enum status search_parts(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
+{
+    struct selection found;
+    enum status status = OK;
+    for (int p = 0; p < PART_COUNT && status == OK; p++)
+        status = select_part(t->selector, k, (enum part)p, &found);
+    *frame = -1;
+    return status;
+}
+
+static enum status search_plainly(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
+{
+    *frame = plain_loop(t, k).frame;
+    return OK;
+}
+
+static void to_numbers(const struct skeleton *s, float *numbers)
+{
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct vec3 p = v3_sub(s->joint[j], s->joint[JOINT_NECK]);
+        *numbers++ = (float)p.x;
+        *numbers++ = (float)p.y;
+        *numbers++ = (float)p.z;
+    }
+}
+
+static enum status search_nanoflann(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
+{
+    float pose[POSE_NUMBERS];
+    size_t number = 0;
+    to_numbers(k, pose);
+    enum status status = nanoflann_peer_find(t->peer, pose, &number);
+    *frame = (int64_t)number;
+    return status;
+}
+
+struct contender {
+    const struct take_of_limbs *take;
+    search *search;
+};
+
+// A batch of queries in a row: the first finds the caches as the other contenders left them.
+static enum status measure(void *self, int item, struct bench_measure *out)
+{
+    const struct contender *c = self;
+    int64_t found[BATCH];
+    enum status status = OK;
+    double started_ms = bench_clock_ms();
+    for (int i = 0; i < BATCH && status == OK; i++) {
+        status = c->search(c->take, &c->take->queries[item * BATCH + i], &found[i]);
+        if (i == 0)
+            out->extra[1] = bench_clock_ms() - started_ms;
+    }
+    out->time_ms = (bench_clock_ms() - started_ms) / BATCH;
+    for (int i = 0; i < BATCH && status == OK; i++) {
+        const struct skeleton *query = &c->take->queries[item * BATCH + i];
+        const struct selection *best = &c->take->best[item * BATCH + i];
+        if (found[i] >= 0)
+            out->error += (equation_5(query, &c->take->frames[found[i]]) - best->cost_m) / BATCH;
+        out->extra[0] += (found[i] < 0 || found[i] == best->frame) / (double)BATCH;
+    }
+    return status;
+}
+
+// ------------------------------------------------------------- the takes
+
+static enum status fill(struct take_of_limbs *t)
+{
+    static const struct body body = {.radius_rate = {0.4, 0.4, 0.5, 0.15, 0.12, 0.15, 0.12, 0.17, 0.12, 0.17, 0.12}};
+    struct nearest *index;
+    enum status status = nearest_open(&index, JOINT_COUNT, 1.0 / 2048, t->count);
+    double started_ms = bench_clock_ms();
+    for (int n = 0; n < t->count && status == OK; n++) {
+        struct nearest_point point = {.known = (1u << JOINT_COUNT) - 1};
+        for (int j = 0; j < JOINT_COUNT; j++)
+            point.place[j] = v3_sub(t->frames[n].joint[j], t->frames[n].joint[JOINT_NECK]);
+        nearest_add(index, &point);
+    }
+    double index_ms = bench_clock_ms() - started_ms;
+    nearest_close(&index);
+    if (status == OK)
+        status = selector_open(&t->selector, t->count);
+    started_ms = bench_clock_ms();
+    for (int n = 0; n < t->count && status == OK; n++)
+        status = selector_add(t->selector, n, &t->frames[n], &body);
+    if (status == OK)
+        printf("search: %d frames, adding one: %.2f us to the index of whole bodies, %.1f us with all that is known of "
+               "its parts\n",
+               t->count, 1e3 * index_ms / t->count, 1e3 * (bench_clock_ms() - started_ms) / t->count);
+    return status;
+}
+
+static enum status make(struct take_of_limbs *t, int count)
+{
+    struct dice dice = {SEED};
+    struct limbs limbs = limbs_random(&dice);
+    *t = (struct take_of_limbs){.count = count,
+                                .frames = calloc((size_t)count, sizeof *t->frames),
+                                .numbers = calloc((size_t)count, POSE_NUMBERS * sizeof *t->numbers)};
+    if (!t->frames || !t->numbers)
+        return fail(ERR_MEMORY, "no memory for a take");
+    for (int n = 0; n < count; n++) {
+        t->frames[n] = limbs_at(&limbs, n / 30.0, 0.01, &dice);
+        to_numbers(&t->frames[n], t->numbers + (size_t)n * POSE_NUMBERS);
+    }
+    for (int i = 0; i < QUERIES; i++) {
+        const struct skeleton *shown = &t->frames[(int)(dice_uniform(&dice) * count)];
+        t->queries[i] = limbs_turned(shown, 2 * dice_uniform(&dice) - 1, 0.03, &dice);
+        t->best[i] = plain_loop(t, &t->queries[i]);
+    }
+    enum status status = fill(t);
+    return status == OK ? nanoflann_peer_open(&t->peer, t->numbers, (size_t)count) : status;
+}
+
+static enum status run(struct bench *b)
+{
+    static struct take_of_limbs takes[TAKES];
+    enum status status = OK;
+    printf("search: seed %llu\n", (unsigned long long)SEED);
+    for (int i = 0; i < TAKES && status == OK; i++)
+        status = make(&takes[i], take_frames[i]);
+    if (status == OK) {
+        struct contender small[] = {{&takes[0], search_ours},
+                                    {&takes[0], search_parts},
+                                    {&takes[0], search_plainly},
+                                    {&takes[0], search_nanoflann}};
+        struct contender large[] = {{&takes[1], search_ours},
+                                    {&takes[1], search_parts},
+                                    {&takes[1], search_plainly},
+                                    {&takes[1], search_nanoflann}};
+        const struct bench_contender contenders[] = {
+            {"ours, 10 000 frames", measure, &small[0], false},  {"ours, its eleven parts", measure, &small[1], false},
+            {"plain loop", measure, &small[2], false},           {"nanoflann", measure, &small[3], true},
+            {"ours, 100 000 frames", measure, &large[0], false}, {"ours, its eleven parts", measure, &large[1], false},
+            {"plain loop", measure, &large[2], false},           {"nanoflann", measure, &large[3], false},
+        };
+        status = bench_run(b, contenders, COUNT_OF(contenders), QUERIES / BATCH);
+    }
+    for (int i = 0; i < TAKES; i++) {
+        nanoflann_peer_close(&takes[i].peer);
+        selector_close(&takes[i].selector);
+        free(takes[i].numbers);
+        free(takes[i].frames);
+    }
+    return status;
+}
+
+const struct bench_stage bench_stage_search = {"search",
+                                               "the recorded frame most like the one to be shown",
+                                               "excess_cost_m",
+                                               "time_ms",
+                                               {"same_frame", "first_ms"},
+                                               run};
