@@ -1,7 +1,6 @@
 // screen-picture OUT.png: what the first display of a KMS device shows at this moment,
-// read from the memory that it is scanned out from, and in words: "controls" when the
-// app's round button is at its foot, "picture" when there are many colours in its
-// middle. Needs root. Kernel interfaces only.
+// read from the memory that it is scanned out from, and in words: "picture" when there
+// are many colours in its middle. Needs root. Kernel interfaces only.
 #include "platform/png.h"
 
 #include <drm.h>
@@ -35,20 +34,16 @@ static bool find_framebuffer(int card, struct drm_mode_fb_cmd *fb)
 
 static void say_what_is_seen(const uint8_t *rgb, int width, int height)
 {
-    static const int accent[3] = {45, 212, 191};
     static bool met[4096];
-    int button = 0, colors = 0;
-    for (int y = height / 4; y < height; y++)
+    int colors = 0;
+    for (int y = height / 4; y < height * 3 / 4; y++)
         for (int x = width / 4; x < width * 3 / 4; x++) {
             const uint8_t *p = rgb + 3 * (y * width + x);
-            bool is_accent = abs(p[0] - accent[0]) < 6 && abs(p[1] - accent[1]) < 6 && abs(p[2] - accent[2]) < 6;
             int which = (p[0] >> 4) << 8 | (p[1] >> 4) << 4 | p[2] >> 4;
-            button += is_accent && y > height * 4 / 5;
-            colors += !met[which] && y < height * 3 / 4;
-            met[which] |= y < height * 3 / 4;
+            colors += !met[which];
+            met[which] = true;
         }
-    printf("%d pixels of the button: %s\n%d colours: %s\n", button, button > 500 ? "controls" : "none", colors,
-           colors > 100 ? "picture" : "a plain ground");
+    printf("%d colours: %s\n", colors, colors > 100 ? "picture" : "a plain ground");
 }
 
 static bool write_picture(int card, const struct drm_mode_fb_cmd *fb, const char *path)
