@@ -1,5 +1,6 @@
 // Holds the display's rate: how finely the actor is drawn, by how long drawing
-// took. Falls quickly, rises slowly, and does not swing. Pure.
+// took. Falls quickly, rises slowly, and does not swing; where drawing coarsely
+// saves no time, it draws finely and late. Pure.
 #pragma once
 #include "platform/base.h"
 
@@ -11,6 +12,9 @@ struct governor {
     int settle;        // pictures to come that still tell of the level before
     int patience;      // how many calm pictures it takes; grows when a rise proved too bold
     bool rose;         // the last change was a rise
+    double before_ms;  // typical before the last fall
+    int since_fall;    // pictures that tell of it; -1: it was judged
+    int resigned;      // pictures to come for which falling is no use
 };
 enum { GOVERNOR_LEVELS = 5 };
 

@@ -39,11 +39,6 @@ static void solid(const struct grid *g, const double *xy, int count)
 }
 #define SOLID(g, ...) solid(g, (const double[]){__VA_ARGS__}, (int)COUNT_OF(((const double[]){__VA_ARGS__})) / 2)
 
-static void arc(const struct grid *g, double x, double y, double r, double from, double to)
-{
-    ui_arc(g->ui, on(g, x, y), r * g->unit, from, to, STROKE * g->unit, g->color);
-}
-
 static void dot(const struct grid *g, double x, double y, double r) { ui_disc(g->ui, on(g, x, y), r * g->unit, g->color); }
 
 static void box(const struct grid *g, double x, double y, double w, double h, double round)
@@ -163,10 +158,6 @@ static void draw_more(const struct grid *g, enum icon icon)
         break;
     case ICON_BARS:
         bar(g, 4, 13, 3, 7), bar(g, 10.5, 8, 3, 12), bar(g, 17, 4, 3, 16);
-        break;
-    case ICON_PUT_BACK:
-        arc(g, 12, 13, 7.5, -0.75 * PI, 0.85 * PI);
-        STROKES(g, false, 6.5, 3.5, 6.5, 7.8, 10.8, 7.8);
         break;
     default: break;
     }

@@ -212,8 +212,8 @@ static void say_stats(const struct watch *w)
     const struct frame_times *t = &w->tablet.times;
     struct eyes_state eyes = w->tablet.eyes ? eyes_state(w->tablet.eyes) : (struct eyes_state){0};
     printf("screen    %s, %s\n", screen_driver(w->screen), gpu_renderer(w->gpu));
-    printf("pictures  %lld from the camera, %lld let go by, %lld drawn\n", (long long)eyes.came,
-           (long long)eyes.let_go, (long long)t->frames);
+    printf("pictures  %lld from the camera, %lld let go by, %lld drawn, %lld with the actor in his place\n",
+           (long long)eyes.came, (long long)eyes.let_go, (long long)t->frames, (long long)w->tablet.placed);
     for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
         printf("%-9s %7.2f ms\n", frame_stage_names[i], t->sum_ms[i] / (double)t->frames);
     printf("in all    %7.2f ms in the median, %.2f ms at most\n", frame_times_median(t), t->total_worst_ms);

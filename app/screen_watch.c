@@ -136,10 +136,8 @@ static void sources_card(const struct brush *b, struct ui_box at)
 static void cards(const struct brush *b, const struct show *s, const struct watch_page *page, struct ui_box column,
                   double bottom)
 {
-    if (s->inset && page->picture->inset) {
+    if (s->inset && page->picture->inset)
         inset_card(b, page->picture, cut_top(&column, column.w / page->picture->inset_shape));
-        cut_top(&column, 0);
-    }
     if (s->sources && page->picture->sources)
         sources_card(b, column);
     if (s->strip) {

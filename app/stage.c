@@ -98,7 +98,6 @@ int64_t stage_length_ns(const struct stage *s)
 }
 
 struct orbit stage_orbit(const struct stage *s) { return s->orbit; }
-struct vec3 stage_anchor(const struct stage *s) { return s->anchor; }
 
 struct lens stage_orbit_lens(int width, int height)
 {

@@ -16,7 +16,6 @@ void stage_close(struct stage **s); // NULL is fine
 int64_t stage_length_ns(const struct stage *s);
 int64_t stage_frames(const struct stage *s);
 struct orbit stage_orbit(const struct stage *s); // from where the sensor stood
-struct vec3 stage_anchor(const struct stage *s); // where the actor begins, on the floor
 
 struct stage_look {
     struct lens lens;              // of the picture to draw into

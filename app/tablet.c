@@ -296,6 +296,7 @@ void tablet_shown(struct tablet *t, int64_t now_ns)
         return;
     if (sight) {
         t->timed_sight = sight->number;
+        t->placed += sight->placed && t->picture.parts > 0;
         ms[FRAME_LOCATE] = (double)(sight->located_ns - sight->locating_ns) * 1e-6;
         ms[FRAME_WAIT] = (double)(sight->locating_ns - sight->came_ns + t->drawing_ns - sight->located_ns) * 1e-6;
     }

@@ -41,6 +41,7 @@ struct tablet {
     struct stage_picture picture;
     struct governor governor;
     struct frame_times times;
+    int64_t placed; // pictures drawn with the actor in his place
     struct eyes_state eyes_now;
     char trouble[512], ailing[512];
     int64_t checked_ns, padded_ns, timed_sight;

@@ -4,7 +4,6 @@
 #include <GLES3/gl3.h>
 
 #include <stdlib.h>
-#include <string.h>
 
 struct gpu_flat {
     struct gpu *g;
@@ -177,25 +176,3 @@ void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, i
 }
 
 enum status gpu_flat_end(struct gpu_flat *f) { return gpu_check(f->g); }
-
-enum status gpu_flat_read_window(struct gpu_flat *f, int width, int height, int quarter_turns, uint8_t *rgb)
-{
-    const struct gpu_flat_view view = {.width = width, .height = height, .quarter_turns = quarter_turns};
-    int across, down;
-    glass_size(&view, &across, &down);
-    uint8_t *rgba = malloc((size_t)across * (size_t)down * 4);
-    if (!rgba)
-        return fail(ERR_MEMORY, "out of memory");
-    gpu_use(f->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, 0);
-    glReadPixels(0, 0, across, down, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++) {
-            float right, below;
-            turned(&view, (float)x + 0.5F, (float)y + 0.5F, &right, &below);
-            size_t from = (size_t)(down - 1 - (int)below) * (size_t)across + (size_t)right;
-            memcpy(rgb + 3 * ((size_t)y * (size_t)width + (size_t)x), rgba + 4 * from, 3);
-        }
-    free(rgba);
-    return gpu_check(f->g);
-}

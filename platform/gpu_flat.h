@@ -45,9 +45,6 @@ void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, i
                    const uint16_t *indices, int index_count, const struct gpu_flat_run *runs, int run_count);
 MUST_CHECK enum status gpu_flat_end(struct gpu_flat *f);
 
-// What the window shows so far, RGB, upright: turned back by quarter_turns. width, height: upright. ERR_DEVICE.
-MUST_CHECK enum status gpu_flat_read_window(struct gpu_flat *f, int width, int height, int quarter_turns, uint8_t *rgb);
-
 #ifdef __cplusplus
 }
 #endif

@@ -28,8 +28,6 @@ struct ui {
     double px_per_dp;
     int width_px, height_px;
     ImDrawList *ink; // of the frame being gathered
-    bool touched;    // some area of this frame is under or held by the pointer
-    bool wants;      // the same of the last frame
     std::vector<gpu_flat_run> runs;
     std::vector<gpu_flat_vertex> vertices;
     std::vector<uint16_t> indices;
@@ -165,8 +163,6 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
     io.DeltaTime = 1.0F / 60; // nothing here lasts; what moves is timed by its users
     io.MousePos = in->pointer_there ? ImVec2(float(in->pointer_x), float(in->pointer_y)) : ImVec2(-FLT_MAX, -FLT_MAX);
     io.MouseDown[0] = in->pointer_down;
-    u->wants = u->touched;
-    u->touched = false;
     ImGui::NewFrame();
     ImGui::SetNextWindowPos(ImVec2(0, 0));
     ImGui::SetNextWindowSize(io.DisplaySize);
@@ -279,13 +275,6 @@ void ui_stroke(struct ui *u, const struct ui_point *points, int count, bool clos
             u->ink->AddCircleFilled(at(points[i]), float(thickness / 2), ink_of(color));
 }
 
-void ui_arc(struct ui *u, struct ui_point centre, double radius, double from, double to, double thickness,
-            uint32_t color)
-{
-    u->ink->PathArcTo(at(centre), float(radius), float(from), float(to), 32);
-    u->ink->PathStroke(ink_of(color), 0, float(thickness));
-}
-
 void ui_polygon(struct ui *u, const struct ui_point *points, int count, uint32_t color)
 {
     for (int i = 0; i < count; i++)
@@ -354,9 +343,7 @@ struct ui_touch ui_area(struct ui *u, const char *name, struct ui_box box)
     const ImVec2 pointer = ImGui::GetIO().MousePos;
     touch.x = double(pointer.x) - box.x;
     touch.y = double(pointer.y) - box.y;
-    u->touched |= touch.over || touch.held;
+    (void)u;
     return touch;
 }
-
-bool ui_wants_pointer(const struct ui *u) { return u->wants; }
 }

@@ -64,10 +64,8 @@ void ui_shadow(struct ui *ui, struct ui_box box, double radius, double spread, u
 void ui_disc(struct ui *ui, struct ui_point centre, double radius, uint32_t color);
 void ui_ring(struct ui *ui, struct ui_point centre, double radius, double thickness, uint32_t color);
 void ui_line(struct ui *ui, struct ui_point a, struct ui_point b, double thickness, uint32_t color);
-// Round joints. Angles in radians, clockwise from the right.
+// Round joints.
 void ui_stroke(struct ui *ui, const struct ui_point *points, int count, bool closed, double thickness, uint32_t color);
-void ui_arc(struct ui *ui, struct ui_point centre, double radius, double from, double to, double thickness,
-            uint32_t color);
 void ui_polygon(struct ui *ui, const struct ui_point *points, int count, uint32_t color); // convex
 
 // A picture, its part from (u0, v0) to (u1, v1), 0..1; u0 > u1 turns it over.
@@ -99,9 +97,6 @@ struct ui_touch {
 // An area that feels the pointer. Of areas that overlap, the one asked for first
 // has it; `name` tells areas apart, also those of one frame from those of the last.
 struct ui_touch ui_area(struct ui *ui, const char *name, struct ui_box box);
-
-// The pointer is over or held by some area of the last frame.
-bool ui_wants_pointer(const struct ui *ui);
 
 #ifdef __cplusplus
 }

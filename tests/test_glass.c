@@ -18,7 +18,7 @@ enum { WIDTH = 1280, HEIGHT = 800 };
 static const int ACCENT[3] = {45, 212, 191}; // of the play button in the dark
 
 static struct rehearsal rehearsal;
-static pid_t xvfb, weston;
+static pid_t xvfb, weston, watcher; // 0: not running
 static uint8_t rgb[WIDTH * HEIGHT * 3];
 
 // Xvfb keeps its picture in a file of the format of xwd.
@@ -90,33 +90,43 @@ static void expect_screen(bool turned)
     EXPECT_AT_LEAST(colors, 100);
 }
 
-static void leave(pid_t child)
+// Also after a test that failed; returns the exit status.
+static int end(pid_t *child)
 {
     int status = 0;
-    kill(child, SIGTERM);
-    waitpid(child, &status, 0);
+    if (*child) {
+        kill(*child, SIGTERM);
+        waitpid(*child, &status, 0);
+    }
+    *child = 0;
+    return status;
+}
+
+static void leave(void)
+{
+    int status = end(&watcher);
     EXPECT_TRUE(WIFEXITED(status));
     EXPECT_INT(WEXITSTATUS(status), 0);
 }
 
-static pid_t watch(const char *rotate)
+static void watch(const char *rotate)
 {
     const char *const arguments[] = {PROGRAM_DIR "/reenact", rehearsal.file, "--take",   "turn",    "--camera",
                                      rehearsal.camera,       "--dpi",        "149",      "--rotate", rotate,
                                      NULL};
-    return process_start(arguments);
+    watcher = process_start(arguments);
 }
 
 static void test_on_x11(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "x11", 1);
-    pid_t child = watch("0");
+    watch("0");
     expect_screen(false);
-    leave(child);
-    child = watch("180");
+    leave();
+    watch("180");
     expect_screen(true);
-    leave(child);
+    leave();
 }
 
 static void test_on_wayland(void **state)
@@ -131,11 +141,10 @@ static void test_on_wayland(void **state)
         clock_sleep_until_ns(clock_now_ns() + 100000000);
     setenv("WAYLAND_DISPLAY", "glass", 1);
     setenv("SDL_VIDEODRIVER", "wayland", 1);
-    pid_t child = watch("0");
+    watch("0");
     expect_screen(false);
-    leave(child);
-    kill(weston, SIGTERM);
-    waitpid(weston, NULL, 0);
+    leave();
+    end(&weston);
 }
 
 static void test_without_a_display_it_says_so(void **state)
@@ -170,8 +179,9 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     (void)state;
-    kill(xvfb, SIGTERM);
-    waitpid(xvfb, NULL, 0);
+    end(&watcher);
+    end(&weston);
+    end(&xvfb);
     rehearsal_end(&rehearsal);
     return 0;
 }

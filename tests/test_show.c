@@ -278,6 +278,18 @@ static void test_the_governor_falls_and_rises_and_does_not_swing(void **state)
     EXPECT_INT(g.level, 0);
 }
 
+static void test_the_governor_stays_fine_where_coarse_saves_nothing(void **state)
+{
+    (void)state;
+    struct governor g = governor_start(16);
+    int fine = 0;
+    for (int i = 0; i < 1000; i++) {
+        governor_drawn(&g, 100);
+        fine += g.level == 0;
+    }
+    EXPECT_AT_LEAST(fine, 950);
+}
+
 static void test_frame_times_keep_the_last(void **state)
 {
     (void)state;
@@ -308,6 +320,7 @@ int main(void)
         cmocka_unit_test(test_moving_follows_the_finger_over_the_floor),
         cmocka_unit_test(test_controls_go_while_it_plays_and_come_with_a_touch),
         cmocka_unit_test(test_the_governor_falls_and_rises_and_does_not_swing),
+        cmocka_unit_test(test_the_governor_stays_fine_where_coarse_saves_nothing),
         cmocka_unit_test(test_frame_times_keep_the_last),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

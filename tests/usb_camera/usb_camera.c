@@ -1,0 +1,233 @@
+// A USB camera without a camera: pictures of a folder, served by USB/IP to the kernel
+// this runs on (vhci-hcd, uvcvideo), over and over. Needs root.
+#include "app/command.h"
+#include "platform/clock.h"
+#include "platform/jpeg.h"
+#include "platform/source.h"
+#include "tests/usb_camera/uvc.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { MOST_WAITING = 32, QUALITY = 95 };
+enum { KEY_FORMAT = COMMAND_KEY, KEY_RATE, KEY_UNPLUG, KEY_FREEZE, KEY_BT709 };
+
+struct arguments {
+    const char *pictures;
+    enum uvc_format format;
+    double rate_hz;
+    int unplug_after, freeze_after; // pictures; 0 never
+    bool bt709;
+};
+
+struct picture {
+    uint8_t *bytes;
+    size_t count;
+};
+
+struct camera {
+    const struct arguments *arguments;
+    struct uvc_camera uvc;
+    struct picture *pictures;
+    int picture_count;
+    int socket;
+    struct usb_request *waiting; // for a payload, oldest first
+    int waiting_count;
+    long sent;                   // pictures
+    size_t at;                   // bytes of the present one
+    int64_t due_ns;              // when it may begin
+};
+
+static const struct argp_option options[] = {
+    {"format", KEY_FORMAT, "mjpeg|yuyv", 0, "how the pictures are coded (default mjpeg)", 0},
+    {"rate", KEY_RATE, "HZ", 0, "pictures a second (default 10)", 0},
+    {"bt709", KEY_BT709, NULL, 0, "yuyv by the matrix of BT.709, not BT.601", 0},
+    {"unplug-after", KEY_UNPLUG, "N", 0, "pull the plug after N pictures", 0},
+    {"freeze-after", KEY_FREEZE, "N", 0, "send no more after N pictures, but stay", 0},
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct arguments *a = state->input;
+    switch (key) {
+    case KEY_FORMAT:
+        if (strcmp(value, "mjpeg") && strcmp(value, "yuyv"))
+            argp_error(state, "--format takes mjpeg or yuyv, not '%s'", value);
+        a->format = strcmp(value, "yuyv") ? UVC_MJPEG : UVC_YUYV;
+        return 0;
+    case KEY_RATE:
+        a->rate_hz = atof(value);
+        if (!(a->rate_hz >= 0.1 && a->rate_hz <= 200))
+            argp_error(state, "--rate takes 0.1 to 200, not '%s'", value);
+        return 0;
+    case KEY_BT709: a->bt709 = true; return 0;
+    case KEY_UNPLUG: a->unplug_after = atoi(value); return 0;
+    case KEY_FREEZE: a->freeze_after = atoi(value); return 0;
+    case ARGP_KEY_ARG: a->pictures = value; return 0;
+    case ARGP_KEY_END: command_need(state, a->pictures, "folder:DIR"); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+// ---------------------------------------------------------------- pictures
+
+// Limited range, chroma of two neighbours in the middle; BT.601 and BT.709.
+static void to_yuyv(const uint8_t *rgb, size_t pixels, bool bt709, uint8_t *out)
+{
+    const double kr = bt709 ? 0.2126 : 0.299, kb = bt709 ? 0.0722 : 0.114, kg = 1 - kr - kb;
+    for (size_t i = 0; i < pixels; i += 2) {
+        double y[2], cb = 0, cr = 0;
+        for (size_t k = 0; k < 2; k++) {
+            const uint8_t *p = rgb + 3 * (i + k);
+            y[k] = kr * p[0] + kg * p[1] + kb * p[2];
+            cb += (p[2] - y[k]) / (2 - 2 * kb) / 2;
+            cr += (p[0] - y[k]) / (2 - 2 * kr) / 2;
+        }
+        out[2 * i] = (uint8_t)(16 + 219 * y[0] / 255 + 0.5);
+        out[2 * i + 1] = (uint8_t)(128 + 224 * cb / 255 + 0.5);
+        out[2 * i + 2] = (uint8_t)(16 + 219 * y[1] / 255 + 0.5);
+        out[2 * i + 3] = (uint8_t)(128 + 224 * cr / 255 + 0.5);
+    }
+}
+
+static enum status keep(struct camera *c, const struct frame *frame, const struct lens *lens)
+{
+    size_t pixels = (size_t)lens->width * (size_t)lens->height;
+    struct picture *more = realloc(c->pictures, sizeof *more * (size_t)(c->picture_count + 1));
+    if (!more)
+        return fail(ERR_MEMORY, "out of memory");
+    c->pictures = more;
+    struct picture *p = &more[c->picture_count++];
+    *p = (struct picture){0};
+    if (c->arguments->format == UVC_MJPEG)
+        return jpeg_encode(frame->color, lens->width, lens->height, QUALITY, &p->bytes, &p->count);
+    p->count = 2 * pixels;
+    p->bytes = malloc(p->count);
+    if (!p->bytes)
+        return fail(ERR_MEMORY, "out of memory");
+    to_yuyv(frame->color, pixels, c->arguments->bt709, p->bytes);
+    return OK;
+}
+
+static enum status load(struct camera *c)
+{
+    struct source *source;
+    enum status status = source_open(&source, c->arguments->pictures, SOURCE_CAMERA);
+    if (status != OK)
+        return status;
+    const struct lens *lens = &source_calibration(source)->color;
+    c->uvc = (struct uvc_camera){.format = c->arguments->format,
+                                 .width = lens->width,
+                                 .height = lens->height,
+                                 .frame_ns = (int)(1e9 / c->arguments->rate_hz),
+                                 .bt709 = c->arguments->bt709};
+    struct frame frame;
+    while ((status = source_next(source, &frame)) == OK)
+        if (frame.color && (status = keep(c, &frame, lens)) != OK)
+            break;
+    source_close(&source);
+    if (status == NOTHING && !c->picture_count)
+        status = fail(ERR_INPUT, "%s holds no picture", c->arguments->pictures);
+    return status == NOTHING ? OK : status;
+}
+
+// ---------------------------------------------------------------- serving
+
+static bool frozen(const struct camera *c)
+{
+    return c->arguments->freeze_after > 0 && c->sent >= c->arguments->freeze_after;
+}
+
+// Gives the waiting requests what there is of pictures by now. False: the host is gone.
+static bool feed(struct camera *c)
+{
+    uint8_t payload[UVC_PAYLOAD_BYTES];
+    while (c->waiting_count > 0 && clock_now_ns() >= c->due_ns && !frozen(c)) {
+        const struct picture *p = &c->pictures[c->sent % c->picture_count];
+        int count = uvc_payload(p->bytes, p->count, &c->at, c->sent & 1, payload);
+        if (!usbip_answer(c->socket, &c->waiting[0], 0, payload, count))
+            return false;
+        c->waiting_count--;
+        memmove(c->waiting, c->waiting + 1, sizeof *c->waiting * (size_t)c->waiting_count);
+        if (c->at == p->count) {
+            c->at = 0;
+            c->sent++;
+            c->due_ns += c->uvc.frame_ns;
+            if (c->due_ns < clock_now_ns())
+                c->due_ns = clock_now_ns();
+        }
+    }
+    return true;
+}
+
+static bool cancel(struct camera *c, const struct usb_request *r)
+{
+    bool waited = false;
+    for (int i = 0; i < c->waiting_count; i++)
+        if (c->waiting[i].number == r->number) {
+            waited = true;
+            c->waiting_count--;
+            memmove(c->waiting + i, c->waiting + i + 1, sizeof *c->waiting * (size_t)(c->waiting_count - i));
+            c->at = 0; // the host stops: the next picture begins anew
+        }
+    return usbip_cancelled(c->socket, (uint32_t)r->length, waited);
+}
+
+static bool serve_one(struct camera *c, struct usb_request *r)
+{
+    int64_t left = c->waiting_count > 0 && !frozen(c) ? (c->due_ns - clock_now_ns()) / 1000000 + 1 : 100;
+    switch (usbip_hear(c->socket, left < 0 ? 0 : (int)left, r)) {
+    case USB_GONE: return false;
+    case USB_CANCELLED: return cancel(c, r);
+    case USB_REQUEST:
+        if (r->endpoint == 0)
+            return uvc_control(&c->uvc, c->socket, r);
+        if (c->waiting_count == MOST_WAITING || r->length < UVC_PAYLOAD_BYTES)
+            return false;
+        c->waiting[c->waiting_count++] = *r;
+        return true;
+    case USB_QUIET: break;
+    }
+    return true;
+}
+
+static enum status serve(struct camera *c)
+{
+    struct usb_request *heard = malloc(sizeof *heard);
+    c->waiting = malloc(sizeof *c->waiting * MOST_WAITING);
+    enum status status = heard && c->waiting ? usbip_plug(&c->socket) : fail(ERR_MEMORY, "out of memory");
+    if (status == OK) {
+        printf("plugged in: %d pictures of %d x %d\n", c->picture_count, c->uvc.width, c->uvc.height);
+        fflush(stdout);
+        while (!command_stopped() && serve_one(c, heard) && feed(c))
+            if (c->arguments->unplug_after > 0 && c->sent >= c->arguments->unplug_after)
+                break;
+        close(c->socket); // which pulls the plug
+        printf("unplugged after %ld pictures\n", c->sent);
+    }
+    free(heard);
+    free(c->waiting);
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    static const struct argp argp = {
+        options, parse, "folder:DIR",
+        "Plugs a USB camera into this machine's own kernel that shows the pictures of a folder. Needs root and the "
+        "kernel's modules vhci-hcd and uvcvideo.", 0, 0, 0};
+    struct arguments arguments = {.format = UVC_MJPEG, .rate_hz = 10};
+    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_catch_stop();
+    struct camera camera = {.arguments = &arguments};
+    enum status status = load(&camera);
+    if (status == OK)
+        status = serve(&camera);
+    for (int i = 0; i < camera.picture_count; i++)
+        free(camera.pictures[i].bytes);
+    free(camera.pictures);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

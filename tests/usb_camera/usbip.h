@@ -1,0 +1,33 @@
+// The device's end of USB/IP (Documentation/usb/usbip_protocol.rst): the kernel's
+// virtual host controller, vhci-hcd, sends requests through a socket, the device
+// answers them. The device lives in this process; no server and no network.
+#pragma once
+#include "platform/base.h"
+
+enum { USB_MOST_BYTES = 65536 };
+
+struct usb_request {
+    uint32_t number;    // to answer by
+    bool in;            // the host wants data
+    int endpoint;       // 0: control
+    uint8_t setup[8];   // of a control request
+    int length;         // bytes the host has room for, or sends
+    uint8_t data[USB_MOST_BYTES]; // what it sends
+};
+
+enum usb_said {
+    USB_REQUEST,   // *request is filled and waits for usbip_answer
+    USB_CANCELLED, // the host no longer wants the request `number`; usbip_cancelled says so to it
+    USB_GONE,      // the host has let go of the device
+    USB_QUIET,     // nothing within wait_ms
+};
+
+// Plugs a high-speed device into the first free port of vhci-hcd and returns the
+// socket's end in *socket. ERR_DEVICE: no vhci-hcd, or it refuses; ERR_IO.
+MUST_CHECK enum status usbip_plug(int *socket);
+
+enum usb_said usbip_hear(int socket, int wait_ms, struct usb_request *request);
+
+// status: 0, or -EPIPE for what the device does not do. count: bytes given or taken. False: gone.
+bool usbip_answer(int socket, const struct usb_request *request, int status, const void *data, int count);
+bool usbip_cancelled(int socket, uint32_t cancel_number, bool was_waiting);
