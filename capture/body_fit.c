@@ -10,6 +10,7 @@
 // say no more than this many independent ones.
 #define INDEPENDENT_POINTS 150.0
 #define FREE_SIGMA_M 0.020 // of the silhouette, a sample of the model
+#define BESIDE_RATE 0.4   // of that weight beside the person: the mask ends where readings do, a little short of the rim
 #define FREE_REACH_M 0.25  // beyond this a sample's pull fades
 
 // How the build changes with each factor of the shape.
@@ -184,6 +185,8 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     double measured, dx, dy, front = c.z - radius;
     enum evidence_kind kind = evidence_at(e, px, c.z, &measured, &dx, &dy);
     double off[3] = {0, 0, 0};
+    if (kind == EVIDENCE_BESIDE)
+        rate *= BESIDE_RATE;
     if (kind == EVIDENCE_BESIDE) {
         double slack = 0.5 * e->step;
         double length = hypot(dx, dy), rest = length > slack ? (length - slack) / length : 0;
