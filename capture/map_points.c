@@ -1,5 +1,4 @@
 #include "capture/map_internal.h"
-#include "locate/relocate.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -7,18 +6,8 @@
 static const double AGAIN_PX = 4;  // how near a point is looked for in an adjusted map
 static const double SAME_M = 0.03; // two points this near that look alike are one
 enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2, ROUNDS = 6, POLISH_ROUNDS = 15 };
-// Without tags: points with depth to begin with, points that agree to place a frame, and how often all is adjusted.
-enum { LEAST_START = 40, LEAST_SURE = 20, ADJUST_EVERY = 8 };
 
-// What is needed for one frame at a time.
-struct desk {
-    struct feature features[MAP_FEATURES];
-    double depth[MAP_FEATURES];
-    struct feature_index index;
-    struct point_match matches[MAP_FEATURES];
-};
-
-static void lay_out(struct desk *d, const struct map *m, const struct map_frame *f)
+void map_lay_out(struct map_desk *d, const struct map *m, const struct map_frame *f)
 {
     for (int32_t i = 0; i < f->feature_count; i++) {
         d->features[i] = f->features[i].feature;
@@ -27,7 +16,7 @@ static void lay_out(struct desk *d, const struct map *m, const struct map_frame 
     feature_index_build(&d->index, d->features, f->feature_count, &m->calibration.color);
 }
 
-static void assign(struct map_frame *f, const struct desk *d, int count)
+void map_assign(struct map_frame *f, const struct map_desk *d, int count)
 {
     for (int32_t i = 0; i < f->feature_count; i++)
         f->features[i].point = -1;
@@ -35,8 +24,7 @@ static void assign(struct map_frame *f, const struct desk *d, int count)
         f->features[d->matches[i].feature].point = d->matches[i].point;
 }
 
-// Features with depth that show no point of the map yet become points.
-static void add_new(struct map *m, struct map_frame *f)
+void map_add_new_points(struct map *m, struct map_frame *f)
 {
     struct pose world_from_camera = pose_inverse(f->camera_from_world);
     for (int32_t i = 0; i < f->feature_count && m->point_count < MAP_MOST_CANDIDATES; i++) {
@@ -52,20 +40,68 @@ static void add_new(struct map *m, struct map_frame *f)
 }
 
 // Finds the map's points in one frame, sharpens its pose by them, adds new ones.
-static void visit(struct map *m, struct desk *d, struct map_frame *f)
+static void visit(struct map *m, struct map_desk *d, struct map_frame *f)
 {
     struct fit_tag tags[FIT_MAX_TAGS];
     int count = 0, tag_count = map_fit_tags(m, f, tags), with_depth = 0;
     f->visited = true;
-    lay_out(d, m, f);
+    map_lay_out(d, m, f);
     bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
                                &f->camera_from_world, d->matches, MAP_FEATURES, &count);
-    assign(f, d, known ? count : 0);
+    map_assign(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
         with_depth += f->features[i].depth > 0;
     // A frame placed by one tag alone is too crooked to add points by itself.
     if ((known || tag_count > 1) && 2 * count < with_depth)
-        add_new(m, f);
+        map_add_new_points(m, f);
+}
+
+// Points that are near and look alike become one.
+static void merge_twins(struct map *m)
+{
+    int32_t *instead = malloc((size_t)(m->point_count + 1) * sizeof *instead);
+    if (!instead)
+        return; // twins do no harm
+    for (int32_t i = 0; i < m->point_count; i++) {
+        instead[i] = i;
+        for (int32_t k = 0; k < i; k++) {
+            struct vec3 d = v3_sub(m->points[i].world, m->points[k].world);
+            if (instead[k] == k && fabs(d.x) < SAME_M && fabs(d.y) < SAME_M && fabs(d.z) < SAME_M &&
+                feature_distance(m->points[i].descriptor, m->points[k].descriptor) < SAME_BITS) {
+                instead[i] = k;
+                break;
+            }
+        }
+    }
+    int32_t kept = 0;
+    for (int32_t i = 0; i < m->point_count; i++) {
+        if (instead[i] == i) {
+            m->points[kept] = m->points[i];
+            instead[i] = kept++;
+        } else {
+            instead[i] = instead[instead[i]]; // k < i, so already final
+        }
+    }
+    for (int32_t i = 0; i < m->frame_count; i++)
+        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                m->frames[i].features[k].point = instead[m->frames[i].features[k].point];
+    m->point_count = kept;
+    free(instead);
+}
+
+// Looks for every point in every frame again, near where it must be.
+static void look_again(struct map *m, struct map_desk *d)
+{
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        if (!f->placed)
+            continue;
+        map_lay_out(d, m, f);
+        int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, &f->camera_from_world,
+                                 AGAIN_PX, d->matches, MAP_FEATURES);
+        map_assign(f, d, count);
+    }
 }
 
 static void count_sightings(struct map *m)
@@ -104,136 +140,6 @@ static void forget_bad(struct map *m)
     count_sightings(m);
 }
 
-// Where to begin without tags: the frame that shows most points with depth. -1: none shows enough.
-static int32_t richest_frame(const struct map *m)
-{
-    int32_t best = -1, most = LEAST_START;
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        int32_t count = 0;
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
-            count += m->frames[i].features[k].depth > 0;
-        if (count > most) {
-            most = count;
-            best = i;
-        }
-    }
-    return best;
-}
-
-// Places a frame by the points of the map: near `guess`, or else anywhere.
-static bool place_frame(struct map *m, struct desk *d, struct map_frame *f, struct pose guess)
-{
-    const struct lens *lens = &m->calibration.color;
-    int count = 0, agree = 0;
-    lay_out(d, m, f);
-    struct pose pose = guess;
-    bool known = points_refine(m->points, m->point_count, &d->index, d->depth, lens, NULL, 0, &pose, d->matches,
-                               MAP_FEATURES, &count);
-    if (!known || count < LEAST_SURE) {
-        int matches = relocate_match(m->points, m->point_count, &d->index, d->matches, MAP_FEATURES);
-        if (!relocate(m->points, &d->index, lens, d->matches, matches, &pose, &agree) ||
-            !points_refine(m->points, m->point_count, &d->index, d->depth, lens, NULL, 0, &pose, d->matches,
-                           MAP_FEATURES, &count) ||
-            count < LEAST_SURE)
-            return false;
-    }
-    f->camera_from_world = pose;
-    f->placed = true;
-    return true;
-}
-
-enum status map_grow_by_points(struct map *m)
-{
-    struct desk *d = malloc(sizeof *d);
-    if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
-    int32_t start = richest_frame(m), reach[2] = {start, start}; // the frames from ... to have been tried
-    enum status status = OK;
-    m->reference_frame = start;
-    if (start < 0)
-        status = fail(ERR_INPUT, "no picture shows enough corners with depth to map the place by; film it from 1 to 4 "
-                                 "metres, in good light, or hang tags and list them");
-    if (status == OK) {
-        lay_out(d, m, &m->frames[start]);
-        m->frames[start].placed = m->frames[start].visited = true;
-        add_new(m, &m->frames[start]);
-    }
-    // Outwards in both directions, each frame from where its neighbour is.
-    for (int step = 1; status == OK && step < m->frame_count; step++) {
-        bool grown = false;
-        for (int side = -1; side <= 1; side += 2) {
-            int32_t i = start + side * step;
-            if (i < 0 || i >= m->frame_count)
-                continue;
-            struct pose guess = m->frames[reach[side > 0]].camera_from_world;
-            if (!place_frame(m, d, &m->frames[i], guess))
-                continue;
-            visit(m, d, &m->frames[i]);
-            reach[side > 0] = i;
-            grown = true;
-        }
-        if (grown && step % ADJUST_EVERY == 0) {
-            forget_bad(m);
-            status = map_adjust(m, ROUNDS, false, NULL);
-        }
-    }
-    // Those that could not be placed then may be now that the map is whole.
-    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
-        if (!m->frames[i].placed && place_frame(m, d, &m->frames[i], m->frames[start].camera_from_world))
-            visit(m, d, &m->frames[i]);
-    free(d);
-    forget_bad(m);
-    return status == OK ? map_adjust(m, ROUNDS, false, NULL) : status;
-}
-
-// Points that are near and look alike become one.
-static void merge_twins(struct map *m)
-{
-    int32_t *instead = malloc((size_t)(m->point_count + 1) * sizeof *instead);
-    if (!instead)
-        return; // twins do no harm
-    for (int32_t i = 0; i < m->point_count; i++) {
-        instead[i] = i;
-        for (int32_t k = 0; k < i; k++) {
-            struct vec3 d = v3_sub(m->points[i].world, m->points[k].world);
-            if (instead[k] == k && fabs(d.x) < SAME_M && fabs(d.y) < SAME_M && fabs(d.z) < SAME_M &&
-                feature_distance(m->points[i].descriptor, m->points[k].descriptor) < SAME_BITS) {
-                instead[i] = k;
-                break;
-            }
-        }
-    }
-    int32_t kept = 0;
-    for (int32_t i = 0; i < m->point_count; i++) {
-        if (instead[i] == i) {
-            m->points[kept] = m->points[i];
-            instead[i] = kept++;
-        } else {
-            instead[i] = instead[instead[i]]; // k < i, so already final
-        }
-    }
-    for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                m->frames[i].features[k].point = instead[m->frames[i].features[k].point];
-    m->point_count = kept;
-    free(instead);
-}
-
-// Looks for every point in every frame again, near where it must be.
-static void look_again(struct map *m, struct desk *d)
-{
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
-        if (!f->placed)
-            continue;
-        lay_out(d, m, f);
-        int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, &f->camera_from_world,
-                                 AGAIN_PX, d->matches, MAP_FEATURES);
-        assign(f, d, count);
-    }
-}
-
 // Where to begin: the frame that its tags hold best.
 static int32_t best_frame(const struct map *m)
 {
@@ -252,7 +158,7 @@ static int32_t best_frame(const struct map *m)
 
 enum status map_add_points(struct map *m)
 {
-    struct desk *d = malloc(sizeof *d);
+    struct map_desk *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     int32_t start = best_frame(m);
@@ -265,40 +171,6 @@ enum status map_add_points(struct map *m)
     forget_bad(m);
     free(d);
     return map_adjust(m, ROUNDS, false, NULL);
-}
-
-enum status map_place_by_points(struct map *m, int *placed)
-{
-    struct desk *d = malloc(sizeof *d);
-    const struct lens *lens = &m->calibration.color;
-    *placed = 0;
-    if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
-        struct fit_tag tags[FIT_MAX_TAGS];
-        struct camera_fit fit;
-        if (f->placed)
-            continue;
-        int count = map_fit_tags(m, f, tags), agree[2] = {0, 0};
-        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, &fit) != AMBIGUOUS)
-            continue;
-        struct pose pose[2] = {fit.camera_from_world, fit.other};
-        lay_out(d, m, f);
-        for (int k = 0; k < 2; k++)
-            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, &pose[k], d->matches,
-                               MAP_FEATURES, &agree[k]))
-                agree[k] = 0;
-        int best = agree[1] > agree[0];
-        // Both may lead to the same pose: the search reaches far.
-        if (!agree[best] || (2 * agree[best] < 3 * agree[!best] && pose_angle(pose[0], pose[1]) > 0.02))
-            continue;
-        f->camera_from_world = pose[best];
-        f->placed = true;
-        ++*placed;
-    }
-    free(d);
-    return OK;
 }
 
 struct ranked {
@@ -380,7 +252,7 @@ static enum status typical_descriptors(struct map *m)
 
 enum status map_polish_points(struct map *m, int32_t most)
 {
-    struct desk *d = malloc(sizeof *d);
+    struct map_desk *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     merge_twins(m);
