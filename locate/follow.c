@@ -3,7 +3,7 @@
 #include <string.h>
 
 // Tags are read by this many pixels, all of them together.
-enum { TAG_PIXELS = 2000, LEAST_TAG_PIXELS = 500 };
+enum { TAG_PIXELS = 1600, LEAST_TAG_PIXELS = 400 };
 // So many points are enough, and with fewer than half of that new ones are looked for.
 enum { ENOUGH_TRACKS = 160, FEW_TRACKS = 100 };
 // Fewer say nothing, without a tag and with one.

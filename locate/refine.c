@@ -12,6 +12,7 @@ enum {
     PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
     MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
+    FEW_ROUNDS = 3,  // from corners known to a pixel; more change them by less than the noise does
     NOISE_ROUND = 1, // in which the picture's noise is estimated: the first one has no say in it
     SLOPES = 1024,
     BELL_STEPS = 1024, // of the table of the normal distribution, over +- BELL_REACH
@@ -397,12 +398,12 @@ static bool change(struct model *m, const double d[PARAMETERS])
 }
 
 // Gauss-Newton with Marquardt's damping. Leaves `g` at the model's last state.
-static bool descend(const struct refiner *r, struct model *m, struct gathered *g, double *noise)
+static bool descend(const struct refiner *r, struct model *m, int most_rounds, struct gathered *g, double *noise)
 {
     double damping = 1e-4;
     *noise = 0.1;
     gather(r, m, *noise, g);
-    for (int round = 0; round < MAX_ROUNDS; round++) {
+    for (int round = 0; round < most_rounds; round++) {
         if (g->count < 40)
             return false;
         if (round == NOISE_ROUND) {
@@ -501,7 +502,7 @@ bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const stru
     struct gathered g;
     double noise;
     collect(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
-    if (!start_light(r, &m) || !descend(r, &m, &g, &noise))
+    if (!start_light(r, &m) || !descend(r, &m, most_pixels < MAX_SAMPLES ? FEW_ROUNDS : MAX_ROUNDS, &g, &noise))
         return false;
 
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
