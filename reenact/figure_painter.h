@@ -1,0 +1,28 @@
+// Draws the person's figure (figure.h) in one go: its mesh and its colours lie on
+// the GPU once and for all; of the shown frame come its posture and, when another
+// frame is shown, its colours and depth. One thread.
+#pragma once
+#include "platform/gpu.h"
+#include "reenact/figure.h"
+
+struct figure_painter;
+
+// gpu, take and rays must outlive it. view: the tablet camera's lens, copied.
+// NOTHING: the take shows too little of a person. As figure_make; ERR_DEVICE.
+MUST_CHECK enum status figure_painter_open(struct figure_painter **out, struct gpu *gpu, struct take *take,
+                                           const struct source_rays *rays, const struct lens *view);
+void figure_painter_close(struct figure_painter **p);
+
+struct figure_view {
+    int64_t frame;            // shown, the nearest in time
+    struct skeleton skeleton; // in the world, perhaps between two frames
+    struct pose world_from_viewer;
+    struct gpu_target *actor;
+    struct gpu_target *source; // NULL: not wanted
+};
+// *parts: how many were drawn; those of unknown joints are not. NOTHING: none, or
+// the skeleton has no trunk. As take_read; ERR_DEVICE.
+MUST_CHECK enum status figure_painter_draw(struct figure_painter *p, const struct figure_view *view, int *parts);
+
+// A lens as the shaders take it, three vec4s.
+void lens_uniform(const struct lens *lens, float out[12]);
