@@ -21,7 +21,7 @@ double body_floor(const struct fit_task *task, const struct body_build *build, s
                 continue;
             double weight = 1 / (0.02 * 0.02);
             energy += 0.5 * weight * fmin(over * over, 0.04);
-            fit_system_pull(system, build, s->segment, c, task->up, -over, weight);
+            fit_system_pull(system, build, s->segment, c, task->up, -over, weight, NULL);
         }
         if (foot && sum < lowest) {
             lowest = sum;
@@ -36,7 +36,7 @@ double body_floor(const struct fit_task *task, const struct body_build *build, s
             continue;
         double c2 = 0.06 * 0.06, fade = c2 / (c2 + over * over), weight = 1 / (0.02 * 0.02);
         energy += 0.5 * weight * over * over * fade;
-        fit_system_pull(system, build, s->segment, c, task->up, -over, weight * fade * fade);
+        fit_system_pull(system, build, s->segment, c, task->up, -over, weight * fade * fade, NULL);
     }
     return energy;
 }
@@ -73,7 +73,7 @@ static double keep_out(const struct body_build *build, int mover, int first, int
         double weight = 1 / (CONTACT_SIGMA_M * CONTACT_SIGMA_M), cost = 0.5 * weight * fmin(deep * deep, 0.01);
         energy += cost;
         limb_energy[m->segment] += cost;
-        fit_system_pull(system, build, m->segment, c, out, deep, weight);
+        fit_system_pull(system, build, m->segment, c, out, deep, weight, NULL);
     }
     return energy;
 }

@@ -55,8 +55,9 @@ double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *no
     return v3_dot(*normal, out) - radius;
 }
 
-static void row_add_shape(struct fit_row *row, const struct shape_slope slope[SHAPE_COUNT], const struct body_solid *solid,
-                          int i, double t, double side_m, struct vec3 n)
+// How far each factor of the shape moves a place on solid i's surface along n.
+static void shape_row(const struct shape_slope slope[SHAPE_COUNT], const struct body_solid *solid, int i, double t,
+                      double side_m, struct vec3 n, double row[SHAPE_COUNT])
 {
     double width = solid->width_a + (solid->width_b - solid->width_a) * t;
     double share = width > 1e-9 ? side_m / width : 0;
@@ -64,9 +65,7 @@ static void row_add_shape(struct fit_row *row, const struct shape_slope slope[SH
         const struct shape_slope *s = &slope[k];
         double radius = s->radius_a[i] + (s->radius_b[i] - s->radius_a[i]) * t,
                wide = s->width_a[i] + (s->width_b[i] - s->width_a[i]) * t;
-        double value = v3_dot(n, v3_mix(s->a[i], s->b[i], t)) + radius + share * wide * v3_dot(n, solid->side);
-        row->index[row->count] = FIT_POSE_COUNT + k;
-        row->value[row->count++] = value;
+        row[k] = v3_dot(n, v3_mix(s->a[i], s->b[i], t)) + radius + share * wide * v3_dot(n, solid->side);
     }
 }
 
@@ -91,19 +90,54 @@ static void find_slopes(const struct body_shape *shape, const struct body_pose *
     }
 }
 
-// A middle sphere around each solid spares most of the distances.
-struct bound {
-    struct vec3 centre;
-    double radius;
+// A sphere around each solid spares most of the distances. Array by array, so
+// that a compiler takes several at once.
+struct bounds {
+    float x[SOLID_COUNT], y[SOLID_COUNT], z[SOLID_COUNT], radius[SOLID_COUNT];
 };
 
-static void find_bounds(const struct body_build *build, struct bound bound[SOLID_COUNT])
+static void find_bounds(const struct body_build *build, struct bounds *bounds)
 {
     for (int i = 0; i < SOLID_COUNT; i++) {
         const struct body_solid *s = &build->solid[i];
-        bound[i].centre = v3_mix(s->a, s->b, 0.5);
-        bound[i].radius = 0.5 * v3_distance(s->a, s->b) + fmax(s->width_a, s->width_b) + fmax(s->radius_a, s->radius_b);
+        struct vec3 centre = v3_mix(s->a, s->b, 0.5);
+        bounds->x[i] = (float)centre.x, bounds->y[i] = (float)centre.y, bounds->z[i] = (float)centre.z;
+        bounds->radius[i] = (float)(0.5 * v3_distance(s->a, s->b) + fmax(s->width_a, s->width_b) +
+                                    fmax(s->radius_a, s->radius_b) + 1e-4);
     }
+}
+
+struct nearest {
+    int solid;
+    double distance, t, side_m;
+    struct vec3 normal, on;
+};
+
+static void try_solid(const struct body_build *build, int k, struct vec3 p, struct nearest *best)
+{
+    struct nearest n = {.solid = k};
+    n.distance = solid_distance(&build->solid[k], p, &n.normal, &n.on, &n.t, &n.side_m);
+    if (fabs(n.distance) < fabs(best->distance))
+        *best = n;
+}
+
+// `guess`: a solid to try first, -1 none.
+static struct nearest find_nearest(const struct body_build *build, const struct bounds *bounds, struct vec3 p, int guess)
+{
+    struct nearest best = {.solid = 0, .distance = 1e9};
+    if (guess >= 0)
+        try_solid(build, guess, p, &best);
+    float away2[SOLID_COUNT], x = (float)p.x, y = (float)p.y, z = (float)p.z;
+    for (int k = 0; k < SOLID_COUNT; k++) {
+        float dx = x - bounds->x[k], dy = y - bounds->y[k], dz = z - bounds->z[k];
+        away2[k] = dx * dx + dy * dy + dz * dz;
+    }
+    for (int k = 0; k < SOLID_COUNT; k++) {
+        float reach = (float)fabs(best.distance) + bounds->radius[k];
+        if (k != guess && away2[k] <= reach * reach)
+            try_solid(build, k, p, &best);
+    }
+    return best;
 }
 
 // Points against the nearest surface that the camera can see. With `system` NULL only judges.
@@ -111,42 +145,26 @@ static double add_points(const struct fit_task *task, const struct body_build *b
                          const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
 {
     const struct body_evidence *e = task->evidence;
-    struct bound bound[SOLID_COUNT];
-    find_bounds(build, bound);
+    struct bounds bounds;
+    find_bounds(build, &bounds);
     double c2 = task->reach_m * task->reach_m, share = INDEPENDENT_POINTS / fmax(e->count, 1), energy = 0;
     if (share > 1)
         share = 1;
-    for (int i = 0; i < e->count; i++) {
-        struct vec3 p = e->point[i].p, best_n = v3(0, 0, 0), best_on = best_n;
-        double best = 1e9, best_t = 0, best_side = 0, best_distance = 0;
-        int solid = 0;
-        for (int k = 0; k < SOLID_COUNT; k++) {
-            struct vec3 off = v3_sub(p, bound[k].centre);
-            double least = sqrt(v3_dot(off, off)) - bound[k].radius;
-            if (least > best)
-                continue;
-            struct vec3 n, on;
-            double t, side_m, d = solid_distance(&build->solid[k], p, &n, &on, &t, &side_m);
-            if (fabs(d) < best) {
-                best = fabs(d);
-                best_distance = d;
-                best_n = n, best_on = on, best_t = t, best_side = side_m;
-                solid = k;
-            }
-        }
-        out->residual[i] = (float)best_distance;
-        out->solid[i] = (int8_t)solid;
-        double e2 = best_distance * best_distance, fade = c2 / (c2 + e2), weight = e->point[i].weight * share;
+    share *= task->every;
+    for (int i = 0; i < e->count; i += task->every) {
+        struct nearest best = find_nearest(build, &bounds, e->point[i].p, out->solid[i]);
+        out->residual[i] = (float)best.distance;
+        out->solid[i] = (int8_t)best.solid;
+        double e2 = best.distance * best.distance, fade = c2 / (c2 + e2), weight = e->point[i].weight * share;
         energy += 0.5 * weight * e2 * fade; // Geman and McClure
         if (!system)
             continue;
-        struct fit_row row;
-        const struct body_solid *s = &build->solid[solid];
-        double radius = s->radius_a + (s->radius_b - s->radius_a) * best_t;
-        fit_row_start(&row, build, s->segment, v3_add(best_on, v3_scale(best_n, radius)), best_n);
+        const struct body_solid *s = &build->solid[best.solid];
+        double radius = s->radius_a + (s->radius_b - s->radius_a) * best.t, row[SHAPE_COUNT];
         if (slope)
-            row_add_shape(&row, slope, s, solid, best_t, best_side, best_n);
-        fit_system_add(system, &row, best_distance, weight * fade * fade);
+            shape_row(slope, s, best.solid, best.t, best.side_m, best.normal, row);
+        fit_system_pull(system, build, s->segment, v3_add(best.on, v3_scale(best.normal, radius)), best.normal,
+                        best.distance, weight * fade * fade, slope ? row : NULL);
     }
     return energy;
 }
@@ -181,12 +199,9 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     if (e2 == 0)
         return 0;
     double fade = c2 / (c2 + e2), weight = rate / (FREE_SIGMA_M * FREE_SIGMA_M);
-    for (int k = 0; system && k < 3; k++)
-        if (off[k] != 0) {
-            struct fit_row row;
-            fit_row_start(&row, build, segment, c, v3(k == 0, k == 1, k == 2));
-            fit_system_add(system, &row, off[k], weight * fade * fade);
-        }
+    for (int k = 0; k < 3; k++)
+        if (off[k] != 0)
+            fit_system_pull(system, build, segment, c, v3(k == 0, k == 1, k == 2), off[k], weight * fade * fade, NULL);
     return 0.5 * weight * e2 * fade;
 }
 
@@ -246,14 +261,22 @@ static double add_shape_belief(const struct fit_task *task, const struct body_sh
     return energy;
 }
 
-void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
-                struct fit_result *out)
+static void judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
+                  struct fit_result *out)
 {
     out->pose = *pose;
     out->shape = *shape;
     body_build(shape, pose, &out->build);
     out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, out, NULL) +
-                  body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) + body_prior_limits(pose, NULL, NULL);
+                  body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) +
+                  body_prior_limits(pose, NULL, NULL);
+}
+
+void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
+                struct fit_result *out)
+{
+    memset(out->solid, -1, sizeof out->solid);
+    judge(task, pose, shape, out);
 }
 
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out)
@@ -261,10 +284,10 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
     struct body_pose pose = *start;
     struct body_shape shape = task->shape.mean;
     struct fit_system system;
+    memset(out->solid, -1, sizeof out->solid);
     struct shape_slope slope[SHAPE_COUNT];
     for (int turn = 0; turn < task->iterations; turn++) {
-        memset(&system, 0, sizeof system);
-        system.count = task->learn_shape ? FIT_COUNT : FIT_POSE_COUNT;
+        fit_system_start(&system, task->learn_shape);
         body_build(&shape, &pose, &out->build);
         if (task->learn_shape) {
             find_slopes(&shape, &pose, &out->build, slope);
@@ -274,6 +297,7 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
         add_free_space(task, &out->build, out, &system);
         body_floor(task, &out->build, &system);
         body_collisions(&out->build, out->limb_energy, &system);
+        fit_system_gather(&system, &out->build);
         body_prior_limits(&pose, &system.h[0][0], system.g);
         body_prior_expected(&pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
         double x[FIT_COUNT] = {0};
@@ -289,7 +313,7 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
             for (int b = 0; b < SHAPE_COUNT; b++) // this picture's alone
                 out->shape_information[a][b] -= task->shape.information[a][b] / task->learn_rate;
     }
-    body_judge(task, &pose, &shape, out);
+    judge(task, &pose, &shape, out);
 }
 
 struct shape_belief shape_belief_start(void)

@@ -29,6 +29,7 @@ struct fit_task {
     double expected_sigma;        // 1: as a body moves between two frames; large: nothing is expected
     double move_cost;             // energy that a limb must gain for each metre a search moves it
     int iterations;
+    int every;                    // of the points, one in so many is looked at; 1: all
     double reach_m;               // how far a point pulls a surface towards it
     bool learn_shape;
     double learn_rate;            // > 0: how much this picture counts beside the belief; 1 = as its points do

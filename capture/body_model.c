@@ -155,3 +155,14 @@ struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)
     pose.turn[SEG_PELVIS] = quat_multiply(quat_from_rotation_vector(v3_scale(up, yaw)), quat_from_matrix(m));
     return pose;
 }
+
+struct body_pose body_turned_round(const struct body_pose *pose)
+{
+    static const struct quat half_turn = {0, 1, 0, 0}; // about every segment's own y
+    struct body_pose out = {.root = pose->root};
+    out.turn[SEG_PELVIS] = quat_multiply(pose->turn[SEG_PELVIS], half_turn);
+    for (int s = 1; s < SEG_COUNT; s++)
+        out.turn[s] = quat_multiply(quat_conjugate(half_turn),
+                                    quat_multiply(pose->turn[body_mirror((enum segment)s)], half_turn));
+    return out;
+}

@@ -1,43 +1,102 @@
 #include "capture/body_system.h"
 
-void fit_row_start(struct fit_row *row, const struct body_build *build, enum segment segment, struct vec3 point,
-                   struct vec3 n)
-{
-    row->count = 3;
-    row->index[0] = 0, row->index[1] = 1, row->index[2] = 2;
-    row->value[0] = n.x, row->value[1] = n.y, row->value[2] = n.z;
-    for (int s = (int)segment; s >= 0; s = body_parent((enum segment)s)) {
-        struct vec3 turn = v3_cross(v3_sub(point, build->origin[s]), n);
-        const double(*m)[3] = (const double(*)[3])build->parent_axes[s];
-        for (int k = 0; k < 3; k++) {
-            row->index[row->count] = 3 + 3 * s + k;
-            row->value[row->count++] = m[0][k] * turn.x + m[1][k] * turn.y + m[2][k] * turn.z;
-        }
-    }
-}
+#include <string.h>
 
-void fit_system_add(struct fit_system *s, const struct fit_row *row, double residual, double weight)
+void fit_system_start(struct fit_system *s, bool with_shape)
 {
-    for (int a = 0; a < row->count; a++) {
-        double wa = weight * row->value[a];
-        if (wa == 0)
-            continue;
-        int ia = row->index[a];
-        s->g[ia] += wa * residual;
-        for (int b = 0; b < row->count; b++)
-            if (row->index[b] <= ia)
-                s->h[ia][row->index[b]] += wa * row->value[b];
-    }
+    memset(s, 0, sizeof *s);
+    s->count = with_shape ? FIT_COUNT : FIT_POSE_COUNT;
 }
 
 void fit_system_pull(struct fit_system *s, const struct body_build *build, enum segment segment, struct vec3 point,
-                     struct vec3 n, double residual, double weight)
+                     struct vec3 n, double residual, double weight, const double shape[SHAPE_COUNT])
 {
-    struct fit_row row;
     if (!s)
         return;
-    fit_row_start(&row, build, segment, point, n);
-    fit_system_add(s, &row, residual, weight);
+    struct vec3 turn = v3_cross(v3_sub(point, build->origin[0]), n);
+    const double j[TWIST_COUNT] = {n.x, n.y, n.z, turn.x, turn.y, turn.z};
+    struct segment_sum *sum = &s->sum[segment];
+    for (int a = 0; a < TWIST_COUNT; a++) {
+        double w = weight * j[a];
+        sum->g[a] += w * residual;
+        for (int b = 0; b <= a; b++)
+            sum->h[a][b] += w * j[b];
+    }
+    for (int k = 0; shape && k < SHAPE_COUNT; k++) {
+        double w = weight * shape[k];
+        if (w == 0)
+            continue;
+        for (int a = 0; a < TWIST_COUNT; a++)
+            sum->shape[k][a] += w * j[a];
+        s->g[FIT_POSE_COUNT + k] += w * residual;
+        for (int b = 0; b <= k; b++)
+            s->h[FIT_POSE_COUNT + k][FIT_POSE_COUNT + b] += w * shape[b];
+    }
+}
+
+static void add_sum(struct segment_sum *to, const struct segment_sum *from, bool shape)
+{
+    for (int a = 0; a < TWIST_COUNT; a++) {
+        to->g[a] += from->g[a];
+        for (int b = 0; b <= a; b++)
+            to->h[a][b] += from->h[a][b];
+    }
+    for (int k = 0; shape && k < SHAPE_COUNT; k++)
+        for (int a = 0; a < TWIST_COUNT; a++)
+            to->shape[k][a] += from->shape[k][a];
+}
+
+static double dot6(const double a[TWIST_COUNT], const double b[TWIST_COUNT])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
+}
+
+// How the twist of everything below segment s grows with its turn about axis k of its parent.
+static void twist_of(const struct body_build *build, int s, int k, double out[TWIST_COUNT])
+{
+    struct vec3 axis = v3(build->parent_axes[s][0][k], build->parent_axes[s][1][k], build->parent_axes[s][2][k]),
+                along = v3_cross(v3_sub(build->origin[s], build->origin[0]), axis);
+    out[0] = along.x, out[1] = along.y, out[2] = along.z, out[3] = axis.x, out[4] = axis.y, out[5] = axis.z;
+}
+
+// Segment by segment from the ends inwards, as a composite body's inertia is
+// (Featherstone, Rigid Body Dynamics Algorithms, section 6.2).
+void fit_system_gather(struct fit_system *s, const struct body_build *build)
+{
+    double twist[SEG_COUNT][3][TWIST_COUNT];
+    bool shape = s->count == FIT_COUNT;
+    for (int i = 0; i < SEG_COUNT; i++)
+        for (int k = 0; k < 3; k++)
+            twist_of(build, i, k, twist[i][k]);
+    for (int i = SEG_COUNT - 1; i >= 0; i--) {
+        struct segment_sum *sum = &s->sum[i];
+        for (int k = 0; k < 3; k++) {
+            double force[TWIST_COUNT];
+            for (int a = 0; a < TWIST_COUNT; a++) {
+                force[a] = 0;
+                for (int b = 0; b < TWIST_COUNT; b++)
+                    force[a] += sum->h[a > b ? a : b][a > b ? b : a] * twist[i][k][b];
+            }
+            int row = 3 + 3 * i + k;
+            s->g[row] += dot6(sum->g, twist[i][k]);
+            for (int m = 0; m < 3; m++)
+                s->h[row][m] += force[m];
+            for (int up = i; up >= 0; up = body_parent((enum segment)up))
+                for (int m = 0; m < (up == i ? k + 1 : 3); m++)
+                    s->h[row][3 + 3 * up + m] += dot6(force, twist[up][m]);
+            for (int a = 0; shape && a < SHAPE_COUNT; a++)
+                s->h[FIT_POSE_COUNT + a][row] += dot6(sum->shape[a], twist[i][k]);
+        }
+        if (i > 0)
+            add_sum(&s->sum[body_parent((enum segment)i)], sum, shape);
+    }
+    for (int m = 0; m < 3; m++) { // the root's way
+        s->g[m] += s->sum[0].g[m];
+        for (int b = 0; b <= m; b++)
+            s->h[m][b] += s->sum[0].h[m][b];
+        for (int a = 0; shape && a < SHAPE_COUNT; a++)
+            s->h[FIT_POSE_COUNT + a][m] += s->sum[0].shape[a][m];
+    }
 }
 
 bool fit_system_solve(const struct fit_system *s, double damping, double x[FIT_COUNT])

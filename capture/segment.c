@@ -7,6 +7,7 @@
 
 enum {
     COLUMNS_MAX = 320,
+    JUMPS = 10001,         // depths whose jump is looked up, mm
     SETTLED_FRAMES = 3,    // a background value is believed after so many sightings
     REPLACED_FRAMES = 45,  // something nearer that stays this long becomes background
 };
@@ -15,6 +16,7 @@ struct segmenter {
     struct lens lens;
     int step, width, height; // grid: pixels a cell, cells
     struct grid_ray *ray;    // per cell: the ray's x/z, y/z
+    uint16_t jump_mm[JUMPS]; // by depth: how far two neighbouring readings of one surface may differ
     uint16_t *depth;         // per cell, mm, flying pixels removed
     int32_t *label;          // per cell: component, -1 none
     int32_t *parent;         // union-find
@@ -45,12 +47,17 @@ struct component {
     double top_width;         // how wide it is within 0.2 m of its top
 };
 
-static double jump_m(const struct segmenter *s, double z)
+static int find_jump_mm(const struct segmenter *s, int depth_mm)
 {
     // Two readings of one surface differ by noise (3 sigma of a difference) or by
     // slope (a surface up to 76 degrees off the picture plane).
-    double noise = 3 * 1.4142 * depth_sigma_m(z), slope = 4 * z * s->step / s->lens.fx;
-    return fmax(noise, slope) + 0.005;
+    double z = depth_mm * 0.001, noise = 3 * 1.4142 * depth_sigma_m(z), slope = 4 * z * s->step / s->lens.fx;
+    return (int)(1000 * (fmax(noise, slope) + 0.005));
+}
+
+static int jump_mm(const struct segmenter *s, int depth_mm)
+{
+    return s->jump_mm[depth_mm < JUMPS ? depth_mm : JUMPS - 1];
 }
 
 enum status segmenter_open(struct segmenter **out, const struct lens *lens)
@@ -88,6 +95,8 @@ enum status segmenter_open(struct segmenter **out, const struct lens *lens)
             struct vec3 r = lens_ray(lens, (struct pixel){x * s->step + middle, y * s->step + middle});
             s->ray[y * s->width + x] = (struct grid_ray){(float)r.x, (float)r.y};
         }
+    for (int d = 0; d < JUMPS; d++)
+        s->jump_mm[d] = (uint16_t)find_jump_mm(s, d);
     s->up = v3(0, -1, 0);
     *out = s;
     return OK;
@@ -185,7 +194,7 @@ static void read_cells(struct segmenter *s, const uint16_t *picture)
             int i = y * w + x, d = s->depth[i];
             if (!d)
                 continue;
-            int far = (int)(1000 * jump_m(s, d * 0.001));
+            int far = jump_mm(s, d);
             for (int axis = 0; axis < 2; axis++) {
                 int k = axis ? w : 1;
                 if (axis ? (y == 0 || y == s->height - 1) : (x == 0 || x == w - 1))
@@ -227,7 +236,7 @@ static int find_root(int32_t *parent, int i)
 static void join(struct segmenter *s, int a, int b)
 {
     int za = s->depth[a], zb = s->depth[b];
-    if (!zb || s->label[b] < 0 || abs(za - zb) > 1000 * jump_m(s, 0.001 * (za < zb ? za : zb)))
+    if (!zb || s->label[b] < 0 || abs(za - zb) > jump_mm(s, za < zb ? za : zb))
         return;
     a = find_root(s->parent, a);
     b = find_root(s->parent, b);
@@ -365,9 +374,9 @@ static double likeness(const struct segmenter *s, const struct component *c)
     bool cut = c->border_bottom > 0;
     if (!cut && tall < 0.8)
         return 0;
-    if (s->have_floor && !cut && c->bottom > 0.5)
+    if (s->have_floor && !cut && c->bottom > 1.0)
         return 0;
-    double score = 1;
+    double score = s->have_floor && !cut && c->bottom > 0.5 ? 0.5 : 1; // legs hidden, or parted by a hem
     score *= c->top_width < 0.45 ? 1 : fmax(0.05, 1 - 3 * (c->top_width - 0.45));
     score *= fmin(1, tall / 1.3) * fmin(1, c->area_m2 / 0.35);
     double x = c->sum[0] / c->cells, z = c->sum[2] / c->cells;
@@ -431,11 +440,13 @@ static bool belongs(const struct segmenter *s, const struct component *c, const 
         return false;
     if (ball_count)
         return c->close > 0.5 * c->cells || (c->touching > 0.12 * c->cells && c->close > 0.1 * c->cells);
-    if (c->area_m2 > 0.6 * main->area_m2)
-        return false;
     double away[3];
     for (int k = 0; k < 3; k++)
         away[k] = c->sum[k] / c->cells - main->sum[k] / main->cells;
+    // As large as the main part: somebody else, unless both are in one place, parted by an arm before them.
+    bool stacked = fabs(away[0]) < 0.3 && fabs(away[2]) < 0.3 && fmax(c->top, main->top) - fmin(c->bottom, main->bottom) < 2.4;
+    if (c->area_m2 > 0.6 * main->area_m2 && !stacked)
+        return false;
     if (fabs(away[2]) > 0.9 || fabs(away[0]) > 1.1)
         return false;
     if (s->have_floor && c->top < 0.15)
@@ -446,9 +457,15 @@ static bool belongs(const struct segmenter *s, const struct component *c, const 
 // Every pixel of a cell that agrees with the person's cells around it.
 static void refine_mask(const struct segmenter *s, const uint16_t *picture, uint8_t *mask)
 {
-    int w = s->width;
+    int w = s->width, left = w, right = -1, top = s->height, bottom = -1;
     for (int y = 0; y < s->height; y++)
-        for (int x = 0; x < w; x++) {
+        for (int x = 0; x < w; x++)
+            if (s->person[y * w + x]) {
+                left = x < left ? x : left, right = x > right ? x : right;
+                top = y < top ? y : top, bottom = y;
+            }
+    for (int y = top > 0 ? top - 1 : 0; y <= bottom + 1 && y < s->height; y++)
+        for (int x = left > 0 ? left - 1 : 0; x <= right + 1 && x < w; x++) {
             int near[9], count = 0, centre = y * w + x;
             for (int j = -1; j <= 1; j++)
                 for (int i = -1; i <= 1; i++)
@@ -464,7 +481,7 @@ static void refine_mask(const struct segmenter *s, const uint16_t *picture, uint
                     int d = picture[py * s->lens.width + px];
                     if (!d || (!s->person[centre] && !may_be_person(s, centre, d * 0.001)))
                         continue;
-                    int limit = (int)(1000 * jump_m(s, d * 0.001));
+                    int limit = jump_mm(s, d);
                     for (int k = 0; k < count; k++)
                         if (abs(near[k] - d) <= limit) {
                             mask[py * s->lens.width + px] = 255;
@@ -519,14 +536,39 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
     return OK;
 }
 
-static bool near_person(const struct segmenter *s, int x, int y)
+// label[] becomes 1 within four cells of the person, else 0: hair, flying pixels
+// and shadows at the rim are no background.
+static void mark_near_person(struct segmenter *s)
 {
-    int r = 4; // cells: hair, flying pixels and shadows at the rim are no background
-    for (int j = y - r < 0 ? 0 : y - r; j <= y + r && j < s->height; j += 2)
-        for (int i = x - r < 0 ? 0 : x - r; i <= x + r && i < s->width; i += 2)
-            if (s->person[j * s->width + i])
-                return true;
-    return false;
+    enum { REACH = 4 };
+    int w = s->width, h = s->height;
+    for (int y = 0; y < h; y++) { // along the rows: how far from the last and to the next
+        int far = REACH + 1;
+        for (int x = 0; x < w; x++) {
+            far = s->person[y * w + x] ? 0 : far + 1;
+            s->label[y * w + x] = far <= REACH;
+        }
+        far = REACH + 1;
+        for (int x = w - 1; x >= 0; x--) {
+            far = s->person[y * w + x] ? 0 : far + 1;
+            s->label[y * w + x] |= far <= REACH;
+        }
+    }
+    // Down the columns, row by row; parent[] has how far each is from the last marked one.
+    for (int x = 0; x < w; x++)
+        s->parent[x] = REACH + 1;
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
+            s->label[y * w + x] |= 2 * (s->parent[x] <= REACH);
+        }
+    for (int x = 0; x < w; x++)
+        s->parent[x] = REACH + 1;
+    for (int y = h - 1; y >= 0; y--)
+        for (int x = 0; x < w; x++) {
+            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
+            s->label[y * w + x] |= 2 * (s->parent[x] <= REACH);
+        }
 }
 
 void segmenter_learn(struct segmenter *s)
@@ -542,9 +584,10 @@ void segmenter_learn(struct segmenter *s)
             top = y < top ? y : top, bottom = y > bottom ? y : bottom;
             far = s->depth[i] > far ? s->depth[i] : far;
         }
+    mark_near_person(s);
     for (int i = 0; i < s->width * s->height; i++) {
         int x = i % s->width, y = i / s->width, d = s->depth[i];
-        if (!d || near_person(s, x, y))
+        if (!d || s->label[i])
             continue;
         if (x > left - 8 && x < right + 8 && y > top - 8 && y < bottom + 4 && d < far + 400)
             continue;

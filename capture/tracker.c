@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 4 * SOLID_COUNT };
+enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4 };
 
 struct tracker {
     struct tracker_options options;
@@ -24,7 +24,9 @@ struct tracker {
     double learned_s;
     struct body_pose taught;         // the last one that taught much of the shape
     int64_t lost_since_ns;           // 0: in sight
-    int poor_frames;
+    int poor_frames, frames;
+    double turned_evidence;          // that the person looks the other way, as a logarithm of odds
+    bool turned;                     // in this frame they turned out to
     bool seen_ever[JOINT_COUNT];
     float out_of_picture_s[JOINT_COUNT];
 };
@@ -87,6 +89,7 @@ static void forget_person(struct tracker *t)
 {
     t->following = t->moving = false;
     t->poor_frames = 0;
+    t->turned_evidence = 0;
     t->lost_since_ns = 0;
     memset(t->seen_ever, 0, sizeof t->seen_ever);
     memset(t->out_of_picture_s, 0, sizeof t->out_of_picture_s);
@@ -225,10 +228,24 @@ static void learn_shape(struct tracker *t, const struct fit_task *task, const st
         t->taught = fit->pose;
 }
 
+// A person in front and one from behind look much alike: now and then the other
+// way round is tried too, and taken when it has been likelier for a while.
+static bool is_turned_round(struct tracker *t, const struct fit_task *task)
+{
+    // A fresh fit of a pose that is badly explained gains a little either way round.
+    double gain = turned_round_gain(task, t->room) - 0.2 * t->room->best.energy;
+    t->turned_evidence = fmax(0, 0.9 * t->turned_evidence + gain);
+    if (t->turned_evidence < 40)
+        return false;
+    t->turned_evidence = 0;
+    return true;
+}
+
 // Lays the body into this frame from where it is expected. False: it is not there.
 static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
 {
     struct fit_result *best = &t->room->best;
+    t->turned = false;
     task->learn_shape = false;
     task->expected_sigma = fmin(6, fmax(1, passed_s * 30));
     int first = t->options.iterations / 2;
@@ -251,6 +268,12 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         task->shape.mean = best->shape;
         body_fit(task, &start, &t->room->trial);
         *best = t->room->trial;
+    }
+    if (++t->frames % TURN_EVERY == 0 && is_turned_round(t, task)) {
+        task->expected = t->room->trial.pose;
+        task->expected_sigma = 4;
+        body_fit(task, &task->expected, best);
+        t->turned = true;
     }
     explained = explained_share(t->evidence, best, 0.10);
     t->poor_frames = explained < 0.7 ? t->poor_frames + 1 : 0;
@@ -297,7 +320,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     enum status status = segmenter_next(t->segmenter, depth, balls, ball_count, t->mask);
     if (status < 0)
         return status;
-    struct fit_task task = {.evidence = t->evidence, .expected = expected, .shape = t->shape};
+    struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = expected, .shape = t->shape};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     bool there = status == OK && evidence_read(t->evidence, depth, t->mask, t->options.points);
     if (there && t->following && !follow(t, &task, passed_s)) {
@@ -318,7 +341,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     t->before = t->pose;
     t->before_ns = t->time_ns;
     t->pose = t->room->best.pose;
-    t->moving = !fresh && time_ns > t->time_ns;
+    t->moving = !fresh && !t->turned && time_ns > t->time_ns;
     if (fresh || !t->moving)
         t->shown = t->pose;
     else

@@ -4,6 +4,8 @@
 #include <string.h>
 
 #define SEARCH_REACH_M 0.12
+enum { YAWS = 8 };
+#define BACK_RATE 1.6
 #define PI 3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
@@ -30,7 +32,6 @@ static double rank_of(double *values, int count, double share)
 struct start {
     double top, bottom, height; // over the floor or any level
     struct vec3 trunk;          // a point of the trunk's surface, its middle
-    double yaw;
     bool cut;
 };
 
@@ -67,17 +68,6 @@ static bool measure(const struct fit_task *task, struct start *out)
         return false;
     out->trunk.x = rank_of(x, count, 0.5);
     out->trunk.z = rank_of(z, count, 0.5);
-    // Where the trunk's surface turns away tells the yaw: z = slope x + c over its middle.
-    double n = 0, sx = 0, sz = 0, sxx = 0, sxz = 0;
-    for (int i = 0; i < e->count; i++) {
-        struct vec3 p = e->point[i].p;
-        double h = level_of(task, p), dx = p.x - out->trunk.x, dz = p.z - out->trunk.z;
-        if (h < low || h > high || fabs(dx) > 0.09 * out->height || fabs(dz) > 0.2)
-            continue;
-        n++, sx += dx, sz += dz, sxx += dx * dx, sxz += dx * dz;
-    }
-    double spread = sxx - sx * sx / fmax(n, 1);
-    out->yaw = spread > 1e-6 ? atan((sxz - sx * sz / n) / spread) : 0;
     return true;
 }
 
@@ -87,8 +77,8 @@ static void raise_arms(struct body_pose *pose, double left, double right)
     pose->turn[SEG_RIGHT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, -right));
 }
 
-static double fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_room *room, struct fit_result *keep,
-                        double best)
+// Fits from `pose` and keeps what is likelier than `best`, the energy so far.
+static double fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_room *room, double best, bool cut)
 {
     task->expected = *pose;
     task->expected_sigma = 8;
@@ -99,10 +89,14 @@ static double fit_start(struct fit_task *task, const struct body_pose *pose, str
     task->iterations = 7;
     task->reach_m = 0.10;
     body_fit(task, &rough, &room->trial);
-    if (room->trial.energy >= best)
+    // Most people face the sensor at the start: the back must fit clearly better,
+    // and without feet nothing tells.
+    struct vec3 ahead = quat_rotate(room->trial.pose.turn[SEG_PELVIS], v3(0, 0, 1));
+    double energy = room->trial.energy * (ahead.z > 0.3 ? cut ? 3 : BACK_RATE : 1);
+    if (energy >= best)
         return best;
-    *keep = room->trial;
-    return room->trial.energy;
+    room->best = room->trial;
+    return energy;
 }
 
 bool start_search(struct fit_task *task, struct fit_room *room)
@@ -121,23 +115,16 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     struct vec3 root = v3(s.trunk.x, 0, s.trunk.z + 0.085 * s.height);
     double rise = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
     root.y = rise;
-    static const double arms[3] = {0.12, 0.8, 1.5};
-    double best = 1e300, best_away = 1e300;
-    struct fit_result *away = malloc(sizeof *away);
-    if (!away)
-        return false;
-    for (int a = 0; a < 3; a++) {
-        struct body_pose pose = body_rest_pose(root, task->up, s.yaw);
-        raise_arms(&pose, arms[a], arms[a]);
-        best = fit_start(task, &pose, room, &room->best, best);
-        pose = body_rest_pose(root, task->up, s.yaw + PI);
-        raise_arms(&pose, arms[a], arms[a]);
-        best_away = fit_start(task, &pose, room, away, best_away);
-    }
-    // Somebody who starts a recording faces the sensor: the back must fit clearly better, feet and all.
-    if (!s.cut && best_away < 0.6 * best)
-        room->best = *away;
-    free(away);
+    static const double arms[2] = {0.12, 0.9};
+    double best = 1e300;
+    task->every = 3;
+    for (int turn = 0; turn < YAWS; turn++)
+        for (int a = 0; a < 2; a++) {
+            struct body_pose pose = body_rest_pose(root, task->up, turn * 2 * PI / YAWS);
+            raise_arms(&pose, arms[a], arms[a]);
+            best = fit_start(task, &pose, room, best, s.cut);
+        }
+    task->every = 1;
     task->expected = room->best.pose;
     task->expected_sigma = 4;
     task->iterations = 5;
@@ -156,6 +143,24 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     body_fit(task, &pose, &room->trial);
     room->best = room->trial;
     return explained_share(task->evidence, &room->best, 0.10) > 0.6;
+}
+
+double turned_round_gain(const struct fit_task *given, struct fit_room *room)
+{
+    struct fit_task task = *given;
+    struct body_pose pose = body_turned_round(&room->best.pose), now = room->best.pose;
+    struct body_shape shape = room->best.shape;
+    task.learn_shape = false;
+    task.shape.mean = shape;
+    task.reach_m = SEARCH_REACH_M;
+    task.expected = pose;
+    task.expected_sigma = 4;
+    task.iterations = 5;
+    task.every = 2;
+    body_judge(&task, &now, &shape, &room->trial);
+    double energy = room->trial.energy;
+    body_fit(&task, &pose, &room->trial);
+    return energy - room->trial.energy;
 }
 
 // ---------------------------------------------------------------- limbs

@@ -17,5 +17,9 @@ bool start_search(struct fit_task *task, struct fit_room *room);
 // Returns how many limbs moved.
 int limbs_search(const struct fit_task *task, struct fit_room *room);
 
+// room->best holds the fit of this picture. Fits the body that looks the other
+// way into room->trial. Returns by how much its energy is less, negative when it is more.
+double turned_round_gain(const struct fit_task *task, struct fit_room *room);
+
 // The share of the points within `within_m` of the body.
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m);

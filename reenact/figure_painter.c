@@ -102,6 +102,13 @@ static enum status open_mesh(struct figure_painter *p)
     return status;
 }
 
+void figure_painter_set_lens(struct figure_painter *p, const struct lens *view)
+{
+    float lens[12];
+    lens_uniform(view, lens);
+    gpu_program_set(p->program, VIEW_LENS, lens, 3);
+}
+
 static enum status open_program(struct figure_painter *p, const struct lens *view)
 {
     static const char *const samplers[] = {"now_picture", "now_depth"};
@@ -113,8 +120,7 @@ static enum status open_program(struct figure_painter *p, const struct lens *vie
     const struct calibration *c = take_calibration(p->take);
     const float range[4] = {NEAREST_M, FARTHEST_M, 0, 0};
     float lens[12], light[LIGHT_TERMS][4] = {{0}};
-    lens_uniform(view, lens);
-    gpu_program_set(p->program, VIEW_LENS, lens, 3);
+    figure_painter_set_lens(p, view);
     lens_uniform(&c->color, lens);
     gpu_program_set(p->program, COLOR_LENS, lens, 3);
     lens_uniform(&c->depth, lens);

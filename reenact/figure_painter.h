@@ -13,6 +13,9 @@ MUST_CHECK enum status figure_painter_open(struct figure_painter **out, struct g
                                            const struct source_rays *rays, const struct lens *view);
 void figure_painter_close(struct figure_painter **p);
 
+// From here on for another tablet camera.
+void figure_painter_set_lens(struct figure_painter *p, const struct lens *view);
+
 struct figure_view {
     int64_t frame;            // shown, the nearest in time
     struct skeleton skeleton; // in the world, perhaps between two frames
