@@ -1,4 +1,4 @@
-// Lays the person's figure on what one frame saw of it: joints are a few
+// Lays the person's likeness on what one frame saw of it: joints are a few
 // centimetres wrong, depth is not. Every part may move and turn a little; parts
 // that meet stay together, and what was not seen stays where the joints say. Pure.
 #pragma once

@@ -1,4 +1,4 @@
-// The colours of the figure's surface, gathered over the take: what every frame
+// The colours of the likeness's surface, gathered over the take: what every frame
 // that saw a place of the body says about it, and the room's light, so that a
 // place has one colour, however it was turned when it was seen. Pure.
 #pragma once

@@ -1,7 +1,7 @@
 #include "reenact/painter.h"
 
 #include "reenact/cylinders.h"
-#include "reenact/figure_painter.h"
+#include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
 #include "reenact/select.h"
 #include "reenact/shaders.h"
@@ -44,8 +44,8 @@ struct painter {
     struct motion *motion;
     struct selector *selector;
     struct texture_cache *textures;
-    struct source_rays *rays;      // NULL: the take has no depth
-    struct figure_painter *figure; // NULL: too little of the person was seen; rounded cylinders then
+    struct source_rays *rays;          // NULL: the take has no depth
+    struct likeness_painter *likeness; // NULL: too little of the person was seen; rounded cylinders then
     struct gpu_program *actor_program, *compose_program;
     struct gpu_mesh *whole;                      // one triangle over everything
     struct gpu_mesh *open[SIDES];                // the paper's cylinder
@@ -71,8 +71,8 @@ static void set_view_lens(struct painter *p)
     float lens[12];
     lens_uniform(&p->lens, lens);
     gpu_program_set(p->actor_program, VIEW_LENS, lens, 3);
-    if (p->figure)
-        figure_painter_set_lens(p->figure, &p->lens);
+    if (p->likeness)
+        likeness_painter_set_lens(p->likeness, &p->lens);
 }
 
 static enum status open_programs(struct painter *p)
@@ -157,14 +157,14 @@ static enum status open_selector(struct painter *p)
     return status;
 }
 
-static enum status open_figure(struct painter *p)
+static enum status open_likeness(struct painter *p)
 {
     const struct calibration *c = take_calibration(p->take);
     if (p->detail == DETAIL_PAPER || !(c->depth.width > 0))
         return OK;
     enum status status = source_rays_open(&p->rays, c);
     if (status == OK)
-        status = figure_painter_open(&p->figure, p->gpu, p->take, p->rays, &p->lens);
+        status = likeness_painter_open(&p->likeness, p->gpu, p->take, p->rays, &p->lens);
     return status == NOTHING ? OK : status;
 }
 
@@ -193,7 +193,7 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     if (status == OK)
         status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes);
     if (status == OK)
-        status = open_figure(p);
+        status = open_likeness(p);
     if (status == OK)
         status = open_programs(p);
     if (status == OK)
@@ -216,7 +216,7 @@ void painter_close(struct painter **out)
         for (int part = 0; part < PART_COUNT; part++)
             gpu_mesh_close(&p->rounded[part][i]);
     }
-    figure_painter_close(&p->figure);
+    likeness_painter_close(&p->likeness);
     source_rays_close(&p->rays);
     gpu_mesh_close(&p->whole);
     close_targets(p);
@@ -363,11 +363,11 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
             return status;
         result->source = whole.frame;
     }
-    if (result->level != DETAIL_PAPER && p->figure) {
-        struct figure_view figure = {moment.frame, moment.skeleton, view->world_from_camera, p->actor,
-                                     p->coding ? p->source : NULL};
+    if (result->level != DETAIL_PAPER && p->likeness) {
+        struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera, p->actor,
+                                      p->coding ? p->source : NULL};
         int parts;
-        status = figure_painter_draw(p->figure, &figure, &parts);
+        status = likeness_painter_draw(p->likeness, &shown, &parts);
         result->parts = status == OK ? parts : 0;
         return status;
     }

@@ -1,4 +1,4 @@
-// The rest pose, in which the person's figure is gathered: upright, arms and legs
+// The rest pose, in which the person's likeness is gathered: upright, arms and legs
 // held apart so that no two limbs touch. And postures: where every part of the
 // rest pose is at an instant. Pure.
 #pragma once

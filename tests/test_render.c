@@ -4,7 +4,7 @@
 
 #include "platform/jpeg.h"
 #include "reenact/painter.h"
-#include "reenact/figure.h"
+#include "reenact/likeness.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -300,9 +300,9 @@ static void the_figure_lies_on_what_was_seen(void **state)
     struct stage stage;
     stage_open(&stage, &ideal, &frame, 1, &whole_measures);
     struct source_rays *rays;
-    struct figure figure;
+    struct likeness figure;
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(figure_make(&figure, stage.take, rays, 10), OK);
+    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, 10), OK);
     long close = 0;
     for (int i = 0; i < figure.surface.point_count; i++)
         close += fabs(rest_distance(&figure.rest, figure.surface.points[i])) < 0.015;
@@ -337,7 +337,7 @@ static void the_figure_lies_on_what_was_seen(void **state)
     print_message("joints %.1f mm off, then %.1f mm\n", before * 1000, after * 1000);
     EXPECT_AT_MOST(after, before / 2);
     sight_close(&sight);
-    figure_free(&figure);
+    likeness_free(&figure);
     source_rays_close(&rays);
     stage_close(&stage);
 }

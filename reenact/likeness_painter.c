@@ -1,4 +1,4 @@
-#include "reenact/figure_painter.h"
+#include "reenact/likeness_painter.h"
 
 #include "reenact/shaders.h"
 
@@ -37,10 +37,10 @@ static const char *const uniform_names[UNIFORMS] = {
     [ABSENT] = "absent",
 };
 
-struct figure_painter {
+struct likeness_painter {
     struct gpu *gpu;
     struct take *take;
-    struct figure figure;
+    struct likeness likeness;
     struct sight sight;
     struct gpu_program *program;
     struct gpu_mesh *mesh;
@@ -68,7 +68,7 @@ void lens_uniform(const struct lens *l, float out[12])
 
 // ---------------------------------------------------------------- opening
 
-static void put_vertex(const struct figure *f, int i, float v[VERTEX])
+static void put_vertex(const struct likeness *f, int i, float v[VERTEX])
 {
     const struct vec3 *p = &f->surface.points[i], *n = &f->surface.normals[i];
     const struct skin *s = &f->skins[i];
@@ -83,16 +83,16 @@ static void put_vertex(const struct figure *f, int i, float v[VERTEX])
     memcpy(v, values, sizeof values);
 }
 
-static enum status open_mesh(struct figure_painter *p)
+static enum status open_mesh(struct likeness_painter *p)
 {
-    const struct surface *s = &p->figure.surface;
+    const struct surface *s = &p->likeness.surface;
     if (s->point_count > UINT16_MAX)
         return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
     float *vertices = malloc(sizeof *vertices * VERTEX * (size_t)s->point_count);
     uint16_t *corners = malloc(sizeof *corners * (size_t)s->corner_count);
     enum status status = vertices && corners ? OK : fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < s->point_count && status == OK; i++)
-        put_vertex(&p->figure, i, vertices + VERTEX * (size_t)i);
+        put_vertex(&p->likeness, i, vertices + VERTEX * (size_t)i);
     for (int i = 0; i < s->corner_count && status == OK; i++)
         corners[i] = (uint16_t)s->corners[i];
     if (status == OK)
@@ -102,14 +102,14 @@ static enum status open_mesh(struct figure_painter *p)
     return status;
 }
 
-void figure_painter_set_lens(struct figure_painter *p, const struct lens *view)
+void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view)
 {
     float lens[12];
     lens_uniform(view, lens);
     gpu_program_set(p->program, VIEW_LENS, lens, 3);
 }
 
-static enum status open_program(struct figure_painter *p, const struct lens *view)
+static enum status open_program(struct likeness_painter *p, const struct lens *view)
 {
     static const char *const samplers[] = {"now_picture", "now_depth"};
     const struct gpu_program_text text = {
@@ -120,7 +120,7 @@ static enum status open_program(struct figure_painter *p, const struct lens *vie
     const struct calibration *c = take_calibration(p->take);
     const float range[4] = {NEAREST_M, FARTHEST_M, 0, 0};
     float lens[12], light[LIGHT_TERMS][4] = {{0}};
-    figure_painter_set_lens(p, view);
+    likeness_painter_set_lens(p, view);
     lens_uniform(&c->color, lens);
     gpu_program_set(p->program, COLOR_LENS, lens, 3);
     lens_uniform(&c->depth, lens);
@@ -129,23 +129,23 @@ static enum status open_program(struct figure_painter *p, const struct lens *vie
     struct part_map map = part_map_of(c->registered ? POSE_IDENTITY : pose_inverse(c->color_from_depth));
     gpu_program_set(p->program, DEPTH_FROM_COLOR, map.row[0], 3);
     for (int i = 0; i < LIGHT_TERMS; i++)
-        light[i][0] = p->figure.coat.light.term[i];
+        light[i][0] = p->likeness.coat.light.term[i];
     gpu_program_set(p->program, LIGHT, light[0], LIGHT_TERMS);
     return OK;
 }
 
-enum status figure_painter_open(struct figure_painter **out, struct gpu *gpu, struct take *take,
-                                const struct source_rays *rays, const struct lens *view)
+enum status likeness_painter_open(struct likeness_painter **out, struct gpu *gpu, struct take *take,
+                                  const struct source_rays *rays, const struct lens *view)
 {
     *out = NULL;
-    struct figure_painter *p = calloc(1, sizeof *p);
+    struct likeness_painter *p = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
     p->gpu = gpu;
     p->take = take;
     p->frame = -1;
     const struct calibration *c = take_calibration(take);
-    enum status status = figure_make(&p->figure, take, rays, MOST_FRAMES);
+    enum status status = likeness_make(&p->likeness, take, rays, MOST_FRAMES);
     if (status == OK)
         status = sight_open(&p->sight, take, rays);
     p->color = malloc((size_t)c->color.width * (size_t)c->color.height * 3);
@@ -161,17 +161,17 @@ enum status figure_painter_open(struct figure_painter **out, struct gpu *gpu, st
     if (status == OK)
         status = open_program(p, view);
     if (status != OK)
-        figure_painter_close(&p);
+        likeness_painter_close(&p);
     *out = p;
     return status;
 }
 
-void figure_painter_close(struct figure_painter **out)
+void likeness_painter_close(struct likeness_painter **out)
 {
-    struct figure_painter *p = *out;
+    struct likeness_painter *p = *out;
     if (!p)
         return;
-    figure_free(&p->figure);
+    likeness_free(&p->likeness);
     sight_close(&p->sight);
     free(p->color);
     free(p->depth);
@@ -186,7 +186,7 @@ void figure_painter_close(struct figure_painter **out)
 // ---------------------------------------------------------------- the shown frame
 
 // Blue: how deep within one surface of the person each pixel lies, 255 at INNER_PX and more.
-static void write_depth(struct figure_painter *p)
+static void write_depth(struct likeness_painter *p)
 {
     const struct sight *s = &p->sight;
     for (int i = 0; i < s->width * s->height; i++) {
@@ -200,7 +200,7 @@ static void write_depth(struct figure_painter *p)
     gpu_texture_write(p->now_depth, p->depth);
 }
 
-static enum status load_frame(struct figure_painter *p, int64_t frame)
+static enum status load_frame(struct likeness_painter *p, int64_t frame)
 {
     if (p->frame == frame)
         return OK;
@@ -208,14 +208,14 @@ static enum status load_frame(struct figure_painter *p, int64_t frame)
     struct posture joints;
     p->frame = -1;
     p->has_now = false;
-    p->adjustment = figure_adjustment(&p->figure, frame);
+    p->adjustment = likeness_adjustment(&p->likeness, frame);
     enum status status = sight_read(&p->sight, p->take, frame);
     if (status == OK)
-        status = posture_of(&p->figure.rest, &e->skeleton, &joints);
+        status = posture_of(&p->likeness.rest, &e->skeleton, &joints);
     if (status < 0)
         return status;
     if (status == OK) {
-        p->adjustment = align(p->figure.volume, &p->figure.rest, &p->sight, &joints, &p->adjustment);
+        p->adjustment = align(p->likeness.volume, &p->likeness.rest, &p->sight, &joints, &p->adjustment);
         write_depth(p);
         struct take_pictures seen;
         status = take_read(p->take, frame, TAKE_COLOR, &seen);
@@ -235,7 +235,7 @@ static enum status load_frame(struct figure_painter *p, int64_t frame)
 
 // ---------------------------------------------------------------- drawing
 
-static void set_maps(struct figure_painter *p, enum uniform uniform, struct pose to, const struct posture *posture)
+static void set_maps(struct likeness_painter *p, enum uniform uniform, struct pose to, const struct posture *posture)
 {
     struct part_map maps[PART_COUNT];
     for (int part = 0; part < PART_COUNT; part++)
@@ -244,7 +244,7 @@ static void set_maps(struct figure_painter *p, enum uniform uniform, struct pose
 }
 
 // How many parts there are to draw; the others are marked as absent.
-static int set_absent(struct figure_painter *p, const struct figure_view *view)
+static int set_absent(struct likeness_painter *p, const struct likeness_view *view)
 {
     float absent[12] = {0};
     int present = 0;
@@ -263,7 +263,7 @@ static int set_absent(struct figure_painter *p, const struct figure_view *view)
     return present;
 }
 
-enum status figure_painter_draw(struct figure_painter *p, const struct figure_view *view, int *parts)
+enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts)
 {
     *parts = set_absent(p, view);
     if (!*parts)
@@ -271,9 +271,9 @@ enum status figure_painter_draw(struct figure_painter *p, const struct figure_vi
     struct posture shown, recorded;
     enum status status = load_frame(p, view->frame);
     if (status == OK)
-        status = posture_of(&p->figure.rest, &view->skeleton, &shown); // world axes
+        status = posture_of(&p->likeness.rest, &view->skeleton, &shown); // world axes
     if (status == OK)
-        status = posture_of(&p->figure.rest, &take_entry(p->take, view->frame)->skeleton, &recorded);
+        status = posture_of(&p->likeness.rest, &take_entry(p->take, view->frame)->skeleton, &recorded);
     if (status != OK)
         return status;
     shown = posture_adjusted(&shown, &p->adjustment);

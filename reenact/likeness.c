@@ -1,4 +1,4 @@
-#include "reenact/figure.h"
+#include "reenact/likeness.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -6,7 +6,7 @@
 enum { SMOOTH_PASSES = 2 };
 static const double CARRIED = 0.85; // of a frame's adjustment goes on to the next
 
-static enum status choose_frames(struct figure *f, const struct take *take, int max_frames)
+static enum status choose_frames(struct likeness *f, const struct take *take, int max_frames)
 {
     int64_t frames = take_frame_count(take), usable = 0, seen = 0;
     for (int64_t i = 0; i < frames; i++)
@@ -31,8 +31,8 @@ static enum status choose_frames(struct figure *f, const struct take *take, int 
 
 enum pass { PASS_FIRST, PASS_SHAPE, PASS_COLOR };
 
-// One frame of one pass; the figure's list loses those that turn out unusable.
-static enum status one_frame(struct figure *f, struct take *take, enum pass pass, struct volume *into, int i,
+// One frame of one pass; the list loses those that turn out unusable.
+static enum status one_frame(struct likeness *f, struct take *take, enum pass pass, struct volume *into, int i,
                              struct sight *sight, struct coat_maker *coat)
 {
     int64_t frame = f->frames[i];
@@ -72,7 +72,7 @@ static enum status one_frame(struct figure *f, struct take *take, enum pass pass
     return status;
 }
 
-static enum status all_frames(struct figure *f, struct take *take, enum pass pass, struct volume *into,
+static enum status all_frames(struct likeness *f, struct take *take, enum pass pass, struct volume *into,
                               struct sight *sight, struct coat_maker *coat)
 {
     enum status status = OK;
@@ -86,7 +86,7 @@ static enum status all_frames(struct figure *f, struct take *take, enum pass pas
     return status;
 }
 
-static enum status make_shape(struct figure *f, struct take *take, struct sight *sight)
+static enum status make_shape(struct likeness *f, struct take *take, struct sight *sight)
 {
     const struct calibration *c = take_calibration(take);
     enum status status = volume_open(&f->volume, &f->rest, c);
@@ -107,7 +107,7 @@ static enum status make_shape(struct figure *f, struct take *take, struct sight 
     return status;
 }
 
-static enum status make_coat(struct figure *f, struct take *take, struct sight *sight)
+static enum status make_coat(struct likeness *f, struct take *take, struct sight *sight)
 {
     f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
     if (!f->skins)
@@ -124,9 +124,9 @@ static enum status make_coat(struct figure *f, struct take *take, struct sight *
     return status;
 }
 
-enum status figure_make(struct figure *out, struct take *take, const struct source_rays *rays, int max_frames)
+enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays, int max_frames)
 {
-    *out = (struct figure){0};
+    *out = (struct likeness){0};
     struct sight sight = {0};
     enum status status = rest_make(&out->rest, take);
     if (status == OK)
@@ -139,11 +139,11 @@ enum status figure_make(struct figure *out, struct take *take, const struct sour
         status = make_coat(out, take, &sight);
     sight_close(&sight);
     if (status != OK)
-        figure_free(out);
+        likeness_free(out);
     return status;
 }
 
-void figure_free(struct figure *f)
+void likeness_free(struct likeness *f)
 {
     volume_close(&f->volume);
     surface_free(&f->surface);
@@ -151,10 +151,10 @@ void figure_free(struct figure *f)
     free(f->skins);
     free(f->frames);
     free(f->adjustments);
-    *f = (struct figure){0};
+    *f = (struct likeness){0};
 }
 
-struct adjustment figure_adjustment(const struct figure *f, int64_t frame)
+struct adjustment likeness_adjustment(const struct likeness *f, int64_t frame)
 {
     int after = 0;
     while (after < f->frame_count && f->frames[after] < frame)

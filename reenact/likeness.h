@@ -5,7 +5,7 @@
 #include "reenact/align.h"
 #include "reenact/coat.h"
 
-struct figure {
+struct likeness {
     struct rest rest;
     struct volume *volume;
     struct surface surface;
@@ -19,9 +19,9 @@ struct figure {
 // Reads at most `max_frames` frames, spread evenly. rays as source_rays_open made
 // them for this take. NOTHING: the take shows too little of a person for it.
 // ERR_CORRUPT, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status figure_make(struct figure *out, struct take *take, const struct source_rays *rays,
-                                   int max_frames);
-void figure_free(struct figure *f);
+MUST_CHECK enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays,
+                                     int max_frames);
+void likeness_free(struct likeness *f);
 
 // How the joints' posture of `frame` is to be adjusted, by the known frames about it.
-struct adjustment figure_adjustment(const struct figure *f, int64_t frame);
+struct adjustment likeness_adjustment(const struct likeness *f, int64_t frame);
