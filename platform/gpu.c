@@ -336,7 +336,8 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
 enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components, int vertex_count,
                           const uint16_t *indices, int index_count)
 {
-    assert(components >= 2 && components <= 4 && vertex_count > 0 && vertex_count <= 65536 && index_count > 0);
+    assert(((components >= 2 && components <= 4) || (components % 4 == 0 && components <= 20)) && vertex_count > 0 &&
+           vertex_count <= 65536 && index_count > 0);
     *out = NULL;
     gpu_use(g);
     struct gpu_mesh *m = calloc(1, sizeof *m);
@@ -351,8 +352,12 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
     glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof(float) * components * vertex_count, vertices, GL_STATIC_DRAW);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
     glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof(uint16_t) * index_count, indices, GL_STATIC_DRAW);
-    glEnableVertexAttribArray(0);
-    glVertexAttribPointer(0, components, GL_FLOAT, GL_FALSE, 0, NULL);
+    for (int at = 0; at < components; at += 4) {
+        int size = components - at < 4 ? components - at : 4;
+        glEnableVertexAttribArray((GLuint)at / 4);
+        glVertexAttribPointer((GLuint)at / 4, size, GL_FLOAT, GL_FALSE, (GLsizei)sizeof(float) * components,
+                              (const void *)(sizeof(float) * (size_t)at));
+    }
     glBindVertexArray(0);
     enum status status = gpu_check(g);
     if (status != OK) {

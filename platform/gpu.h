@@ -44,8 +44,8 @@ struct gpu_program_text {
     const char *const *samplers;   // in the order of gpu_job.textures
     int sampler_count;             // at most 4
 };
-// The texts are not needed afterwards. The vertex shader's only input lies at
-// location 0. ERR_DEVICE: it does not compile or link (with the driver's words),
+// The texts are not needed afterwards. The vertex shader's inputs lie at
+// locations 0 and up. ERR_DEVICE: it does not compile or link (with the driver's words),
 // or lacks one of the uniforms.
 MUST_CHECK enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_text *text);
 void gpu_program_close(struct gpu_program **p);
@@ -63,7 +63,8 @@ void gpu_texture_close(struct gpu_texture **t);
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels); // all of it, rows without padding
 
 // ---- meshes: triangles
-// vertices: `components` (2..4) floats each. ERR_DEVICE: out of memory.
+// vertices: `components` floats each: 2 to 4, or 8, 12, 16, 20, of which the shader
+// finds four at each of the locations 0, 1, 2 ... ERR_DEVICE: out of memory.
 MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components,
                                      int vertex_count, const uint16_t *indices, int index_count);
 void gpu_mesh_close(struct gpu_mesh **m);

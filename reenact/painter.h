@@ -13,8 +13,8 @@ enum detail {
     DETAIL_PAPER, // 2014 to the letter: the yardstick. One frame for the whole body
                   // (equation 5), that frame's plain colours, open cylinders
     DETAIL_FULL,  // our best: what the shown frame itself saw, and about it measured shapes, a frame for each part, its
-                 // own pixels only, smooth edges, joints between recorded instants
-    DETAIL_AUTO, // full, or less where the eye cannot tell: see painter_level
+                  // own pixels only, smooth edges, joints between recorded instants
+    DETAIL_AUTO,  // full, or less where the eye cannot tell: see painter_level
 };
 
 struct painter;

@@ -1,25 +1,22 @@
 #version 300 es
-// The person at full detail. What the shown frame saw takes its colours from that
-// very frame; the rest of each part's model from the frame chosen for it. The
-// shown frame's depth also says where nobody is: the model ends there.
+// The person's figure: where the shown frame itself saw this place, squarely and
+// near enough, its own colours; elsewhere those gathered over the take; and
+// smoothly from the one to the other.
 precision highp float;
 
-centroid in vec3 source_point;
-centroid in vec3 now_point;
+centroid in vec4 now_point;
+centroid in vec4 now_facing;
+centroid in vec4 borrowed;
 
-uniform vec4 source_lens[3]; // as view_lens
-uniform vec4 source_window;  // the texture's place in that frame: left, top, width, height, pixels
-uniform vec4 now_lens[3];    // SURFACE: the colour camera's; else the depth camera's
-uniform vec4 kind;           // x: one of the below; y: 1 to write codes instead of colours; z: 1 if there is a
-                             // borrowed texture; w: metres it stands back behind what else is there
-uniform vec4 code;           // xy: age of the borrowed frame, hundredths of a second, high and low byte / 255
-uniform highp sampler2D source_picture;
-uniform highp sampler2D now_picture; // the shown frame's colours
-uniform highp sampler2D now_depth;   // its depth: millimetres (high, low byte); blue: 1 surface, 0.5 the person's rim and gaps
+uniform vec4 color_lens[3];           // of the shown frame's colours, as view_lens
+uniform vec4 depth_lens[3];           // of its depth
+uniform vec4 depth_from_color[3];     // rows, metres
+uniform vec4 kind;                    // x: 1 to write where colours are from instead of them; y: the shown frame's
+                                      // time, seconds of the take; z: 1 if it has colours and depth
+uniform highp sampler2D now_picture;
+uniform highp sampler2D now_depth;    // millimetres (high, low byte); blue: 0 at the person's edge and elsewhere, 1 well within
 
 out vec4 color; // premultiplied
-
-const float WHOLE = 0.0, CARVED = 1.0, SURFACE = 2.0; // a model; a model less what was seen; what was seen
 
 vec2 placed(vec3 p, vec4 lens[3])
 {
@@ -32,45 +29,38 @@ vec2 placed(vec3 p, vec4 lens[3])
     return lens[0].xy * bent + lens[0].zw;
 }
 
-// Is the model here where the shown frame looked through, or what it saw itself?
-bool refuted(vec3 p)
+// How much the shown frame's own colours are to be believed here.
+float seen_now()
 {
-    if (p.z < 1e-3)
-        return false;
-    vec2 size = now_lens[2].zw;
-    ivec2 at = ivec2(floor(placed(p, now_lens) + 0.5));
+    vec3 p = now_point.xyz;
+    vec4 h = vec4(p, 1.0);
+    vec3 d = vec3(dot(depth_from_color[0], h), dot(depth_from_color[1], h), dot(depth_from_color[2], h));
+    if (kind.z < 0.5 || p.z < 0.05 || d.z < 0.05)
+        return 0.0;
+    vec2 size = depth_lens[2].zw;
+    ivec2 at = ivec2(floor(placed(d, depth_lens) + 0.5));
     if (at.x < 0 || at.y < 0 || at.x >= int(size.x) || at.y >= int(size.y))
-        return false;
-    vec4 seen = texelFetch(now_depth, at, 0);
-    float depth = (seen.r * 256.0 + seen.g) * 0.255;
-    float slack = 0.02 + 0.002 * depth * depth; // the reading's own error grows so
-    if (seen.b > 0.75)
-        return p.z < depth; // just behind it goes on, so that no gap opens at the surface's edge
-    if (seen.b > 0.25)
-        return false;
-    if (depth > 0.0)
-        return p.z < depth - slack - 0.03; // feet stand close before the floor
-    return true;
+        return 0.0;
+    vec4 there = texelFetch(now_depth, at, 0);
+    float off = abs((there.r * 256.0 + there.g) * 0.255 - d.z);
+    float squarely = smoothstep(0.15, 0.45, -dot(normalize(now_facing.xyz), normalize(p)));
+    return squarely * there.b * (1.0 - smoothstep(0.05, 0.09, off));
 }
 
 void main()
 {
-    bool surface = kind.x == SURFACE;
-    if (kind.x == CARVED && refuted(now_point))
+    if (borrowed.w > 0.5)
         discard;
-    bool front = !gl_FrontFacing; // rows run downwards in our pictures, which turns triangles over
-    bool now = surface && (front || kind.z < 0.5);
-    vec3 rgb;
-    if (now) {
-        rgb = texture(now_picture, (placed(now_point, now_lens) + 0.5) / now_lens[2].zw).rgb;
-    } else {
-        if (source_point.z < 1e-3)
-            discard; // never before that camera
-        rgb = texture(source_picture, (placed(source_point, source_lens) - source_window.xy + 0.5) / source_window.zw).rgb;
+    float now = seen_now();
+    if (kind.x > 0.5) {
+        float age = min(floor(abs(now_point.w - kind.y) * 100.0 + 0.5), 65535.0);
+        float what = now > 0.5 ? 85.0 : now_facing.w > 0.5 ? 255.0 : 170.0;
+        vec2 bytes = now > 0.5 ? vec2(0.0) : vec2(floor(age / 256.0), mod(age, 256.0));
+        color = vec4(what / 255.0, bytes / 255.0, 1.0);
+        return;
     }
-    if (kind.y > 0.5) {
-        bool filled = surface && !front;
-        rgb = vec3(filled ? 1.0 : now ? 85.0 / 255.0 : 170.0 / 255.0, now ? vec2(0.0) : code.xy);
-    }
+    vec3 rgb = sqrt(clamp(borrowed.rgb, 0.0, 1.0));
+    if (now > 0.0)
+        rgb = mix(rgb, texture(now_picture, (placed(now_point.xyz, color_lens) + 0.5) / color_lens[2].zw).rgb, now);
     color = vec4(rgb, 1.0);
 }

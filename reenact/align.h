@@ -1,0 +1,18 @@
+// Lays the person's likeness on what one frame saw of it: joints are a few
+// centimetres wrong, depth is not. Every part may move and turn a little; parts
+// that meet stay together, and what was not seen stays where the joints say. Pure.
+#pragma once
+#include "reenact/volume.h"
+
+// What turns the joints' posture into the better one, in each part's rest axes.
+struct adjustment {
+    struct pose part[PART_COUNT]; // posture = joints' posture * adjustment
+};
+struct adjustment adjustment_none(void);
+struct posture posture_adjusted(const struct posture *posture, const struct adjustment *adjustment);
+struct adjustment adjustment_mix(const struct adjustment *a, const struct adjustment *b, double t);
+
+// joints: the posture that the frame's skeleton gives. start: where to begin, for
+// example the frame's before. The sight's labels are used and made better.
+struct adjustment align(const struct volume *volume, const struct rest *rest, struct sight *sight,
+                        const struct posture *joints, const struct adjustment *start);

@@ -1,0 +1,291 @@
+#include "reenact/coat.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { KEPT = 16, ROUNDS = 8, RIM_PX = 1 };
+
+static const double LEAST_FACING = 0.25; // cosine towards the camera
+static const double NEAR_M = 0.05;       // the reading that vouches for a place lies this near
+static const float ODD = 0.06F;          // a colour so far from the others counts a quarter
+static const float STEADY = 0.02F;       // of the light's terms, against being read from too few sides
+
+// One frame's word about one point.
+struct word {
+    float weight, rgb[3], normal[3], time_s; // linear; world axes
+};
+
+struct coat_maker {
+    const struct surface *surface;
+    const struct skin *skins;
+    struct calibration calibration;
+    struct pose depth_from_color;
+    struct word (*words)[KEPT]; // of each point; the unused have weight 0
+    float linear[256];
+};
+
+enum status coat_open(struct coat_maker **out, const struct surface *surface, const struct skin *skins,
+                      const struct calibration *calibration)
+{
+    struct coat_maker *m = *out = calloc(1, sizeof *m);
+    if (!m)
+        return fail(ERR_MEMORY, "out of memory");
+    m->surface = surface;
+    m->skins = skins;
+    m->calibration = *calibration;
+    m->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
+    m->words = calloc((size_t)surface->point_count, sizeof *m->words);
+    for (int i = 0; i < 256; i++)
+        m->linear[i] = (float)(i / 255.0 * i / 255.0); // near enough to sRGB's curve, and undone by a root
+    if (m->words)
+        return OK;
+    coat_close(out);
+    return fail(ERR_MEMORY, "out of memory");
+}
+
+void coat_close(struct coat_maker **m)
+{
+    if (!*m)
+        return;
+    free((*m)->words);
+    free(*m);
+    *m = NULL;
+}
+
+// ---------------------------------------------------------------- gathering
+
+static void keep(struct word words[KEPT], const struct word *word)
+{
+    int weakest = 0;
+    for (int i = 1; i < KEPT; i++)
+        if (words[i].weight < words[weakest].weight)
+            weakest = i;
+    if (word->weight > words[weakest].weight)
+        words[weakest] = *word;
+}
+
+// Does the depth picture vouch that the point `p` (depth camera's axes) of `part` is what is seen there?
+static bool vouched(const struct coat_maker *m, const struct sight *s, struct vec3 p, enum part part)
+{
+    if (!(p.z > 0.05))
+        return false;
+    struct pixel px = lens_project(&m->calibration.depth, p);
+    int x = (int)floor(px.x + 0.5), y = (int)floor(px.y + 0.5);
+    if (x < 0 || y < 0 || x >= s->width || y >= s->height)
+        return false;
+    int i = y * s->width + x;
+    if (s->edge[i] < RIM_PX || s->part[i] >= PART_COUNT || !parts_meet((enum part)s->part[i], part) ||
+        fabs(s->depth[i] * 1e-3 - p.z) > NEAR_M)
+        return false;
+    return true;
+}
+
+static bool read_color(const struct coat_maker *m, const uint8_t *rgb, struct vec3 p, float out[3])
+{
+    const struct lens *lens = &m->calibration.color;
+    struct pixel px = lens_project(lens, p);
+    int x = (int)floor(px.x), y = (int)floor(px.y);
+    if (x < 0 || y < 0 || x + 1 >= lens->width || y + 1 >= lens->height)
+        return false;
+    float u = (float)(px.x - x), v = (float)(px.y - y);
+    const uint8_t *a = rgb + 3 * (y * lens->width + x), *b = a + 3 * lens->width;
+    for (int c = 0; c < 3; c++)
+        out[c] = (m->linear[a[c]] * (1 - u) + m->linear[a[c + 3]] * u) * (1 - v) +
+                 (m->linear[b[c]] * (1 - u) + m->linear[b[c + 3]] * u) * v;
+    return true;
+}
+
+static void skinned(const struct skin *skin, const struct posture *posture, struct vec3 point, struct vec3 normal,
+                    struct vec3 *p, struct vec3 *n)
+{
+    *p = *n = v3(0, 0, 0);
+    for (int i = 0; i < SKIN_PARTS; i++) {
+        if (!(skin->weight[i] > 0))
+            continue;
+        const struct pose *t = &posture->part[skin->part[i]];
+        *p = v3_add(*p, v3_scale(pose_apply(*t, point), (double)skin->weight[i]));
+        *n = v3_add(*n, v3_scale(quat_rotate(t->rotation, normal), (double)skin->weight[i]));
+    }
+    *n = v3_unit(*n);
+}
+
+void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
+              struct pose world_from_camera, double time_s)
+{
+    for (int i = 0; i < m->surface->point_count; i++) {
+        struct vec3 p, n;
+        skinned(&m->skins[i], posture, m->surface->points[i], m->surface->normals[i], &p, &n);
+        double facing = -v3_dot(n, v3_unit(p));
+        struct word word = {.time_s = (float)time_s};
+        if (!(p.z > 0.05) || facing < LEAST_FACING ||
+            !vouched(m, sight, pose_apply(m->depth_from_color, p), (enum part)m->skins[i].part[0]) ||
+            !read_color(m, rgb, p, word.rgb))
+            continue;
+        struct vec3 world = quat_rotate(world_from_camera.rotation, n);
+        word.normal[0] = (float)world.x, word.normal[1] = (float)world.y, word.normal[2] = (float)world.z;
+        word.weight = (float)(facing * facing / (p.z * p.z));
+        keep(m->words[i], &word);
+    }
+}
+
+// ---------------------------------------------------------------- light
+
+static void harmonics(const float n[3], float y[LIGHT_TERMS])
+{
+    y[0] = 1;
+    y[1] = n[0], y[2] = n[1], y[3] = n[2];
+    y[4] = n[0] * n[1], y[5] = n[1] * n[2], y[6] = n[0] * n[2];
+    y[7] = n[0] * n[0] - n[1] * n[1], y[8] = 3 * n[2] * n[2] - 1;
+}
+
+static float lit(const float term[LIGHT_TERMS], const float n[3])
+{
+    float y[LIGHT_TERMS], sum = 0;
+    harmonics(n, y);
+    for (int i = 0; i < LIGHT_TERMS; i++)
+        sum += term[i] * y[i];
+    return fminf(fmaxf(sum, LIGHT_LEAST), LIGHT_MOST);
+}
+
+// The point's own colour in the mean light; false: nobody saw it.
+static bool own_color(const struct word words[KEPT], const struct light *light, bool robust, float color[3])
+{
+    float odd[KEPT];
+    for (int k = 0; k < KEPT; k++)
+        odd[k] = 1;
+    for (int pass = 0; pass < (robust ? 4 : 1); pass++) {
+        float sum[3] = {0}, total[3] = {0};
+        for (int k = 0; k < KEPT; k++)
+            for (int c = 0; c < 3 && words[k].weight > 0; c++) {
+                float s = lit(light->term, words[k].normal), w = words[k].weight * odd[k];
+                sum[c] += w * s * words[k].rgb[c];
+                total[c] += w * s * s;
+            }
+        if (!(total[0] > 0))
+            return false;
+        for (int c = 0; c < 3; c++)
+            color[c] = sum[c] / total[c];
+        for (int k = 0; k < KEPT; k++) {
+            float off = 0;
+            for (int c = 0; c < 3; c++)
+                off += fabsf(sqrtf(words[k].rgb[c] / lit(light->term, words[k].normal)) - sqrtf(color[c]));
+            odd[k] = 1 / (1 + off * off / (ODD * ODD));
+            odd[k] *= odd[k];
+        }
+    }
+    return true;
+}
+
+// Symmetric positive definite, in place.
+static void solve(double a[LIGHT_TERMS][LIGHT_TERMS], double b[LIGHT_TERMS])
+{
+    for (int i = 0; i < LIGHT_TERMS; i++)
+        for (int r = i + 1; r < LIGHT_TERMS; r++) {
+            double f = a[r][i] / a[i][i];
+            for (int c = i; c < LIGHT_TERMS; c++)
+                a[r][c] -= f * a[i][c];
+            b[r] -= f * b[i];
+        }
+    for (int i = LIGHT_TERMS - 1; i >= 0; i--) {
+        for (int c = i + 1; c < LIGHT_TERMS; c++)
+            b[i] -= a[i][c] * b[c];
+        b[i] /= a[i][i];
+    }
+}
+
+static void fit_light(const struct coat_maker *m, float (*colors)[3], struct light *light)
+{
+    double a[LIGHT_TERMS][LIGHT_TERMS] = {{0}}, b[LIGHT_TERMS] = {0}, size = 0;
+    for (int i = 0; i < 3 * KEPT * m->surface->point_count; i++) {
+        int point = i / (3 * KEPT), c = i % 3;
+        const struct word *w = &m->words[point][i / 3 % KEPT];
+        if (!(w->weight > 0))
+            continue;
+        float y[LIGHT_TERMS], color = colors[point][c];
+        harmonics(w->normal, y);
+        float off = w->rgb[c] - color * lit(light->term, w->normal);
+        double weight = (double)(w->weight / (1 + off * off / (ODD * ODD)));
+        for (int r = 0; r < LIGHT_TERMS; r++) {
+            for (int q = 0; q < LIGHT_TERMS; q++)
+                a[r][q] += weight * (double)(color * color * y[r] * y[q]);
+            b[r] += weight * (double)(color * y[r] * w->rgb[c]);
+        }
+        size += weight * (double)(color * color);
+    }
+    if (!(size > 0))
+        return;
+    for (int r = 0; r < LIGHT_TERMS; r++)
+        a[r][r] += (double)STEADY * size;
+    b[0] += (double)STEADY * size; // towards even light
+    solve(a, b);
+    for (int r = 0; r < LIGHT_TERMS; r++)
+        light->term[r] = (float)(b[r] / b[0]);
+}
+
+// ---------------------------------------------------------------- what nobody saw
+
+static int nearest_seen(const struct coat_maker *m, const uint8_t *filled, struct vec3 p, double within)
+{
+    int best = -1;
+    double least = within * within;
+    for (int i = 0; i < m->surface->point_count; i++) {
+        if (filled[i])
+            continue;
+        struct vec3 d = v3_sub(m->surface->points[i], p);
+        double d2 = v3_dot(d, d);
+        if (d2 < least)
+            least = d2, best = i;
+    }
+    return best;
+}
+
+static void fill(const struct coat_maker *m, struct coat *c)
+{
+    for (int i = 0; i < m->surface->point_count; i++) {
+        if (!c->filled[i])
+            continue;
+        struct vec3 p = m->surface->points[i];
+        int from = nearest_seen(m, c->filled, v3(-p.x, p.y, p.z), 0.03); // the body's other half
+        if (from < 0)
+            from = nearest_seen(m, c->filled, p, INFINITY);
+        if (from < 0)
+            continue;
+        memcpy(c->color[i], c->color[from], sizeof c->color[i]);
+        c->time_s[i] = c->time_s[from];
+    }
+}
+
+enum status coat_make(struct coat_maker *m, struct coat *out)
+{
+    size_t count = (size_t)m->surface->point_count;
+    *out = (struct coat){.color = calloc(count, sizeof *out->color),
+                         .time_s = calloc(count, sizeof *out->time_s),
+                         .filled = calloc(count, 1)};
+    if (!out->color || !out->time_s || !out->filled) {
+        coat_free(out);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    out->light.term[0] = 1;
+    for (int round = 0; round < ROUNDS; round++) {
+        for (size_t i = 0; i < count; i++)
+            own_color(m->words[i], &out->light, false, out->color[i]);
+        fit_light(m, out->color, &out->light);
+    }
+    for (size_t i = 0; i < count; i++) {
+        out->filled[i] = !own_color(m->words[i], &out->light, true, out->color[i]);
+        float best = 0;
+        for (int k = 0; k < KEPT; k++)
+            if (m->words[i][k].weight > best)
+                best = m->words[i][k].weight, out->time_s[i] = m->words[i][k].time_s;
+    }
+    fill(m, out);
+    return OK;
+}
+
+void coat_free(struct coat *c)
+{
+    free(c->color);
+    free(c->time_s);
+    free(c->filled);
+    *c = (struct coat){0};
+}

@@ -1,0 +1,38 @@
+// The colours of the likeness's surface, gathered over the take: what every frame
+// that saw a place of the body says about it, and the room's light, so that a
+// place has one colour, however it was turned when it was seen. Pure.
+#pragma once
+#include "reenact/rest.h"
+#include "reenact/sight.h"
+#include "reenact/volume.h"
+
+// Light that falls on a surface by where it faces (world axes): spherical
+// harmonics up to the second order; the sum is held within LEAST and MOST, for it
+// means nothing where no surface ever faced. 1 is the mean.
+enum { LIGHT_TERMS = 9 };
+#define LIGHT_LEAST 0.4F
+#define LIGHT_MOST  1.6F
+struct light {
+    float term[LIGHT_TERMS];
+};
+
+struct coat {
+    float (*color)[3]; // of each point of the surface, linear, in the mean light
+    float *time_s;     // when it was seen best, since the take's first frame
+    uint8_t *filled;   // 1: nobody saw it; its colour is its mirror image's or its neighbour's
+    struct light light;
+};
+
+struct coat_maker;
+// surface, skins (of its points) and the take's things must outlive it. ERR_MEMORY.
+MUST_CHECK enum status coat_open(struct coat_maker **out, const struct surface *surface, const struct skin *skins,
+                                 const struct calibration *calibration);
+void coat_close(struct coat_maker **m);
+
+// What one frame saw, the person being in `posture` (colour camera's axes).
+void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
+              struct pose world_from_camera, double time_s);
+
+// ERR_MEMORY. coat_free.
+MUST_CHECK enum status coat_make(struct coat_maker *m, struct coat *out);
+void coat_free(struct coat *c);

@@ -1,0 +1,27 @@
+// The person as one model, made once for a take: a closed surface in the rest
+// pose, its colours, and for every posture how it lies. Made from the depth and
+// the colours of the whole take; pure; deterministic.
+#pragma once
+#include "reenact/align.h"
+#include "reenact/coat.h"
+
+struct likeness {
+    struct rest rest;
+    struct volume *volume;
+    struct surface surface;
+    struct skin *skins; // of the surface's points
+    struct coat coat;
+    int64_t *frames; // whose adjustments are known, rising
+    struct adjustment *adjustments;
+    int frame_count;
+};
+
+// Reads at most `max_frames` frames, spread evenly. rays as source_rays_open made
+// them for this take. NOTHING: the take shows too little of a person for it.
+// ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays,
+                                     int max_frames);
+void likeness_free(struct likeness *f);
+
+// How the joints' posture of `frame` is to be adjusted, by the known frames about it.
+struct adjustment likeness_adjustment(const struct likeness *f, int64_t frame);

@@ -1,0 +1,31 @@
+// Draws the person's likeness (likeness.h) in one go: its mesh and its colours lie on
+// the GPU once and for all; of the shown frame come its posture and, when another
+// frame is shown, its colours and depth. One thread.
+#pragma once
+#include "platform/gpu.h"
+#include "reenact/likeness.h"
+
+struct likeness_painter;
+
+// gpu, take and rays must outlive it. view: the tablet camera's lens, copied.
+// NOTHING: the take shows too little of a person. As likeness_make; ERR_DEVICE.
+MUST_CHECK enum status likeness_painter_open(struct likeness_painter **out, struct gpu *gpu, struct take *take,
+                                             const struct source_rays *rays, const struct lens *view);
+void likeness_painter_close(struct likeness_painter **p);
+
+// From here on for another tablet camera.
+void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view);
+
+struct likeness_view {
+    int64_t frame;            // shown, the nearest in time
+    struct skeleton skeleton; // in the world, perhaps between two frames
+    struct pose world_from_viewer;
+    struct gpu_target *actor;
+    struct gpu_target *source; // NULL: not wanted
+};
+// *parts: how many were drawn; those of unknown joints are not. NOTHING: none, or
+// the skeleton has no trunk. As take_read; ERR_DEVICE.
+MUST_CHECK enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts);
+
+// A lens as the shaders take it, three vec4s.
+void lens_uniform(const struct lens *lens, float out[12]);

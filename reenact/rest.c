@@ -1,0 +1,218 @@
+#include "reenact/rest.h"
+
+#include <stdlib.h>
+
+// Half of a bend is spread over this far on either side of a joint.
+static const double BLEND_M = 0.05;
+
+const struct part_link part_links[PART_LINKS] = {
+    {PART_UPPER_TORSO, PART_HEAD, JOINT_NECK},
+    {PART_UPPER_TORSO, PART_LOWER_TORSO, JOINT_TORSO},
+    {PART_UPPER_TORSO, PART_LEFT_UPPER_ARM, JOINT_LEFT_SHOULDER},
+    {PART_UPPER_TORSO, PART_RIGHT_UPPER_ARM, JOINT_RIGHT_SHOULDER},
+    {PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM, JOINT_LEFT_ELBOW},
+    {PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM, JOINT_RIGHT_ELBOW},
+    {PART_LOWER_TORSO, PART_LEFT_THIGH, JOINT_LEFT_HIP},
+    {PART_LOWER_TORSO, PART_RIGHT_THIGH, JOINT_RIGHT_HIP},
+    {PART_LEFT_THIGH, PART_LEFT_SHIN, JOINT_LEFT_KNEE},
+    {PART_RIGHT_THIGH, PART_RIGHT_SHIN, JOINT_RIGHT_KNEE},
+};
+
+bool parts_meet(enum part a, enum part b)
+{
+    bool meet = a == b;
+    for (int i = 0; i < PART_LINKS; i++)
+        meet |= (part_links[i].a == a && part_links[i].b == b) || (part_links[i].a == b && part_links[i].b == a);
+    return meet;
+}
+
+// ---------------------------------------------------------------- the pose
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, int64_t count)
+{
+    qsort(values, (size_t)count, sizeof *values, by_value);
+    return values[count / 2];
+}
+
+// The median distance of two joints over the take; 0: never known together.
+static double distance(const struct take *take, enum joint a, enum joint b, double *spare)
+{
+    int64_t count = 0;
+    for (int64_t i = 0; i < take_frame_count(take); i++) {
+        const struct take_entry *e = take_entry(take, i);
+        if (e->has_skeleton && e->skeleton.confidence[a] > 0 && e->skeleton.confidence[b] > 0)
+            spare[count++] = v3_distance(e->skeleton.joint[a], e->skeleton.joint[b]);
+    }
+    return count ? median(spare, count) : 0;
+}
+
+struct place_rule {
+    enum joint joint, from;
+    double x, y; // direction of the bone, for the left side
+};
+
+static void place_joints(struct skeleton *s, const struct take *take, double *spare)
+{
+    static const struct place_rule rules[] = {
+        {JOINT_HEAD, JOINT_NECK, 0, -1},
+        {JOINT_TORSO, JOINT_NECK, 0, 1},
+        {JOINT_WAIST, JOINT_TORSO, 0, 1},
+        {JOINT_LEFT_ELBOW, JOINT_LEFT_SHOULDER, 0.8, 0.6},
+        {JOINT_RIGHT_ELBOW, JOINT_RIGHT_SHOULDER, -0.8, 0.6},
+        {JOINT_LEFT_HAND, JOINT_LEFT_ELBOW, 0.8, 0.6},
+        {JOINT_RIGHT_HAND, JOINT_RIGHT_ELBOW, -0.8, 0.6},
+        {JOINT_LEFT_KNEE, JOINT_LEFT_HIP, 0.24, 0.97},
+        {JOINT_RIGHT_KNEE, JOINT_RIGHT_HIP, -0.24, 0.97},
+        {JOINT_LEFT_FOOT, JOINT_LEFT_KNEE, 0.24, 0.97},
+        {JOINT_RIGHT_FOOT, JOINT_RIGHT_KNEE, -0.24, 0.97},
+    };
+    static const enum joint pairs[2][3] = {{JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, JOINT_NECK},
+                                           {JOINT_LEFT_HIP, JOINT_RIGHT_HIP, JOINT_WAIST}};
+    s->confidence[JOINT_NECK] = 1;
+    for (size_t i = 0; i < 3; i++) { // the spine
+        double length = distance(take, rules[i].from, rules[i].joint, spare);
+        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
+            continue;
+        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(0, rules[i].y * length, 0));
+        s->confidence[rules[i].joint] = 1;
+    }
+    for (int i = 0; i < 2; i++) { // sideways of it, as far down as the distances say
+        double across = distance(take, pairs[i][0], pairs[i][1], spare) / 2;
+        double slope =
+            (distance(take, pairs[i][0], pairs[i][2], spare) + distance(take, pairs[i][1], pairs[i][2], spare)) / 2;
+        if (!(across > 0) || !(s->confidence[pairs[i][2]] > 0))
+            continue;
+        double down = slope > across ? sqrt(slope * slope - across * across) : 0;
+        for (int side = 0; side < 2; side++) {
+            s->joint[pairs[i][side]] = v3_add(s->joint[pairs[i][2]], v3(side ? -across : across, down, 0));
+            s->confidence[pairs[i][side]] = 1;
+        }
+    }
+    for (size_t i = 3; i < COUNT_OF(rules); i++) {
+        double length = distance(take, rules[i].from, rules[i].joint, spare);
+        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
+            continue;
+        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(rules[i].x * length, rules[i].y * length, 0));
+        s->confidence[rules[i].joint] = 1;
+    }
+}
+
+enum status rest_make(struct rest *out, const struct take *take)
+{
+    *out = (struct rest){0};
+    int64_t frames = take_frame_count(take);
+    double *spare = malloc(sizeof *spare * (size_t)(frames > 0 ? frames : 1));
+    if (!spare)
+        return fail(ERR_MEMORY, "out of memory");
+    place_joints(&out->skeleton, take, spare);
+    free(spare);
+    const struct body *body = take_body(take);
+    for (int p = 0; p < PART_COUNT; p++) {
+        out->known[p] = part_is_known(body, &out->skeleton, (enum part)p) &&
+                        part_frame_bodily(&out->skeleton, (enum part)p, &out->frame[p]);
+        if (out->known[p])
+            out->radius[p] = body->radius_rate[p] * out->frame[p].length;
+    }
+    return out->known[PART_UPPER_TORSO] ? OK : NOTHING;
+}
+
+// ---------------------------------------------------------------- postures
+
+static struct pose frame_pose(const struct part_frame *f)
+{
+    double m[3][3] = {{f->x.x, f->y.x, f->z.x}, {f->x.y, f->y.y, f->z.y}, {f->x.z, f->y.z, f->z.z}};
+    // About the bone's middle: where the lengths differ, both ends give way alike.
+    return (struct pose){quat_from_matrix(m), v3_add(f->origin, v3_scale(f->z, f->length / 2))};
+}
+
+enum status posture_of(const struct rest *rest, const struct skeleton *skeleton, struct posture *out)
+{
+    bool placed[PART_COUNT] = {false};
+    for (int p = 0; p < PART_COUNT; p++) {
+        struct part_frame f;
+        out->part[p] = POSE_IDENTITY;
+        placed[p] = rest->known[p] && part_frame_bodily(skeleton, (enum part)p, &f);
+        if (placed[p])
+            out->part[p] = pose_multiply(frame_pose(&f), pose_inverse(frame_pose(&rest->frame[p])));
+    }
+    if (!placed[PART_UPPER_TORSO])
+        return NOTHING;
+    for (int i = 0; i < PART_LINKS; i++) // from the trunk outwards
+        if (!placed[part_links[i].b])
+            out->part[part_links[i].b] = out->part[part_links[i].a];
+    return OK;
+}
+
+struct skeleton posture_skeleton(const struct rest *rest, const struct posture *posture)
+{
+    struct skeleton s = rest->skeleton;
+    int count[JOINT_COUNT] = {0};
+    struct vec3 sum[JOINT_COUNT] = {{0, 0, 0}};
+    for (int p = 0; p < PART_COUNT; p++) {
+        if (!rest->known[p])
+            continue;
+        const enum joint ends[] = {part_ends[p].from, part_ends[p].to};
+        for (int e = 0; e < 2; e++) {
+            sum[ends[e]] = v3_add(sum[ends[e]], pose_apply(posture->part[p], rest->skeleton.joint[ends[e]]));
+            count[ends[e]]++;
+        }
+    }
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        s.confidence[j] = count[j] ? 1 : 0;
+        s.joint[j] = count[j] ? v3_scale(sum[j], 1.0 / count[j]) : v3(0, 0, 0);
+    }
+    return s;
+}
+
+// ---------------------------------------------------------------- skin
+
+static double gap(const struct rest *rest, int p, struct vec3 at)
+{
+    struct vec3 in = v3_sub(at, rest->frame[p].origin);
+    double t = v3_dot(in, rest->frame[p].z);
+    t = t < 0 ? 0 : t > rest->frame[p].length ? rest->frame[p].length : t;
+    return v3_length(v3_sub(in, v3_scale(rest->frame[p].z, t))) - rest->radius[p];
+}
+
+double rest_distance(const struct rest *rest, struct vec3 point)
+{
+    double best = INFINITY;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (rest->known[p])
+            best = fmin(best, gap(rest, p, point));
+    return best;
+}
+
+struct skin rest_skin(const struct rest *rest, struct vec3 point)
+{
+    double gaps[PART_COUNT];
+    int nearest = -1;
+    for (int p = 0; p < PART_COUNT; p++) {
+        gaps[p] = rest->known[p] ? gap(rest, p, point) : INFINITY;
+        if (nearest < 0 || gaps[p] < gaps[nearest])
+            nearest = p;
+    }
+    struct skin s = {{(uint8_t)nearest, (uint8_t)nearest, (uint8_t)nearest}, {1, 0, 0}};
+    double total = 1;
+    for (int p = 0; p < PART_COUNT; p++) {
+        double share = 1 - (gaps[p] - gaps[nearest]) / BLEND_M;
+        if (p == nearest || !(share > 0) || !parts_meet((enum part)p, (enum part)nearest))
+            continue;
+        share = share * share * (3 - 2 * share);
+        int slot = s.weight[1] < s.weight[2] ? 1 : 2;
+        if (share <= (double)s.weight[slot])
+            continue;
+        total += share - (double)s.weight[slot];
+        s.part[slot] = (uint8_t)p;
+        s.weight[slot] = (float)share;
+    }
+    for (int i = 0; i < SKIN_PARTS; i++)
+        s.weight[i] = (float)((double)s.weight[i] / total);
+    return s;
+}

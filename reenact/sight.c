@@ -1,0 +1,146 @@
+#include "reenact/sight.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { PERSON = 0, SAME_MM = 60 };
+
+enum status sight_open(struct sight *out, const struct take *take, const struct source_rays *rays)
+{
+    const struct lens *lens = &take_calibration(take)->depth;
+    *out = (struct sight){.width = lens->width, .height = lens->height, .rays = rays, .body = take_body(take)};
+    size_t pixels = (size_t)lens->width * (size_t)lens->height;
+    out->depth = malloc(sizeof(uint16_t) * pixels);
+    out->part = malloc(pixels);
+    out->edge = malloc(pixels);
+    if (out->depth && out->part && out->edge)
+        return OK;
+    sight_close(out);
+    return fail(ERR_MEMORY, "out of memory");
+}
+
+void sight_close(struct sight *s)
+{
+    free(s->depth);
+    free(s->part);
+    free(s->edge);
+    *s = (struct sight){0};
+}
+
+static void find_bounds(struct sight *s)
+{
+    s->left = s->width, s->top = s->height, s->right = s->bottom = -1;
+    for (int y = 0; y < s->height; y++)
+        for (int x = 0; x < s->width; x++)
+            if (s->part[y * s->width + x] < PART_COUNT) {
+                s->left = x < s->left ? x : s->left, s->right = x > s->right ? x : s->right;
+                s->top = y < s->top ? y : s->top, s->bottom = y > s->bottom ? y : s->bottom;
+            }
+}
+
+static bool same_surface(const struct sight *s, int a, int b)
+{
+    bool person = s->part[a] < PART_COUNT;
+    if (person != (s->part[b] < PART_COUNT))
+        return false;
+    return !person || abs(s->depth[a] - s->depth[b]) <= SAME_MM;
+}
+
+// A distance in two sweeps, there and back.
+static void find_edges(struct sight *s)
+{
+    int w = s->width, h = s->height, count = w * h;
+    memset(s->edge, SIGHT_EDGE_MOST, (size_t)count);
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < count; k++) {
+            int i = pass ? count - 1 - k : k, x = i % w, y = i / w;
+            const int around[] = {pass ? i + 1 : i - 1, pass ? i + w : i - w};
+            const bool there[] = {pass ? x + 1 < w : x > 0, pass ? y + 1 < h : y > 0};
+            for (int n = 0; n < 2; n++) {
+                if (!there[n])
+                    continue;
+                int far = same_surface(s, i, around[n]) ? s->edge[around[n]] + 1 : 0;
+                s->edge[i] = (uint8_t)(far < s->edge[i] ? far : s->edge[i]);
+                if (!far)
+                    s->edge[around[n]] = 0;
+            }
+        }
+}
+
+enum status sight_read(struct sight *s, struct take *take, int64_t frame)
+{
+    const struct take_entry *e = take_entry(take, frame);
+    if (!e->has_depth || !e->has_skeleton)
+        return NOTHING;
+    struct take_pictures seen;
+    enum status status = take_read(take, frame, TAKE_DEPTH | TAKE_MASK, &seen);
+    if (status != OK)
+        return status;
+    int count = s->width * s->height;
+    memcpy(s->depth, seen.depth, sizeof(uint16_t) * (size_t)count);
+    s->has_mask = seen.mask != NULL;
+    for (int i = 0; i < count; i++)
+        if (seen.mask && !seen.mask[i])
+            s->part[i] = SIGHT_ROOM;
+        else
+            s->part[i] = part_pixel_solid(seen.depth, seen.mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
+    sight_label(s, &e->skeleton);
+    find_bounds(s);
+    find_edges(s);
+    return OK;
+}
+
+void sight_label(struct sight *s, const struct skeleton *skeleton)
+{
+    struct part_bones bones = part_bones_of(skeleton, s->body);
+    double outside = part_outside_m(s->has_mask);
+    for (int i = 0; i < s->width * s->height; i++) {
+        if (s->part[i] >= PART_COUNT)
+            continue;
+        uint16_t parts = part_label(&bones, source_rays_point(s->rays, i, s->depth[i]), 0, outside);
+        const uint8_t nobody = s->has_mask ? SIGHT_RIM : SIGHT_ROOM; // the mask knows better than the joints
+        s->part[i] = nobody;
+        for (int p = 0; p < PART_COUNT && parts && s->part[i] == nobody; p++)
+            if (parts >> p & 1)
+                s->part[i] = (uint8_t)p;
+    }
+}
+
+enum { WELL_WITHIN_PX = 2 }; // JPEG halves colour, which carries it over two pixels
+
+// Of the two, which stands nearer to pixel (x, y); -1: none.
+static int32_t nearer(int x, int y, int32_t a, int32_t b, int width)
+{
+    if (a < 0 || b < 0)
+        return a < 0 ? b : a;
+    int da = abs(a % width - x) + abs(a / width - y), db = abs(b % width - x) + abs(b / width - y);
+    return db < da ? b : a;
+}
+
+enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb, uint8_t *out)
+{
+    const struct lens *color = &calibration->color;
+    memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
+    if (!calibration->registered || color->width != s->width || color->height != s->height)
+        return OK;
+    int w = s->width, h = s->height, count = w * h;
+    int32_t *from = malloc(sizeof *from * (size_t)count);
+    if (!from)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < count; i++)
+        from[i] = s->part[i] < PART_COUNT && s->edge[i] >= WELL_WITHIN_PX ? i : -1;
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < count; k++) {
+            int i = pass ? count - 1 - k : k, x = i % w, y = i / w;
+            bool beside = pass ? x + 1 < w : x > 0, above = pass ? y + 1 < h : y > 0;
+            if (beside)
+                from[i] = nearer(x, y, from[i], from[pass ? i + 1 : i - 1], w);
+            if (above)
+                from[i] = nearer(x, y, from[i], from[pass ? i + w : i - w], w);
+        }
+    for (int i = 0; i < count; i++)
+        if (from[i] >= 0)
+            memcpy(out + 3 * (size_t)i, rgb + 3 * (size_t)from[i], 3);
+    free(from);
+    return OK;
+}

@@ -1,0 +1,39 @@
+// One recorded frame's depth picture, sorted: which pixel shows which part of the
+// person, and which shows the room. Pure; the take is only read.
+#pragma once
+#include "reenact/part_label.h"
+
+enum {
+    SIGHT_ROOM = PART_COUNT, // not the person; or no reading at all
+    SIGHT_RIM,               // the person's, but half in the air: at an edge, or between two surfaces
+};
+
+enum { SIGHT_EDGE_MOST = 100 };
+
+struct sight {
+    int width, height;
+    const struct source_rays *rays;
+    const struct body *body;
+    uint16_t *depth; // millimetres
+    uint8_t *part;   // of each pixel: a part, or one of the above
+    uint8_t *edge;   // of each pixel: how far the nearest edge between two surfaces is, pixels, at most SIGHT_EDGE_MOST
+    bool has_mask;
+    int left, top, right, bottom; // of the person's pixels; right < left: there are none
+};
+
+// rays and take must outlive it. ERR_MEMORY.
+MUST_CHECK enum status sight_open(struct sight *out, const struct take *take, const struct source_rays *rays);
+void sight_close(struct sight *s);
+
+// Reads frame `frame` and sorts it by its own skeleton. NOTHING: it lacks depth or
+// skeleton. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status sight_read(struct sight *s, struct take *take, int64_t frame);
+
+// Which part a person's pixel shows, anew, by better joints (colour camera's axes).
+void sight_label(struct sight *s, const struct skeleton *skeleton);
+
+// The frame's colours with nobody else's among them: what lies at an edge or off the
+// person takes the colour of the nearest place well within a surface. Both are RGB of
+// the colour picture. Where colour and depth are not the same pixels, a copy. ERR_MEMORY.
+MUST_CHECK enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb,
+                                    uint8_t *out);

@@ -1,0 +1,426 @@
+#include "reenact/volume.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const double STEP_M = 0.009;
+static const double REACH_M = 0.12;       // about the parts' cylinders
+static const double END_REACH_M = 0.2;    // about hands and feet, which lie beyond the last joint
+static const float OUTSIDE_M = 0.045F;    // distances are kept up to here
+static const float INSIDE_M = 0.04F;      // and so far behind what was seen
+static const float RIM_PX = 0.75F;        // of the person's outermost pixels, which are no reading
+static const float THICK = 1.15F;         // parts, against their cylinders' radius
+static const float CYLINDER_TRUST = 0.5F; // in frames
+static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
+static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
+
+enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
+
+struct cell {
+    int32_t at;     // in the grid
+    float cylinder; // distance from the parts' cylinders
+    struct skin skin;
+};
+
+struct volume {
+    struct rest rest;
+    struct calibration calibration;
+    struct pose depth_from_color;
+    struct vec3 corner;
+    int size[3];
+    struct cell *cells;
+    int cell_count;
+    float *distance, *trust; // of every point of the grid; trust 0: not kept
+};
+
+static struct vec3 point_at(const struct volume *v, int at)
+{
+    int x = at % v->size[0], y = at / v->size[0] % v->size[1], z = at / v->size[0] / v->size[1];
+    return v3_add(v->corner, v3(x * STEP_M, y * STEP_M, z * STEP_M));
+}
+
+static void find_size(struct volume *v)
+{
+    struct vec3 low = v3(INFINITY, INFINITY, INFINITY), high = v3(-INFINITY, -INFINITY, -INFINITY);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        if (!(v->rest.skeleton.confidence[j] > 0))
+            continue;
+        struct vec3 p = v->rest.skeleton.joint[j];
+        low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
+        high = v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
+    }
+    double margin = END_REACH_M;
+    for (int p = 0; p < PART_COUNT; p++)
+        margin = v->rest.known[p] ? fmax(margin, v->rest.radius[p] + REACH_M) : margin;
+    v->corner = v3_sub(low, v3(margin, margin, margin));
+    struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
+    v->size[0] = (int)ceil(extent.x / STEP_M) + 1;
+    v->size[1] = (int)ceil(extent.y / STEP_M) + 1;
+    v->size[2] = (int)ceil(extent.z / STEP_M) + 1;
+}
+
+static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (int)g; }
+
+// Lays the capsule from a to b into the grid: `distance` has the least there, and what
+// lies nearer than `reach` is marked in `keep`.
+static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, double reach, uint8_t *keep)
+{
+    struct vec3 along = v3_sub(b, a), low = v3_sub(a, v->corner), high = v3_sub(b, v->corner);
+    double length2 = v3_dot(along, along), wide = radius + fmax(reach, (double)OUTSIDE_M);
+    const double lows[] = {fmin(low.x, high.x), fmin(low.y, high.y), fmin(low.z, high.z)};
+    const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
+    int from[3], to[3];
+    for (int i = 0; i < 3; i++) {
+        from[i] = within(floor((lows[i] - wide) / STEP_M), v->size[i]);
+        to[i] = within(ceil((highs[i] + wide) / STEP_M) + 1, v->size[i]);
+    }
+    for (int z = from[2]; z < to[2]; z++)
+        for (int y = from[1]; y < to[1]; y++)
+            for (int x = from[0]; x < to[0]; x++) {
+                int at = (z * v->size[1] + y) * v->size[0] + x;
+                struct vec3 p = v3_sub(point_at(v, at), a);
+                double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
+                t = t < 0 ? 0 : t > 1 ? 1 : t;
+                double gap = v3_length(v3_sub(p, v3_scale(along, t))) - radius;
+                v->distance[at] = fminf(v->distance[at], (float)gap);
+                keep[at] |= gap < reach;
+            }
+}
+
+static void lay_body(struct volume *v, uint8_t *keep)
+{
+    static const enum joint ends[] = {JOINT_LEFT_HAND, JOINT_RIGHT_HAND, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, JOINT_HEAD};
+    const struct skeleton *s = &v->rest.skeleton;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (v->rest.known[p])
+            lay(v, s->joint[part_ends[p].from], s->joint[part_ends[p].to], v->rest.radius[p], REACH_M, keep);
+    for (int p = 0; p < PART_COUNT; p++)
+        for (size_t e = 0; e < COUNT_OF(ends); e++)
+            if (v->rest.known[p] && part_ends[p].to == ends[e])
+                lay(v, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
+}
+
+static enum status open_cells(struct volume *v, int64_t count)
+{
+    uint8_t *keep = calloc((size_t)count, 1);
+    if (!keep)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < count; i++)
+        v->distance[i] = OUTSIDE_M;
+    lay_body(v, keep);
+    for (int i = 0; i < count; i++)
+        v->cell_count += keep[i];
+    v->cells = malloc(sizeof *v->cells * (size_t)(v->cell_count ? v->cell_count : 1));
+    int c = 0;
+    for (int i = 0; i < count && v->cells; i++)
+        if (keep[i])
+            v->cells[c++] = (struct cell){i, fmaxf(-OUTSIDE_M, v->distance[i]), rest_skin(&v->rest, point_at(v, i))};
+    free(keep);
+    return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
+}
+
+enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration)
+{
+    *out = NULL;
+    struct volume *v = calloc(1, sizeof *v);
+    if (!v)
+        return fail(ERR_MEMORY, "out of memory");
+    v->rest = *rest;
+    v->calibration = *calibration;
+    v->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
+    find_size(v);
+    int64_t count = (int64_t)v->size[0] * v->size[1] * v->size[2];
+    enum status status = OK;
+    if (count > MOST_POINTS)
+        status = fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
+    if (status == OK) {
+        v->distance = malloc(sizeof *v->distance * (size_t)count);
+        v->trust = calloc((size_t)count, sizeof *v->trust);
+        status = v->distance && v->trust ? open_cells(v, count) : fail(ERR_MEMORY, "out of memory");
+    }
+    if (status != OK) {
+        volume_close(&v);
+        return status;
+    }
+    volume_clear(v);
+    *out = v;
+    return OK;
+}
+
+void volume_close(struct volume **v)
+{
+    if (!*v)
+        return;
+    free((*v)->cells);
+    free((*v)->distance);
+    free((*v)->trust);
+    free(*v);
+    *v = NULL;
+}
+
+void volume_clear(struct volume *v)
+{
+    for (int c = 0; c < v->cell_count; c++) {
+        v->distance[v->cells[c].at] = v->cells[c].cylinder;
+        v->trust[v->cells[c].at] = CYLINDER_TRUST;
+    }
+}
+
+// ---------------------------------------------------------------- gathering
+
+// Ideal lenses in float, for speed; others through lens_project.
+static bool find_pixel(const struct lens *lens, bool ideal, const float p[3], int *x, int *y)
+{
+    if (!(p[2] > 0.05F))
+        return false;
+    struct pixel px;
+    if (ideal)
+        px = (struct pixel){(double)p[0] / (double)p[2] * lens->fx + lens->cx,
+                            (double)p[1] / (double)p[2] * lens->fy + lens->cy};
+    else
+        px = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
+    *x = (int)floor(px.x + 0.5);
+    *y = (int)floor(px.y + 0.5);
+    return *x >= 0 && *y >= 0 && *x < lens->width && *y < lens->height;
+}
+
+static void blend(const struct part_map maps[PART_COUNT], const struct skin *skin, struct part_map *out)
+{
+    *out = maps[skin->part[0]];
+    if (skin->weight[0] >= 1)
+        return;
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 4; c++) {
+            float sum = 0;
+            for (int i = 0; i < SKIN_PARTS; i++)
+                sum += skin->weight[i] * maps[skin->part[i]].row[r][c];
+            out->row[r][c] = sum;
+        }
+}
+
+// How far a place of `part`, which is `thick`, at depth z is before (+) what pixel i shows; false: it says nothing of
+// this place.
+static bool witness(const struct sight *s, double fx, int i, float z, enum part part, float thick, float *distance,
+                    float *trust)
+{
+    float d = (float)s->depth[i] * 1e-3F;
+    if (!s->depth[i] || s->part[i] == SIGHT_RIM)
+        return false;
+    float before = d - z;
+    // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
+    float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - RIM_PX : 0.5F + RIM_PX; // half of the rim is still the person
+    float aside = ((float)s->edge[i] + beyond) * z / (float)fx;
+    aside = aside < OUTSIDE_M ? aside : OUTSIDE_M;
+    if (s->part[i] == SIGHT_ROOM) {
+        *distance = aside;
+        *trust = EMPTY_TRUST;
+        return before > ROOM_SLACK_M;
+    }
+    if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
+        *distance = -fminf(aside, INSIDE_M);
+        *trust = EMPTY_TRUST;
+        return before > -THICK * thick && s->part[i] == part;
+    }
+    *distance = before < OUTSIDE_M ? before : aside;
+    *trust = before < OUTSIDE_M ? fminf(1, 0.1F + 0.3F * (float)s->edge[i]) : EMPTY_TRUST;
+    return before >= OUTSIDE_M || parts_meet(part, (enum part)s->part[i]);
+}
+
+void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
+{
+    struct part_map maps[PART_COUNT];
+    for (int p = 0; p < PART_COUNT; p++)
+        maps[p] = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+    const struct lens *lens = &v->calibration.depth;
+    bool ideal = lens_is_ideal(lens);
+    for (int c = 0; c < v->cell_count; c++) {
+        const struct cell *cell = &v->cells[c];
+        struct vec3 at = point_at(v, cell->at);
+        const float h[3] = {(float)at.x, (float)at.y, (float)at.z};
+        struct part_map m;
+        float p[3];
+        int x, y;
+        blend(maps, &cell->skin, &m);
+        for (int r = 0; r < 3; r++)
+            p[r] = m.row[r][0] * h[0] + m.row[r][1] * h[1] + m.row[r][2] * h[2] + m.row[r][3];
+        float distance, trust;
+        if (!find_pixel(lens, ideal, p, &x, &y) ||
+            !witness(sight, lens->fx, y * sight->width + x, p[2], (enum part)cell->skin.part[0],
+                     (float)v->rest.radius[cell->skin.part[0]], &distance, &trust))
+            continue;
+        float *d = &v->distance[cell->at], *t = &v->trust[cell->at];
+        *d = (*d * *t + distance * trust) / (*t + trust);
+        *t += trust;
+    }
+}
+
+// ---------------------------------------------------------------- looking up
+
+bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient)
+{
+    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / STEP_M);
+    int x = (int)floor(g.x), y = (int)floor(g.y), z = (int)floor(g.z);
+    if (x < 0 || y < 0 || z < 0 || x + 1 >= v->size[0] || y + 1 >= v->size[1] || z + 1 >= v->size[2])
+        return false;
+    double f[2][2][2], u = g.x - x, w = g.y - y, t = g.z - z;
+    for (int i = 0; i < 8; i++) {
+        int at = ((z + (i >> 2)) * v->size[1] + y + (i >> 1 & 1)) * v->size[0] + x + (i & 1);
+        if (!(v->trust[at] > 0))
+            return false;
+        f[i >> 2][i >> 1 & 1][i & 1] = (double)v->distance[at];
+    }
+    double c[2][2], cx[2][2];
+    for (int k = 0; k < 2; k++)
+        for (int j = 0; j < 2; j++) {
+            c[k][j] = f[k][j][0] * (1 - u) + f[k][j][1] * u;
+            cx[k][j] = f[k][j][1] - f[k][j][0];
+        }
+    double low = c[0][0] * (1 - w) + c[0][1] * w, high = c[1][0] * (1 - w) + c[1][1] * w;
+    *distance = low * (1 - t) + high * t;
+    gradient->x = (cx[0][0] * (1 - w) + cx[0][1] * w) * (1 - t) + (cx[1][0] * (1 - w) + cx[1][1] * w) * t;
+    gradient->y = (c[0][1] - c[0][0]) * (1 - t) + (c[1][1] - c[1][0]) * t;
+    gradient->z = high - low;
+    *gradient = v3_scale(*gradient, 1 / STEP_M);
+    return fabs(*distance) < (double)OUTSIDE_M * 0.98;
+}
+
+enum status volume_smooth(struct volume *v, int passes)
+{
+    float *from = malloc(sizeof *from * (size_t)(v->size[0] * v->size[1] * v->size[2]));
+    if (!from)
+        return fail(ERR_MEMORY, "out of memory");
+    const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
+    for (int pass = 0; pass < passes; pass++)
+        for (int axis = 0; axis < 3; axis++) {
+            for (int c = 0; c < v->cell_count; c++)
+                from[v->cells[c].at] = v->distance[v->cells[c].at];
+            for (int c = 0; c < v->cell_count; c++) {
+                int at = v->cells[c].at, a = at - step[axis], b = at + step[axis];
+                if (v->trust[a] > 0 && v->trust[b] > 0) // (a cell is never at the grid's border)
+                    v->distance[at] = (from[a] + 2 * from[at] + from[b]) / 4;
+            }
+        }
+    free(from);
+    return OK;
+}
+
+// ---------------------------------------------------------------- surface (naive surface nets)
+
+void surface_free(struct surface *s)
+{
+    free(s->points);
+    free(s->normals);
+    free(s->corners);
+    *s = (struct surface){0};
+}
+
+// The point of the cube whose lowest grid point is `at`: the mean of where its edges cross the surface.
+static bool cube_point(const struct volume *v, int at, struct vec3 *out)
+{
+    const int dx = 1, dy = v->size[0], dz = v->size[0] * v->size[1];
+    float d[8];
+    int inside = 0;
+    for (int i = 0; i < 8; i++) {
+        int corner = at + (i & 1) * dx + (i >> 1 & 1) * dy + (i >> 2) * dz;
+        if (!(v->trust[corner] > 0))
+            return false;
+        d[i] = v->distance[corner];
+        inside += d[i] < 0;
+    }
+    if (inside == 0 || inside == 8)
+        return false;
+    struct vec3 sum = v3(0, 0, 0);
+    int crossings = 0;
+    for (int i = 0; i < 8; i++)
+        for (int axis = 1; axis < 8; axis <<= 1) {
+            int j = i | axis;
+            if (j == i || (d[i] < 0) == (d[j] < 0))
+                continue;
+            double t = (double)(d[i] / (d[i] - d[j]));
+            sum = v3_add(sum, v3((i & 1) + (axis == 1 ? t : 0), (i >> 1 & 1) + (axis == 2 ? t : 0),
+                                 (i >> 2) + (axis == 4 ? t : 0)));
+            crossings++;
+        }
+    *out = v3_add(point_at(v, at), v3_scale(sum, STEP_M / crossings));
+    return true;
+}
+
+static void add_quad(struct surface *s, const int32_t q[4], bool turned)
+{
+    static const int order[2][6] = {{0, 1, 2, 0, 2, 3}, {0, 2, 1, 0, 3, 2}};
+    for (int i = 0; i < 4; i++)
+        if (q[i] < 0)
+            return;
+    for (int i = 0; i < 6; i++)
+        s->corners[s->corner_count++] = q[order[turned][i]];
+}
+
+// Normals noisy as the readings would make the light flicker over the skin: each takes the mean of its neighbours'.
+static enum status even_normals(struct surface *s)
+{
+    struct vec3 *sum = malloc(sizeof *sum * (size_t)(s->point_count + 1));
+    if (!sum)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int pass = 0; pass < NORMAL_PASSES; pass++) {
+        for (int i = 0; i < s->point_count; i++)
+            sum[i] = s->normals[i];
+        for (int c = 0; c < s->corner_count; c++) {
+            int next = c % 3 == 2 ? c - 2 : c + 1;
+            sum[s->corners[c]] = v3_add(sum[s->corners[c]], s->normals[s->corners[next]]);
+        }
+        for (int i = 0; i < s->point_count; i++)
+            s->normals[i] = v3_unit(sum[i]);
+    }
+    free(sum);
+    return OK;
+}
+
+enum status volume_surface(const struct volume *v, struct surface *out)
+{
+    *out = (struct surface){0};
+    const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
+    int count = v->size[0] * v->size[1] * v->size[2], most = 0;
+    int32_t *number = malloc(sizeof *number * (size_t)count);
+    for (int i = 0; number && i < count; i++)
+        number[i] = -1;
+    struct vec3 p;
+    for (int c = 0; number && c < v->cell_count; c++)
+        if (cube_point(v, v->cells[c].at, &p))
+            number[v->cells[c].at] = most++;
+    out->points = malloc(sizeof *out->points * (size_t)(most + 1));
+    out->normals = malloc(sizeof *out->normals * (size_t)(most + 1));
+    out->corners = malloc(sizeof *out->corners * 18 * (size_t)(most + 1));
+    if (!number || !out->points || !out->normals || !out->corners) {
+        free(number);
+        surface_free(out);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int c = 0; c < v->cell_count; c++) {
+        int at = v->cells[c].at;
+        if (number[at] < 0 || !cube_point(v, at, &p))
+            continue;
+        double distance;
+        struct vec3 *normal = &out->normals[out->point_count];
+        *normal = v3(0, 0, 0);
+        volume_at(v, p, &distance, normal);
+        *normal = v3_unit(*normal);
+        out->points[out->point_count++] = p;
+    }
+    for (int c = 0; c < v->cell_count; c++)
+        for (int axis = 0; axis < 3; axis++) { // each edge that crosses joins the four cubes about it
+            int at = v->cells[c].at, to = at + step[axis], b = step[(axis + 1) % 3], d = step[(axis + 2) % 3];
+            if (to >= count || at < b + d || !(v->trust[to] > 0) || (v->distance[at] < 0) == (v->distance[to] < 0))
+                continue;
+            const int32_t quad[4] = {number[at], number[at - b], number[at - b - d], number[at - d]};
+            add_quad(out, quad, v->distance[at] >= 0);
+        }
+    free(number);
+    if (!out->corner_count) {
+        surface_free(out);
+        return NOTHING;
+    }
+    enum status status = even_normals(out);
+    if (status != OK)
+        surface_free(out);
+    return status;
+}

@@ -1,0 +1,36 @@
+// The person's shape in the rest pose: how far every place near the bones is from
+// the surface, gathered from the depth of many frames (a truncated signed
+// distance, after Curless and Levoy 1996). What a sensor looked through is empty,
+// what lies just behind what it saw is not; what nobody saw stays as the parts'
+// cylinders have it. Pure; deterministic.
+#pragma once
+#include "reenact/cylinders.h"
+#include "reenact/rest.h"
+#include "reenact/sight.h"
+
+struct volume;
+
+// Rest pose and lens are copied. ERR_MEMORY.
+MUST_CHECK enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration);
+void volume_close(struct volume **v);
+void volume_clear(struct volume *v); // back to the cylinders
+
+// Adds what one frame saw, the person being in `posture` (colour camera's axes).
+void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture);
+
+// Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
+MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
+
+// Signed distance, metres, negative inside, and its gradient at a point of the
+// rest pose. False: too far from the bones, or deeper than distances are kept.
+bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient);
+
+// The surface as triangles, counter-clockwise from outside; rest axes, metres. The
+// caller frees both arrays. ERR_MEMORY; NOTHING: there is none.
+struct surface {
+    struct vec3 *points, *normals; // point_count; normals outwards, unit
+    int32_t *corners;              // corner_count, three to a triangle
+    int point_count, corner_count;
+};
+MUST_CHECK enum status volume_surface(const struct volume *v, struct surface *out);
+void surface_free(struct surface *s);
