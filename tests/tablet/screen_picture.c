@@ -70,6 +70,8 @@ int main(int argc, char **argv)
 {
     struct drm_mode_fb_cmd fb;
     int card = argc == 2 ? open("/dev/dri/card0", O_RDWR | O_CLOEXEC) : -1;
+    if (card >= 0)
+        ioctl(card, DRM_IOCTL_DROP_MASTER, 0); // whoever opens it first becomes its master; that is the app's to be
     if (card < 0 || !find_framebuffer(card, &fb) || !write_picture(card, &fb, argv[1])) {
         fprintf(stderr, "the display's picture cannot be read; usage: screen-picture OUT.png\n");
         return 1;
