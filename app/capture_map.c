@@ -21,7 +21,7 @@ static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
     {"tags", KEY_TAGS, "TAGS.json", 0,
      "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
-     "the side is the outer edge of the black square",
+     "the side is the outer edge of the black square; without it natural points and depth make the place",
      0},
     {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
@@ -132,6 +132,8 @@ static void print_json(const char *path, const struct place *place, const struct
     json_add_number(root, "frames", r->frames_seen);
     json_add_number(root, "frames_used", r->frames);
     json_add_number(root, "frames_placed", r->frames_placed);
+    json_add_number(root, "lost_from_s", r->lost_from_s);
+    json_add_number(root, "lost_to_s", r->lost_to_s);
     json_add_number(root, "frames_damaged", (double)damaged);
     json_add_number(root, "tags_unseen", r->tags_unseen);
     json_add_number(root, "tags_apart", r->tags_apart);
@@ -169,7 +171,7 @@ static void print_text(const char *path, const struct place *place, const struct
 {
     printf("%s: a place with %d tags and %d natural points, from %d of %d pictures\n", path, (int)place->tag_count,
            (int)place->point_count, (int)r->frames_placed, (int)r->frames);
-    printf("tags fit to %.2f pixels", place->rms_px);
+    printf("%s fit to %.2f pixels", place->tag_count ? "tags" : "points", place->rms_px);
     if (place->rms_m > 0)
         printf(", depth to %.0f mm", place->rms_m * 1e3);
     printf("; %d views kept\n", (int)place->view_count);
@@ -190,9 +192,14 @@ static void warn(const char *program, const struct mapper_report *r, int64_t dam
                 program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
         fprintf(stderr,
-                "%s: warning: the floor is in no depth picture, so height 0 is the lowest corner of a tag; "
+                "%s: warning: the floor is in no depth picture, so height 0 is the lowest thing that was recognised; "
                 "film the floor too\n",
                 program);
+    if (r->lost_to_s > r->lost_from_s)
+        fprintf(stderr,
+                "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
+                "more slowly, with more of what was seen before in sight\n",
+                program, r->lost_from_s, r->lost_to_s);
     if (damaged)
         fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
 }
@@ -244,25 +251,22 @@ int capture_map(int argc, char **argv)
     const struct argp argp = {
         options,
         parse,
-        "--sensor URI --tags TAGS.json --out FILE",
+        "--sensor URI [--tags TAGS.json] --out FILE",
         "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
-        "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together.",
+        "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together. Without --tags "
+        "the place is known by its natural points alone: move slowly, and come back to where you began.",
         NULL,
         NULL,
         NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
-    if (!a.tags) {
-        fprintf(stderr, "%s: this version maps a place by its tags; hang some and list them with --tags\n", argv[0]);
-        return 1;
-    }
     if (file_exists(a.out)) {
         (void)fail(ERR_EXISTS, "%s exists already; choose another name or remove it", a.out);
         return command_failed(argv[0]);
     }
-    struct mapper_tag *tags;
-    int32_t count;
-    if (mapper_read_tags(a.tags, &tags, &count) != OK)
+    struct mapper_tag *tags = NULL;
+    int32_t count = 0;
+    if (a.tags && mapper_read_tags(a.tags, &tags, &count) != OK)
         return command_failed(argv[0]);
     int code = map_place(argv[0], &a, tags, count);
     free(tags);

@@ -65,7 +65,7 @@ static void warn(const char *program, bool has_place, const struct recorder_resu
         fprintf(stderr, "%s: %lld pictures could not be read and were left out; the first: %s\n", program,
                 (long long)r->damaged, r->first_damage);
     if (has_place && !r->located)
-        fprintf(stderr, "%s: the sensor saw no tag of the place, so nobody will know where the actor stood\n", program);
+        fprintf(stderr, "%s: the sensor recognised nothing of the place, so nobody will know where the actor stood\n", program);
     if (r->frames && !r->tracked)
         fprintf(stderr, "%s: no person was found in any frame\n", program);
 }
@@ -120,7 +120,7 @@ int capture_record(int argc, char **argv)
     struct place place = {0};
     struct recorder_result result = {0};
     enum status status = record(&given, &place, &result);
-    bool has_place = place.tag_count > 0;
+    bool has_place = place.tag_count > 0 || place.point_count > 0;
     place_free(&place);
     if (result.frames)
         report(&given, &result);

@@ -1,7 +1,7 @@
 #include "app/commands.h"
 
 #include "capture/recording/recording.h"
-#include "locate/locate.h"
+#include "locate/track.h"
 #include "platform/file.h"
 #include "platform/json.h"
 #include "platform/source.h"
@@ -96,11 +96,12 @@ struct summary {
 };
 
 // One picture. Negative statuses only for what ends the run.
-static enum status place_one(struct locator *locator, const struct frame *frame, struct text *lines, struct summary *s)
+static enum status place_one(struct camera_track *track, const struct frame *frame, struct text *lines, struct summary *s)
 {
     struct location found;
+    struct camera_motion motion;
     s->pictures++;
-    enum status status = locator_find(locator, frame->color, NULL, &found);
+    enum status status = camera_track_look(track, frame->color, NULL, frame->time_ns, &found, &motion);
     if (status < 0)
         return status;
     if (status == NOTHING) {
@@ -118,7 +119,7 @@ static enum status place_one(struct locator *locator, const struct frame *frame,
     return add_line(lines, frame->time_ns, found.world_from_camera);
 }
 
-static enum status run(struct locator *locator, struct source *camera, struct text *lines, struct summary *s)
+static enum status run(struct camera_track *track, struct source *camera, struct text *lines, struct summary *s)
 {
     struct progress bar;
     struct frame frame;
@@ -136,7 +137,7 @@ static enum status run(struct locator *locator, struct source *camera, struct te
             continue;
         }
         if (status == OK && frame.color)
-            status = place_one(locator, &frame, lines, s);
+            status = place_one(track, &frame, lines, s);
         progress_step(&bar);
     }
     progress_end(&bar);
@@ -167,7 +168,7 @@ static void report(const struct arguments *a, const struct summary *s)
     json_free(&root);
 }
 
-static enum status open_all(const struct arguments *a, struct locator **locator, struct source **camera)
+static enum status open_all(const struct arguments *a, struct camera_track **track, struct source **camera)
 {
     struct recording *recording;
     struct place place = {0};
@@ -183,7 +184,7 @@ static enum status open_all(const struct arguments *a, struct locator **locator,
     if (status == OK)
         status = source_open(camera, a->camera, SOURCE_CAMERA);
     if (status == OK)
-        status = locator_open(locator, &place, &source_calibration(*camera)->color, &wanted);
+        status = camera_track_open(track, &place, &source_calibration(*camera)->color, &wanted);
     place_free(&place);
     return status;
 }
@@ -199,21 +200,21 @@ int reenact_locate(int argc, char **argv)
                               NULL,
                               NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
-    struct locator *locator = NULL;
+    struct camera_track *track = NULL;
     struct source *camera = NULL;
     struct text lines = {0};
     struct summary s = {0};
-    enum status status = open_all(&a, &locator, &camera);
+    enum status status = open_all(&a, &track, &camera);
     if (status == OK) {
         command_catch_stop();
-        status = run(locator, camera, &lines, &s);
+        status = run(track, camera, &lines, &s);
     }
     if (status == OK)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
     if (status == OK)
         report(&a, &s);
     free(lines.bytes);
-    locator_close(&locator);
+    camera_track_close(&track);
     source_close(&camera);
     return status == OK ? 0 : command_failed(argv[0]);
 }

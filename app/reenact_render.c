@@ -1,7 +1,7 @@
 #include "app/command.h"
 #include "app/commands.h"
 
-#include "locate/locate.h"
+#include "locate/track.h"
 #include "platform/clock.h"
 #include "platform/file.h"
 #include "platform/json.h"
@@ -99,7 +99,7 @@ struct run {
     struct recording *recording;
     struct take *take;
     struct source *camera;
-    struct locator *locator;
+    struct camera_track *track;
     struct gpu *gpu;
     struct painter *painter;
     FILE *trajectory;
@@ -131,7 +131,7 @@ static enum status open_locator(struct run *r)
                     r->arguments->file);
     struct locator_options how = locator_default_options();
     if (status == OK)
-        status = locator_open(&r->locator, &place, &r->lens, &how);
+        status = camera_track_open(&r->track, &place, &r->lens, &how);
     place_free(&place);
     return status;
 }
@@ -182,7 +182,7 @@ static void close_run(struct run *r)
     free(r->rgba);
     painter_close(&r->painter);
     gpu_close(&r->gpu);
-    locator_close(&r->locator);
+    camera_track_close(&r->track);
     source_close(&r->camera);
     take_close(&r->take);
     recording_free(&r->recording);
@@ -214,7 +214,8 @@ static enum status write_picture(struct run *r, const char *name, const char *en
 static enum status draw(struct run *r, const struct frame *frame)
 {
     struct location location;
-    enum status found = locator_find(r->locator, frame->color, NULL, &location);
+    struct camera_motion motion;
+    enum status found = camera_track_look(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
     lap(r, STAGE_LOCATE);
     if (found < 0 && found != ERR_SOLVER) // a solver that gave up has not placed this image, no more
         return found;

@@ -1,178 +1,247 @@
-// The actor in a window, without a tablet's camera: looked at by orbiting.
+// The tablet: a take in its place, seen through a camera or by walking round with a
+// finger.
 #include "app/commands.h"
 
-#include "app/orbit.h"
+#include "app/tablet.h"
 #include "platform/clock.h"
-#include "platform/window.h"
-#include "reenact/motion.h"
-#include "reenact/painter.h"
+#include "platform/screen.h"
+#include "platform/source.h"
 
 #include <stdio.h>
 #include <stdlib.h>
-
-enum { WIDTH = 960, HEIGHT = 720, FRAME_MS = 16 };
+#include <string.h>
 
 struct arguments {
-    const char *file, *take;
+    const char *file, *take, *camera, *photos;
+    bool fullscreen, light, stats;
+    int rotate, width, height;
+    double dpi, seconds;
 };
+
+enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_PHOTOS, KEY_FULLSCREEN, KEY_LIGHT, KEY_ROTATE, KEY_SIZE, KEY_DPI,
+       KEY_SECONDS, KEY_STATS };
+
+static const struct argp_option options[] = {
+    {"take", KEY_TAKE, "NAME", 0, "the take to watch", 0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "look through this camera: libcamera, libcamera:N, folder:DIR, or none (default: the first there is)", 0},
+    {"photos", KEY_PHOTOS, "DIR", 0, "folder for photographs (default: your pictures)", 0},
+    {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
+    {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
+    {"rotate", KEY_ROTATE, "DEGREES", 0, "how the screen is mounted, clockwise: 0, 90, 180 or 270", 0},
+    {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
+    {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
+    {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+    {"stats", KEY_STATS, NULL, 0, "say at the end how long each stage took", 0},
+    {0},
+};
+
+static double number(struct argp_state *state, const char *value, double least, double most, const char *what)
+{
+    char *end;
+    double x = strtod(value, &end);
+    if (end == value || *end || !(x >= least && x <= most))
+        argp_error(state, "%s takes a number from %g to %g, not '%s'", what, least, most, value);
+    return x;
+}
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *given = state->input;
+    struct arguments *a = state->input;
     switch (key) {
-    case COMMAND_KEY: given->take = value; return 0;
-    case ARGP_KEY_ARG:
-        if (given->file)
-            argp_error(state, "one FILE, not two");
-        given->file = value;
+    case KEY_TAKE: a->take = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_PHOTOS: a->photos = value; return 0;
+    case KEY_FULLSCREEN: a->fullscreen = true; return 0;
+    case KEY_LIGHT: a->light = true; return 0;
+    case KEY_STATS: a->stats = true; return 0;
+    case KEY_DPI: a->dpi = number(state, value, 50, 1000, "--dpi"); return 0;
+    case KEY_SECONDS: a->seconds = number(state, value, 0.1, 1e6, "--seconds"); return 0;
+    case KEY_ROTATE:
+        a->rotate = (int)number(state, value, 0, 270, "--rotate");
+        if (a->rotate % 90)
+            argp_error(state, "--rotate takes 0, 90, 180 or 270, not '%s'", value);
         return 0;
-    case ARGP_KEY_END: command_need(state, given->file, "FILE"); return 0;
+    case KEY_SIZE:
+        if (sscanf(value, "%dx%d", &a->width, &a->height) != 2 || a->width < 320 || a->height < 320 ||
+            a->width > 8192 || a->height > 8192)
+            argp_error(state, "--size takes a size like 1280x800, at least 320x320, not '%s'", value);
+        return 0;
+    case ARGP_KEY_ARG:
+        if (a->file)
+            argp_error(state, "one FILE, not two");
+        a->file = value;
+        return 0;
+    case ARGP_KEY_END: command_need(state, a->file, "FILE"); return 0;
     }
     return ARGP_ERR_UNKNOWN;
 }
 
-// Everything that is open while one take is watched.
+// The first camera there is; "" none.
+static const char *find_camera(void)
+{
+    static struct source_device devices[16];
+    int count = 0;
+    if (source_devices(devices, (int)COUNT_OF(devices), &count) != OK)
+        return "";
+    for (int i = 0; i < count && i < (int)COUNT_OF(devices); i++)
+        if (!strncmp(devices[i].uri, "libcamera", 9))
+            return devices[i].uri;
+    return "";
+}
+
 struct watch {
-    struct recording *recording;
-    struct take *take;
+    const struct arguments *arguments;
+    struct screen *screen;
     struct gpu *gpu;
-    struct painter *painter;
-    struct motion *motion;
-    struct window *window;
-    uint8_t *backdrop, *picture; // RGB
-    struct orbit orbit;
-    int64_t length_ns, time_ns;
-    bool playing;
+    struct tablet tablet;
+    bool fullscreen, hidden;
+    int64_t slept_ns, shown_ns, until_ns;
 };
+
+static void wake(void *self) { screen_wake(((struct watch *)self)->screen); }
+
+static enum status watch_open(struct watch *w)
+{
+    const struct arguments *a = w->arguments;
+    const struct screen_options screen = {"Reenact", a->width, a->height, a->fullscreen, a->rotate / 90, a->dpi};
+    const char *camera = a->camera ? a->camera : find_camera();
+    enum status status = screen_open(&w->screen, &screen);
+    if (status == OK)
+        status = gpu_adopt(&w->gpu);
+    if (status != OK)
+        return status;
+    const struct tablet_options how = {.file = a->file,
+                                           .take = a->take,
+                                           .camera = *camera && strcmp(camera, "none") ? camera : NULL,
+                                           .photos = a->photos,
+                                           .light = a->light,
+                                           .refresh_hz = screen_refresh_hz(w->screen),
+                                           .wake = wake,
+                                           .wake_self = w};
+    w->fullscreen = w->tablet.show.fullscreen = a->fullscreen;
+    return tablet_open(&w->tablet, w->gpu, &how);
+}
 
 static void watch_close(struct watch *w)
 {
-    free(w->backdrop);
-    free(w->picture);
-    window_close(&w->window);
-    motion_close(&w->motion);
-    painter_close(&w->painter);
+    tablet_close(&w->tablet);
     gpu_close(&w->gpu);
-    take_close(&w->take);
-    recording_free(&w->recording);
+    screen_close(&w->screen);
 }
 
-// A quiet grey that is darker below, so that the feet have something to stand on.
-static void paint_backdrop(uint8_t *rgb)
-{
-    for (int y = 0; y < HEIGHT; y++)
-        for (int x = 0; x < 3 * WIDTH; x++)
-            rgb[y * 3 * WIDTH + x] = (uint8_t)(y < HEIGHT / 2 ? 232 : 232 - 90 * (y - HEIGHT / 2) / HEIGHT);
-}
+// ---------------------------------------------------------------- the loop
 
-static enum status watch_open(struct watch *w, const struct arguments *given)
+// Nobody sees the screen: the camera rests, and the take's time stands still.
+static void hide(struct watch *w, bool hidden)
 {
-    struct lens lens = {WIDTH, HEIGHT, 0.9 * WIDTH, 0.9 * WIDTH, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, 0, 0, 0, 0, 0};
-    struct painter_options options = painter_default_options();
-    enum status status = recording_open(&w->recording, given->file);
-    if (status == OK && !given->take && !recording_take_count(w->recording))
-        status = fail(ERR_MISSING, "%s holds no take; film one with reenact-capture record", given->file);
-    if (status == OK)
-        status = take_open(&w->take, w->recording, given->take ? given->take : recording_take_name(w->recording, 0));
-    if (status == OK)
-        status = motion_open(&w->motion, w->take);
-    if (status == OK)
-        status = gpu_open(&w->gpu);
-    if (status == OK)
-        status = painter_open(&w->painter, w->gpu, w->take, &lens, &options);
-    if (status == OK && (!(w->backdrop = malloc(3 * WIDTH * HEIGHT)) || !(w->picture = malloc(3 * WIDTH * HEIGHT))))
-        status = fail(ERR_MEMORY, "no memory for the picture");
-    if (status == OK)
-        status = window_open(&w->window, given->file, WIDTH, HEIGHT);
-    if (status != OK)
-        return status;
-    paint_backdrop(w->backdrop);
-    int64_t frames = take_frame_count(w->take);
-    w->length_ns = take_entry(w->take, frames - 1)->time_ns - take_entry(w->take, 0)->time_ns;
-    w->playing = true;
-    return OK;
-}
-
-// Looks at the actor from where the sensor stood.
-static void aim(struct watch *w)
-{
-    for (int64_t i = 0; i < take_frame_count(w->take); i++) {
-        struct moment moment;
-        const struct take_entry *entry = take_entry(w->take, i);
-        int64_t since_ns = entry->time_ns - take_entry(w->take, 0)->time_ns;
-        if (!entry->has_skeleton || motion_at(w->motion, since_ns, false, &moment) != OK)
-            continue;
-        enum joint middle = moment.skeleton.confidence[JOINT_WAIST] > 0 ? JOINT_WAIST : JOINT_NECK;
-        struct vec3 from = v3_sub(entry->world_from_camera.translation, moment.skeleton.joint[middle]);
-        w->orbit = (struct orbit){moment.skeleton.joint[middle], atan2(from.x, -from.y), 0.1,
-                                  fmax(2, hypot(from.x, from.y))};
+    if (hidden == w->hidden)
         return;
+    w->hidden = hidden;
+    if (w->tablet.eyes)
+        eyes_rest(w->tablet.eyes, hidden);
+    if (hidden)
+        w->slept_ns = clock_now_ns();
+    else
+        show_slept(&w->tablet.show, w->slept_ns, clock_now_ns());
+}
+
+static double px_per_dp(const struct watch *w) { return tablet_px_per_dp(screen_dpi(w->screen)); }
+
+// Hears what happened, until there is something that has to be drawn first.
+static void hear(struct watch *w, int wait_ms)
+{
+    for (;;) {
+        struct screen_event event = screen_wait(w->screen, wait_ms);
+        wait_ms = 0;
+        if (event.kind == SCREEN_NOTHING)
+            return;
+        if (event.kind == SCREEN_HIDDEN || event.kind == SCREEN_SHOWN)
+            hide(w, event.kind == SCREEN_HIDDEN);
+        if (hands_hear(&w->tablet.hands, &w->tablet.show, &event, px_per_dp(w), clock_now_ns()))
+            return;
     }
 }
 
-// The actor walks; the camera's aim follows slowly.
-static void follow(struct watch *w)
+static enum status draw(struct watch *w, int64_t now_ns)
 {
-    struct moment moment;
-    if (motion_at(w->motion, w->time_ns, true, &moment) == OK && moment.skeleton.confidence[JOINT_WAIST] > 0)
-        w->orbit.centre = v3_mix(w->orbit.centre, moment.skeleton.joint[JOINT_WAIST], 0.05);
-}
-
-static enum status draw(struct watch *w)
-{
-    struct painter_view view = {orbit_world_from_camera(&w->orbit), w->time_ns, w->backdrop};
-    struct painter_result drawn;
-    enum status status = painter_draw(w->painter, &view, &drawn);
-    if (status == OK)
-        status = painter_read(w->painter, w->picture);
-    return status == OK ? window_show(w->window, w->picture) : status;
+    struct tablet_glass glass = {.quarter_turns = screen_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
+    screen_size(w->screen, &glass.width, &glass.height);
+    if (w->fullscreen != w->tablet.show.fullscreen)
+        screen_fullscreen(w->screen, w->fullscreen = w->tablet.show.fullscreen);
+    enum status status = tablet_draw(&w->tablet, &glass, now_ns);
+    if (status != OK)
+        return status;
+    screen_show(w->screen);
+    w->shown_ns = clock_now_ns();
+    tablet_shown(&w->tablet, w->shown_ns);
+    return OK;
 }
 
 static enum status watch_loop(struct watch *w)
 {
-    aim(w);
-    int64_t before = clock_now_ns();
-    while (!command_stopped()) {
-        struct window_events events = window_poll(w->window, FRAME_MS);
-        int64_t now = clock_now_ns();
-        if (events.quit)
-            break;
-        w->playing ^= events.play_pause;
-        if (w->playing)
-            w->time_ns += now - before;
-        before = now;
-        if (events.steps) {
-            w->playing = false;
-            w->time_ns += events.steps * (w->length_ns / take_frame_count(w->take));
+    struct show *s = &w->tablet.show;
+    const int64_t frame_ns = (int64_t)(1e9 / screen_refresh_hz(w->screen));
+    int64_t due_ns = 0;
+    while (!command_stopped() && !s->quit) {
+        int64_t now_ns = clock_now_ns();
+        int64_t wait_ns = w->hidden ? 500000000 : due_ns - now_ns;
+        if (w->until_ns && w->until_ns - now_ns < wait_ns)
+            wait_ns = w->until_ns - now_ns;
+        hear(w, wait_ns > 500000000 ? 500 : wait_ns > 0 ? (int)((wait_ns + 999999) / 1000000) : 0);
+        now_ns = clock_now_ns();
+        if (w->until_ns && now_ns >= w->until_ns)
+            return OK;
+        if (w->hidden)
+            continue;
+        due_ns = tablet_update(&w->tablet, now_ns);
+        if (s->changed) {
+            enum status status = draw(w, now_ns);
+            if (status != OK)
+                return status;
         }
-        if (w->length_ns > 0)
-            w->time_ns = (w->time_ns % w->length_ns + w->length_ns) % w->length_ns;
-        orbit_move(&w->orbit, events.drag_x, events.drag_y, events.zoom);
-        follow(w);
-        enum status status = draw(w);
-        if (status != OK)
-            return status;
+        // What moves by itself moves at the display's pace, also where showing does not wait for it.
+        if ((s->changed || due_ns <= now_ns) && due_ns < w->shown_ns + frame_ns)
+            due_ns = now_ns + frame_ns - (clock_now_ns() - now_ns);
     }
     return OK;
 }
 
+static void say_stats(const struct watch *w)
+{
+    const struct frame_times *t = &w->tablet.times;
+    struct eyes_state eyes = w->tablet.eyes ? eyes_state(w->tablet.eyes) : (struct eyes_state){0};
+    printf("screen    %s, %s\n", screen_driver(w->screen), gpu_renderer(w->gpu));
+    printf("pictures  %lld from the camera, %lld let go by, %lld drawn\n", (long long)eyes.came,
+           (long long)eyes.let_go, (long long)t->frames);
+    for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
+        printf("%-9s %7.2f ms\n", frame_stage_names[i], t->sum_ms[i] / (double)t->frames);
+    printf("in all    %7.2f ms in the median, %.2f ms at most\n", frame_times_median(t), t->total_worst_ms);
+}
+
 int reenact_watch(int argc, char **argv)
 {
-    static const struct argp_option options[] = {
-        {"take", COMMAND_KEY, "NAME", 0, "the take to watch; the first where none is named", 0},
-        {0},
-    };
     static const struct argp argp = {
         options, parse, "FILE",
-        "Watch a take in a window.\vDrag to walk round, wheel or two fingers to come nearer, space to pause, arrow keys "
-        "to step, Q to leave.", 0, 0, 0};
-    struct arguments given = {0};
+        "Watch a recorded person, life-size, where they stood.\v"
+        "Through a camera the actor stands in its picture; without one, or with O, you walk round by dragging and come "
+        "nearer with two fingers or the wheel.\n\n"
+        "Keys: space play, arrows step, Home and End, - and + speed, L loop, M mirror, B skeleton, X where pixels come "
+        "from, I the sensor's picture, T times, G move the actor, R put back, P photograph, D dark or light, F "
+        "fullscreen, Escape back, Q leave. A game pad: A play, X photograph, Y move, shoulders speed, cross step, "
+        "sticks walk round, triggers wind.",
+        0, 0, 0};
+    struct arguments given = {.width = 1280, .height = 800};
     argp_parse(&argp, argc, argv, 0, NULL, &given);
-    struct watch watch = {0};
+    struct watch watch = {.arguments = &given};
     command_catch_stop();
-    enum status status = watch_open(&watch, &given);
+    enum status status = watch_open(&watch);
+    if (given.seconds > 0)
+        watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)
         status = watch_loop(&watch);
+    if (status == OK && given.stats)
+        say_stats(&watch);
     watch_close(&watch);
     return status == OK ? 0 : command_failed(argv[0]);
 }

@@ -50,7 +50,7 @@ static void whiten(const struct sighting *seen, double out[8][8])
         out[i][i] = 2;
 }
 
-static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *corners,
+static void fill_frame(const struct map *m, int32_t i, double loose_px, struct adjust_corners *corners,
                        struct adjust_plane_depth *depths, struct adjust_sighting *sightings, struct sizes *n)
 {
     const struct map_frame *f = &m->frames[i];
@@ -77,8 +77,9 @@ static void fill_frame(const struct map *m, int32_t i, struct adjust_corners *co
         if (s->point < 0)
             continue;
         struct vec3 ray = lens_ray(lens, s->feature.at);
+        double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), loose_px / lens->fx * s->depth) : 1;
         sightings[n->sightings++] = (struct adjust_sighting){
-            i, s->point, ray.x, ray.y, feature_sigma(&s->feature), s->depth, s->depth > 0 ? depth_sigma(s->depth) : 1};
+            i, s->point, ray.x, ray.y, hypot(feature_sigma(&s->feature), loose_px), s->depth, sigma_m};
     }
 }
 
@@ -92,7 +93,7 @@ static void take_over(struct map *m, const struct adjust_problem *p)
         m->points[i].world = p->points[i];
 }
 
-enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
+static enum status adjust_all(struct map *m, int rounds, bool hold_frames, double loose_px, double *cost)
 {
     struct sizes n = count_all(m), filled = {0};
     struct adjust_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
@@ -106,7 +107,7 @@ enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost
         for (int32_t i = 0; i < m->frame_count; i++) {
             cameras[i].camera_from_world = m->frames[i].camera_from_world;
             if (m->frames[i].placed)
-                fill_frame(m, i, corners, depths, sightings, &filled);
+                fill_frame(m, i, loose_px, corners, depths, sightings, &filled);
         }
         for (int32_t i = 0; i < m->tag_count; i++)
             squares[i] = (struct adjust_square){m->tags[i].world_from_tag, m->tags[i].side_m};
@@ -128,6 +129,7 @@ enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost
             .plane_depth_count = filled.depths,
             .sighting_count = hold_frames ? 0 : filled.sightings,
             .held_square = m->reference,
+            .held_camera = m->held_frame,
             .hold_cameras = hold_frames,
             .most_rounds = rounds,
             .cost = cost,
@@ -147,42 +149,87 @@ enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost
     return status;
 }
 
+enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
+{
+    return adjust_all(m, rounds, hold_frames, 0, cost);
+}
+
+enum status map_adjust_loosely(struct map *m, int rounds, double loose_px)
+{
+    return adjust_all(m, rounds, false, loose_px, NULL);
+}
+
+struct sum {
+    double squares;
+    int64_t count;
+};
+
+static void add(struct sum *sum, double error)
+{
+    if (isfinite(error)) {
+        sum->squares += error * error;
+        sum->count++;
+    }
+}
+
+static double rms(struct sum sum)
+{
+    return sum.count ? sqrt(sum.squares / (double)sum.count) : 0;
+}
+
+static void measure_tag(const struct map *m, const struct map_frame *f, int32_t k, struct sum *px, struct sum *metres)
+{
+    struct map_tag *tag = &m->tags[f->which[k]];
+    struct fit_tag fit = {&f->seen[k], NULL, tag->world_from_tag, tag->side_m, true, 0};
+    double error = fit_tag_rms(&fit, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
+    if (!tag->mapped || error > 10) // lost its weight in the adjustment
+        return;
+    tag->rms_px += error * error;
+    tag->sightings++;
+    add(px, error);
+    struct pose camera_from_tag = pose_multiply(f->camera_from_world, tag->world_from_tag);
+    struct vec3 normal = quat_rotate(camera_from_tag.rotation, v3(0, 0, 1));
+    for (int32_t d = 0; d < f->depths[k].count; d++) {
+        const struct depth_sample *s = &f->depths[k].sample[d];
+        double slant = normal.x * s->x + normal.y * s->y + normal.z;
+        add(metres, v3_dot(normal, camera_from_tag.translation) / slant - s->z);
+    }
+}
+
+static void measure_points(const struct map *m, const struct map_frame *f, struct sum *px, struct sum *metres)
+{
+    const struct lens *lens = &m->calibration.color;
+    for (int32_t k = 0; k < f->feature_count; k++) {
+        const struct map_feature *s = &f->features[k];
+        if (s->point < 0)
+            continue;
+        struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
+        struct vec3 ray = lens_ray(lens, s->feature.at);
+        add(px, hypot(lens->fx * (p.x / p.z - ray.x), lens->fy * (p.y / p.z - ray.y)));
+        if (s->depth > 0)
+            add(metres, p.z - s->depth);
+    }
+}
+
 void map_measure(struct map *m)
 {
-    double sum = 0, sum_m = 0;
-    int64_t count = 0, count_m = 0;
+    struct sum px = {0}, metres = {0};
     for (int32_t i = 0; i < m->tag_count; i++) {
         m->tags[i].rms_px = 0;
         m->tags[i].sightings = 0;
     }
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
-        for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
-            struct map_tag *tag = &m->tags[f->which[k]];
-            struct fit_tag fit = {&f->seen[k], NULL, tag->world_from_tag, tag->side_m, true, 0};
-            double rms = fit_tag_rms(&fit, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
-            if (!tag->mapped || rms > 10) // lost its weight in the adjustment
-                continue;
-            tag->rms_px += rms * rms;
-            tag->sightings++;
-            sum += rms * rms;
-            count++;
-            struct pose camera_from_tag = pose_multiply(f->camera_from_world, tag->world_from_tag);
-            struct vec3 normal = quat_rotate(camera_from_tag.rotation, v3(0, 0, 1));
-            for (int32_t d = 0; d < f->depths[k].count; d++) {
-                const struct depth_sample *s = &f->depths[k].sample[d];
-                double slant = normal.x * s->x + normal.y * s->y + normal.z;
-                double error = v3_dot(normal, camera_from_tag.translation) / slant - s->z;
-                if (isfinite(error)) {
-                    sum_m += error * error;
-                    count_m++;
-                }
-            }
-        }
+        if (!f->placed)
+            continue;
+        for (int32_t k = 0; k < f->seen_count; k++)
+            measure_tag(m, f, k, &px, &metres);
+        if (!m->tag_count)
+            measure_points(m, f, &px, &metres);
     }
     for (int32_t i = 0; i < m->tag_count; i++)
         if (m->tags[i].sightings)
             m->tags[i].rms_px = sqrt(m->tags[i].rms_px / m->tags[i].sightings);
-    m->rms_px = count ? sqrt(sum / (double)count) : 0;
-    m->rms_m = count_m ? sqrt(sum_m / (double)count_m) : 0;
+    m->rms_px = rms(px);
+    m->rms_m = rms(metres);
 }

@@ -206,8 +206,22 @@ static enum status grow_sure(struct map *m)
     }
 }
 
+static enum status grow_by_points(struct map *m)
+{
+    int placed;
+    enum status status = map_start_by_points(m);
+    if (status == OK)
+        status = map_follow(m, &placed);
+    if (status == OK)
+        status = map_adjust(m, ROUNDS, false, NULL);
+    return status == OK ? map_close_loops(m) : status;
+}
+
 enum status map_grow(struct map *m, bool use_points)
 {
+    m->held_frame = m->reference = -1;
+    if (!m->tag_count)
+        return grow_by_points(m);
     m->reference = most_seen(m);
     if (m->reference < 0)
         return fail(ERR_INPUT,
@@ -222,6 +236,8 @@ enum status map_grow(struct map *m, bool use_points)
             status = map_add_points(m);
         if (status == OK && use_points)
             status = map_place_by_points(m, &placed);
+        if (status == OK && use_points && !placed)
+            status = map_follow(m, &placed);
         if (status != OK)
             return status;
         // The better of two mirrored poses is taken only when there is no other way on.

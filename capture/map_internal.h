@@ -1,5 +1,6 @@
 // What the files of the mapper share: the frames of the sweep, the tags, the
-// points, in a world that is the reference tag's until map_world turns it.
+// points, in a world that is the reference tag's (without tags the first frame's)
+// until map_world turns it.
 #pragma once
 #include "capture/mapper.h"
 #include "locate/points.h"
@@ -53,12 +54,14 @@ struct map {
     struct place_point *points; // room for MAP_MOST_CANDIDATES
     int32_t *point_sightings;
     int32_t point_count;
-    int32_t reference; // index of the tag that holds the world still
+    int32_t reference;  // index of the tag that holds the world still; -1: a frame does
+    int32_t held_frame; // which; -1: a tag does
     double rms_px, rms_m;
 };
 
 // ---- map_graph.c: frames and tags from one another
-// From single tags to a first pose of every tag and frame that hang together.
+// From single tags to a first pose of every tag and frame that hang together; without
+// any tag listed, from one frame by points alone.
 // use_points: of frames whose pose may be mirrored natural points say which one.
 MUST_CHECK enum status map_grow(struct map *m, bool use_points);
 // Tags of frame f that are in the map, as fit wants them; out: FIT_MAX_TAGS. `used` is set.
@@ -68,19 +71,45 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 // All frames, tags and points at once; sightings that fit badly lose their weight.
 // hold_frames: only the tags move, and points have no say. *cost: the robust cost left; or NULL.
 MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
+// The same with points less sure by loose_px: for a start that is so far off.
+MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loose_px);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
 
 // ---- map_points.c: natural points
+// What is needed for one frame at a time.
+struct map_desk {
+    struct feature features[MAP_FEATURES];
+    double depth[MAP_FEATURES];
+    struct feature_index index;
+    struct point_match matches[MAP_FEATURES];
+};
+void map_lay_out(struct map_desk *d, const struct map *m, const struct map_frame *f);
+// Takes over the first `count` of d->matches as what the frame shows.
+void map_assign(struct map_frame *f, const struct map_desk *d, int count);
+// Features with depth that show no point of the map yet become points.
+void map_add_new_points(struct map *m, struct map_frame *f);
 // Finds points from placed frame to placed frame and sharpens their poses by them.
 MUST_CHECK enum status map_add_points(struct map *m);
-// Places frames of two possible poses by the points they show. How many.
-MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);
 // Looks for all points in all frames again and adjusts everything, twice. The `most`
 // best points stay, with their most typical descriptors.
 MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
 
+// ---- map_follow.c: frames placed by points
+// Places frames of two possible poses by the points they show. How many.
+MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);
+// Places frames that show no tag of the map: from a neighbour's pose, else by what they
+// show of the whole map; each adds its points. How many.
+MUST_CHECK enum status map_follow(struct map *m, int *placed);
+// Without tags: the frame with most depth holds the world, its points are the map.
+MUST_CHECK enum status map_start_by_points(struct map *m);
+
+// ---- map_loops.c
+// Points that came into the map twice, because the way there led round, become one.
+MUST_CHECK enum status map_close_loops(struct map *m);
+
 // ---- map_world.c
 // Turns and shifts everything so that z is up, z = 0 the floor, x as the lowest
-// tag has it. *floor: the floor was seen in depth.
+// tag has it; without tags, x to the right of the first frame's view and the origin
+// below it. *floor: the floor was seen in depth.
 MUST_CHECK enum status map_level(struct map *m, bool *floor);

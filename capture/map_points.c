@@ -7,15 +7,7 @@ static const double AGAIN_PX = 4;  // how near a point is looked for in an adjus
 static const double SAME_M = 0.03; // two points this near that look alike are one
 enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2, ROUNDS = 6, POLISH_ROUNDS = 15 };
 
-// What is needed for one frame at a time.
-struct desk {
-    struct feature features[MAP_FEATURES];
-    double depth[MAP_FEATURES];
-    struct feature_index index;
-    struct point_match matches[MAP_FEATURES];
-};
-
-static void lay_out(struct desk *d, const struct map *m, const struct map_frame *f)
+void map_lay_out(struct map_desk *d, const struct map *m, const struct map_frame *f)
 {
     for (int32_t i = 0; i < f->feature_count; i++) {
         d->features[i] = f->features[i].feature;
@@ -24,7 +16,7 @@ static void lay_out(struct desk *d, const struct map *m, const struct map_frame 
     feature_index_build(&d->index, d->features, f->feature_count, &m->calibration.color);
 }
 
-static void assign(struct map_frame *f, const struct desk *d, int count)
+void map_assign(struct map_frame *f, const struct map_desk *d, int count)
 {
     for (int32_t i = 0; i < f->feature_count; i++)
         f->features[i].point = -1;
@@ -32,8 +24,7 @@ static void assign(struct map_frame *f, const struct desk *d, int count)
         f->features[d->matches[i].feature].point = d->matches[i].point;
 }
 
-// Features with depth that show no point of the map yet become points.
-static void add_new(struct map *m, struct map_frame *f)
+void map_add_new_points(struct map *m, struct map_frame *f)
 {
     struct pose world_from_camera = pose_inverse(f->camera_from_world);
     for (int32_t i = 0; i < f->feature_count && m->point_count < MAP_MOST_CANDIDATES; i++) {
@@ -49,20 +40,20 @@ static void add_new(struct map *m, struct map_frame *f)
 }
 
 // Finds the map's points in one frame, sharpens its pose by them, adds new ones.
-static void visit(struct map *m, struct desk *d, struct map_frame *f)
+static void visit(struct map *m, struct map_desk *d, struct map_frame *f)
 {
     struct fit_tag tags[FIT_MAX_TAGS];
     int count = 0, tag_count = map_fit_tags(m, f, tags), with_depth = 0;
     f->visited = true;
-    lay_out(d, m, f);
+    map_lay_out(d, m, f);
     bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
                                &f->camera_from_world, d->matches, MAP_FEATURES, &count);
-    assign(f, d, known ? count : 0);
+    map_assign(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
         with_depth += f->features[i].depth > 0;
     // A frame placed by one tag alone is too crooked to add points by itself.
     if ((known || tag_count > 1) && 2 * count < with_depth)
-        add_new(m, f);
+        map_add_new_points(m, f);
 }
 
 // Points that are near and look alike become one.
@@ -100,16 +91,16 @@ static void merge_twins(struct map *m)
 }
 
 // Looks for every point in every frame again, near where it must be.
-static void look_again(struct map *m, struct desk *d)
+static void look_again(struct map *m, struct map_desk *d)
 {
     for (int32_t i = 0; i < m->frame_count; i++) {
         struct map_frame *f = &m->frames[i];
         if (!f->placed)
             continue;
-        lay_out(d, m, f);
+        map_lay_out(d, m, f);
         int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, &f->camera_from_world,
                                  AGAIN_PX, d->matches, MAP_FEATURES);
-        assign(f, d, count);
+        map_assign(f, d, count);
     }
 }
 
@@ -167,7 +158,7 @@ static int32_t best_frame(const struct map *m)
 
 enum status map_add_points(struct map *m)
 {
-    struct desk *d = malloc(sizeof *d);
+    struct map_desk *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     int32_t start = best_frame(m);
@@ -180,40 +171,6 @@ enum status map_add_points(struct map *m)
     forget_bad(m);
     free(d);
     return map_adjust(m, ROUNDS, false, NULL);
-}
-
-enum status map_place_by_points(struct map *m, int *placed)
-{
-    struct desk *d = malloc(sizeof *d);
-    const struct lens *lens = &m->calibration.color;
-    *placed = 0;
-    if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
-    for (int32_t i = 0; i < m->frame_count; i++) {
-        struct map_frame *f = &m->frames[i];
-        struct fit_tag tags[FIT_MAX_TAGS];
-        struct camera_fit fit;
-        if (f->placed)
-            continue;
-        int count = map_fit_tags(m, f, tags), agree[2] = {0, 0};
-        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, &fit) != AMBIGUOUS)
-            continue;
-        struct pose pose[2] = {fit.camera_from_world, fit.other};
-        lay_out(d, m, f);
-        for (int k = 0; k < 2; k++)
-            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, &pose[k], d->matches,
-                               MAP_FEATURES, &agree[k]))
-                agree[k] = 0;
-        int best = agree[1] > agree[0];
-        // Both may lead to the same pose: the search reaches far.
-        if (!agree[best] || (2 * agree[best] < 3 * agree[!best] && pose_angle(pose[0], pose[1]) > 0.02))
-            continue;
-        f->camera_from_world = pose[best];
-        f->placed = true;
-        ++*placed;
-    }
-    free(d);
-    return OK;
 }
 
 struct ranked {
@@ -295,7 +252,7 @@ static enum status typical_descriptors(struct map *m)
 
 enum status map_polish_points(struct map *m, int32_t most)
 {
-    struct desk *d = malloc(sizeof *d);
+    struct map_desk *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     merge_twins(m);

@@ -20,6 +20,12 @@ struct mapper_options mapper_default_options(void)
     return (struct mapper_options){.quad_decimate = 1, .most_points = 4000, .most_views = 40};
 }
 
+// Depth of the colour's own pixels.
+static bool depth_usable(const struct calibration *c)
+{
+    return c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
+}
+
 static enum status check(const struct calibration *calibration, const struct mapper_tag *tags, int32_t tag_count,
                          const struct mapper_options *options)
 {
@@ -29,8 +35,11 @@ static enum status check(const struct calibration *calibration, const struct map
     if (options->most_points < 0 || options->most_points > MAP_MOST_CANDIDATES || options->most_views < 0)
         return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
                     (int)MAP_MOST_CANDIDATES);
-    if (tag_count <= 0 || tag_count > MAPPER_MAX_TAGS)
-        return fail(ERR_INPUT, "a place is mapped by 1 to %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
+    if (tag_count < 0 || tag_count > MAPPER_MAX_TAGS)
+        return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
+    if (!tag_count && (!depth_usable(calibration) || !options->most_points))
+        return fail(ERR_INPUT, "without tags only depth that belongs to the colour's pixels says how large a place "
+                               "is, and this sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
         if (tags[i].id < 0 || tags[i].id >= TAG_NUMBERS || !(tags[i].side_m > 0) || !isfinite(tags[i].side_m))
             return fail(ERR_INPUT, "tag %d with a side of %g m is no tag of tag36h11", (int)tags[i].id, tags[i].side_m);
@@ -45,7 +54,7 @@ static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t
 {
     struct map *map = &m->map;
     size_t pixels = (size_t)map->calibration.color.width * (size_t)map->calibration.color.height;
-    map->tags = calloc((size_t)tag_count, sizeof *map->tags);
+    map->tags = calloc((size_t)tag_count + 1, sizeof *map->tags);
     map->frames = calloc(MAP_MOST_FRAMES, sizeof *map->frames);
     map->points = malloc(MAP_MOST_CANDIDATES * sizeof *map->points);
     map->point_sightings = malloc(MAP_MOST_CANDIDATES * sizeof *map->point_sightings);
@@ -229,8 +238,7 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
         return OK;
     thin_out(m);
     const struct calibration *c = &m->map.calibration;
-    bool usable = c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
-    const uint16_t *depth = usable ? frame->depth : NULL;
+    const uint16_t *depth = depth_usable(c) ? frame->depth : NULL;
     struct map_frame f = {.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
     gray_from_rgb(frame->color, (size_t)c->color.width * (size_t)c->color.height, m->gray);
     enum status status = see_tags(m, frame, depth, &f);
@@ -244,6 +252,25 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
     }
     m->map.frames[m->map.frame_count++] = f;
     return OK;
+}
+
+static void report_lost(const struct map *m, struct mapper_report *r)
+{
+    int64_t longest = 0;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        int32_t end = i;
+        while (end < m->frame_count && !m->frames[end].placed)
+            end++;
+        if (end == i)
+            continue;
+        int64_t from = m->frames[i].time_ns, to = m->frames[end - 1].time_ns, start = m->frames[0].time_ns;
+        if (to - from > longest) {
+            longest = to - from;
+            r->lost_from_s = (double)(from - start) * 1e-9;
+            r->lost_to_s = (double)(to - start) * 1e-9;
+        }
+        i = end;
+    }
 }
 
 static void report_tags(const struct mapper *m, struct mapper_report *r)
@@ -309,7 +336,7 @@ static enum status hand_over(struct mapper *m, struct place *out)
 {
     struct map *map = &m->map;
     *out = (struct place){.calibration = map->calibration, .rms_px = map->rms_px, .rms_m = map->rms_m};
-    out->tags = calloc((size_t)map->tag_count, sizeof *out->tags);
+    out->tags = calloc((size_t)map->tag_count + 1, sizeof *out->tags);
     out->points = calloc((size_t)map->point_count + 1, sizeof *out->points);
     out->views = calloc((size_t)m->options.most_views + 1, sizeof *out->views);
     if (!out->tags || !out->points || !out->views) {
@@ -344,5 +371,6 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (status == OK)
         status = hand_over(m, out);
     report_tags(m, report);
+    report_lost(&m->map, report);
     return status;
 }

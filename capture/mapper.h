@@ -3,7 +3,8 @@
 //
 //     mapper_open, mapper_add for each frame, mapper_finish, mapper_close
 //
-// Scale comes from the tags' known sides and the sensor's depth together.
+// Scale comes from the tags' known sides and the sensor's depth together; without any
+// tag from depth alone, and natural points make the place.
 // Deterministic: the same frames give the same place. One handle, one thread.
 #pragma once
 #include "capture/recording/place.h"
@@ -31,7 +32,9 @@ struct mapper_options {
 };
 struct mapper_options mapper_default_options(void);
 
-// Copies what it needs. ERR_INPUT: a senseless lens or option, no tag, a number twice. ERR_MEMORY.
+// tag_count 0: a place of natural points; the calibration must say `registered`.
+// Copies what it needs. ERR_INPUT: a senseless lens or option, neither tags nor depth, a number
+// twice. ERR_MEMORY.
 MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration *calibration,
                                    const struct mapper_tag *tags, int32_t tag_count,
                                    const struct mapper_options *options);
@@ -46,6 +49,7 @@ struct mapper_report {
     int32_t frames; // used, of frames_seen
     int32_t frames_seen;
     int32_t frames_placed;
+    double lost_from_s, lost_to_s; // the longest part of the sweep that was not placed, from its start; equal: none
     int32_t tags_mapped;
     int32_t tags_unseen; // listed but in no frame; the first is first_unseen
     int32_t first_unseen;
@@ -53,11 +57,12 @@ struct mapper_report {
     int32_t first_apart;
     int32_t tags_unlisted; // seen in at least two frames, not listed: ignored
     int32_t first_unlisted;
-    bool floor_from_depth; // else z = 0 is the lowest corner of a tag
+    bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest point
 };
 
 // The place, in world axes as place.h has them. The caller owns *out: place_free.
-// ERR_INPUT: no listed tag was seen, or none could be placed. ERR_MEMORY, ERR_SOLVER.
+// ERR_INPUT: no listed tag was seen, or none could be placed; without tags: too little to
+// recognise. ERR_MEMORY, ERR_SOLVER.
 // On error *out is zeroed. Call it once.
 MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
 

@@ -309,7 +309,7 @@ static enum status recorder_prepare(struct recorder *r)
     struct tracker_options options = tracker_default_options();
     representative_start(&r->representative);
     enum status status = tracker_open(&r->tracker, r->calibration, &options);
-    if (status == OK && r->place && r->place->tag_count > 0 && r->calibration->color.width > 0)
+    if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) && r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
         status = queue_open(&r->to_process, WAITING_FRAMES);

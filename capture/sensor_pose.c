@@ -135,7 +135,7 @@ static void stand_upright(const struct sensor_pose *s, const uint16_t *depth, st
 enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
 {
     int64_t frame = s->frame++;
-    bool due = frame < SENSOR_POSE_SETTLE || !s->poses || frame % CHECK_EVERY == 0;
+    bool due = frame < SENSOR_POSE_SETTLE || frame % CHECK_EVERY == 0;
     if (!due || !color)
         return OK;
     struct location found;

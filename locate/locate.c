@@ -1,32 +1,9 @@
-#include "locate/locate.h"
-
-#include "locate/points.h"
+#include "locate/locator_internal.h"
 #include "locate/relocate.h"
 
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
-
-struct locator {
-    struct lens lens;
-    struct locator_options options;
-    struct place_tag *tags;
-    struct tag_pattern *patterns; // of each tag
-    int32_t tag_count;
-    struct tag_finder *finder;
-    struct refiner *refiner;
-    struct place_point *points;
-    int32_t point_count;
-    uint8_t *gray;
-    // of the picture in hand
-    struct sighting sightings[FIT_MAX_TAGS];
-    struct tag_depth depths[FIT_MAX_TAGS];
-    int32_t which[FIT_MAX_TAGS]; // index into tags
-    int count;
-    struct feature features[FEATURES_MAX];
-    double feature_depths[FEATURES_MAX]; // where there is depth
-    struct feature_index index;
-    struct point_match matches[FEATURES_MAX];
-};
 
 // Tags smaller than this many pixels along their shortest side are not searched
 // for by prediction: their pattern is a blur.
@@ -90,6 +67,8 @@ static enum status fill(struct locator *l, const struct place *place)
             return fail(ERR_INPUT, "the place's tag %d is not of the family tag36h11, which ends at %d",
                         (int)l->tags[i].id, TAG_NUMBERS - 1);
     enum status status = refiner_open(&l->refiner, &l->lens);
+    if (status == OK)
+        status = patch_picture_open(&l->picture, l->lens.width, l->lens.height);
     return status == OK ? tag_finder_open(&l->finder, l->options.quad_decimate) : status;
 }
 
@@ -120,6 +99,7 @@ void locator_close(struct locator **out)
         return;
     tag_finder_close(&l->finder);
     refiner_close(&l->refiner);
+    patch_picture_close(&l->picture);
     free(l->gray);
     free(l->tags);
     free(l->patterns);
@@ -158,7 +138,7 @@ static enum status look(struct locator *l, const uint8_t *color, const uint16_t 
     return OK;
 }
 
-static enum status fit(struct locator *l, struct fit_tag *tags, struct camera_fit *out)
+void locator_fit_tags(const struct locator *l, struct fit_tag *tags)
 {
     for (int i = 0; i < l->count; i++) {
         const struct place_tag *tag = &l->tags[l->which[i]];
@@ -169,6 +149,11 @@ static enum status fit(struct locator *l, struct fit_tag *tags, struct camera_fi
             .side_m = tag->side_m,
         };
     }
+}
+
+static enum status fit(struct locator *l, struct fit_tag *tags, struct camera_fit *out)
+{
+    locator_fit_tags(l, tags);
     return fit_camera(tags, l->count, l->lens.fx, l->lens.fy, l->options.max_rms_px, out);
 }
 
@@ -199,9 +184,8 @@ static bool predict(const struct locator *l, const struct place_tag *tag, const 
     return shortest >= LEAST_PREDICTED_PX;
 }
 
-// Tags that the finder missed but that the pose says must be there. How many were added.
-static int look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                                const struct pose *camera_from_world)
+int locator_look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
+                                 const struct pose *camera_from_world, int most_pixels)
 {
     int before = l->count;
     for (int32_t k = 0; k < l->tag_count && l->count < FIT_MAX_TAGS; k++) {
@@ -212,7 +196,7 @@ static int look_where_predicted(struct locator *l, const uint8_t *color, const u
         struct sighting fine;
         if (there || !predict(l, &l->tags[k], camera_from_world, corner))
             continue;
-        if (refine_tag(l->refiner, color, l->tags[k].id, &l->patterns[k], corner, &fine) &&
+        if (refine_tag_by(l->refiner, color, l->tags[k].id, &l->patterns[k], corner, most_pixels, &fine) &&
             fine.likeness > PREDICTED_LIKENESS)
             keep(l, &fine, k, depth);
     }
@@ -248,23 +232,21 @@ static int sharpen(struct locator *l, const struct fit_tag *tags, bool with_dept
     return agree;
 }
 
-// The rms over the corners of the tags that fit, for the pose as it is now.
-static void measure(struct locator *l, struct fit_tag *tags, struct camera_fit *found)
+double locator_rms(const struct locator *l, const struct fit_tag *tags, const struct pose *camera_from_world)
 {
     double sum = 0;
     int used = 0;
     for (int i = 0; i < l->count; i++) {
         if (!tags[i].used)
             continue;
-        double rms = fit_tag_rms(&tags[i], &found->camera_from_world, l->lens.fx, l->lens.fy);
+        double rms = fit_tag_rms(&tags[i], camera_from_world, l->lens.fx, l->lens.fy);
         sum += rms * rms;
         used++;
     }
-    found->rms_px = used ? sqrt(sum / used) : 0;
+    return used ? sqrt(sum / used) : 0;
 }
 
-// The features of the picture; l->gray holds it.
-static enum status find_features(struct locator *l, const uint16_t *depth)
+enum status locator_find_features(struct locator *l, const uint16_t *depth)
 {
     int count;
     enum status status = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
@@ -310,20 +292,18 @@ static enum status join_predicted(struct locator *l, struct fit_tag *tags, bool 
     return more;
 }
 
-// False: the pose is not sure enough to be given.
-static bool describe(const struct locator *l, const struct fit_tag *tags, bool with_depth, int agree,
-                     const struct camera_fit *found, struct location *out)
+bool locator_describe(const struct locator *l, const struct fit_tag *tags, const struct fit_point *points,
+                      int point_count, const struct camera_fit *found, struct location *out)
 {
-    struct fit_point points[FEATURES_MAX];
     struct location at = {
         .world_from_camera = pose_inverse(found->camera_from_world),
         .rms_px = found->rms_px,
         .tags_used = found->used,
         .tags_rejected = l->count - found->used,
-        .points_used = agree,
+        .points_used = point_count,
+        .other = pose_inverse(found->other),
     };
-    points_gather(l->points, &l->index, with_depth ? l->feature_depths : NULL, &l->lens, l->matches, agree, points);
-    if (!fit_covariance(tags, l->count, points, agree, l->lens.fx, l->lens.fy, &found->camera_from_world,
+    if (!fit_covariance(tags, l->count, points, point_count, l->lens.fx, l->lens.fy, &found->camera_from_world,
                         at.covariance))
         return false;
     at.position_sigma_m = sqrt(at.covariance[21] + at.covariance[28] + at.covariance[35]);
@@ -338,12 +318,13 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
     struct fit_tag tags[FIT_MAX_TAGS];
     struct camera_fit found = {.used = 0};
     int agree = 0;
+    l->track_count = 0;
     enum status status = look(l, color, depth);
     if (status != OK)
         return status;
     status = fit(l, tags, &found);
     if (l->point_count) {
-        enum status seen = find_features(l, depth);
+        enum status seen = locator_find_features(l, depth);
         if (seen != OK)
             return seen;
     }
@@ -357,8 +338,13 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
             return NOTHING;
         status = OK;
     }
-    if (look_where_predicted(l, color, depth, &found.camera_from_world))
+    if (locator_look_where_predicted(l, color, depth, &found.camera_from_world, INT_MAX))
         status = join_predicted(l, tags, depth != NULL, status, &agree, &found);
-    measure(l, tags, &found);
-    return describe(l, tags, depth != NULL, agree, &found, out) ? status : NOTHING;
+    found.rms_px = locator_rms(l, tags, &found.camera_from_world);
+    struct fit_point points[FEATURES_MAX];
+    points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, &l->lens, l->matches, agree, points);
+    if (!locator_describe(l, tags, points, agree, &found, out))
+        return NOTHING;
+    locator_remember(l, tags, agree, &found.camera_from_world);
+    return status;
 }

@@ -13,6 +13,7 @@ enum {
     MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
     SLOPES = 1024,
+    BELL_STEPS = 1024, // of the table of the normal distribution, over +- BELL_REACH
 };
 
 // Everything below is in the tag's own (u, v): -1 .. 1 over the black square, v up.
@@ -28,8 +29,17 @@ struct sample {
     double value; // linear light, 0..1
 };
 
+// The standard normal distribution at one place.
+struct bell {
+    double integral; // of `below`, from minus infinity
+    double below;    // the distribution function
+    double density;
+};
+static const double BELL_REACH = 4;
+
 struct refiner {
     struct lens lens;
+    struct bell bell[BELL_STEPS + 1];
     double linear[256];       // sRGB to linear light
     double slope[SLOPES + 1]; // of the encoding, over linear light 0..1
     struct sample samples[MAX_SAMPLES];
@@ -57,6 +67,11 @@ enum status refiner_open(struct refiner **out, const struct lens *lens)
     for (int i = 0; i <= SLOPES; i++) {
         double v = (double)i / SLOPES;
         r->slope[i] = v <= 0.0031308 ? 12.92 : 1.055 / 2.4 * pow(v, 1 / 2.4 - 1);
+    }
+    for (int i = 0; i <= BELL_STEPS; i++) {
+        double x = BELL_REACH * (2.0 * i / BELL_STEPS - 1);
+        double density = exp(-x * x / 2) * 0.3989422804014327, below = 0.5 * erfc(-x * 0.7071067811865476);
+        r->bell[i] = (struct bell){x * below + density, below, density};
     }
     *out = r;
     return OK;
@@ -96,7 +111,7 @@ static void apply(const double h[9], double u, double v, double *x, double *y)
 }
 
 // Reads the pixels of the tag and most of its white rim.
-static void collect(struct refiner *r, const uint8_t *rgb, const double h[9])
+static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], int most)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     const struct lens *lens = &r->lens;
@@ -115,7 +130,7 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9])
     int left = (int)fmax(0, floor(x0)), right = (int)fmin(lens->width - 1, ceil(x1));
     int top = (int)fmax(0, floor(y0)), bottom = (int)fmin(lens->height - 1, ceil(y1));
     int step = 1;
-    while ((double)(right - left + 1) * (bottom - top + 1) > (double)MAX_SAMPLES * step * step)
+    while ((double)(right - left + 1) * (bottom - top + 1) > (double)most * step * step)
         step++;
     for (int y = top; y <= bottom; y += step) {
         for (int x = left; x <= right; x += step) {
@@ -156,7 +171,22 @@ struct axis {
     double share[RIM], by_a[RIM], by_blur[RIM];
 };
 
-static void look_along(double a, const struct window *w, struct axis *out)
+// Interpolated, to a millionth.
+static struct bell bell_at(const struct refiner *r, double x)
+{
+    if (x <= -BELL_REACH)
+        return (struct bell){0, 0, 0};
+    if (x >= BELL_REACH)
+        return (struct bell){x, 1, 0};
+    double at = (x + BELL_REACH) * (BELL_STEPS / (2 * BELL_REACH));
+    int i = (int)at;
+    double t = at - i;
+    const struct bell *b = &r->bell[i], *c = b + 1;
+    return (struct bell){b->integral + t * (c->integral - b->integral), b->below + t * (c->below - b->below),
+                         b->density + t * (c->density - b->density)};
+}
+
+static void look_along(const struct refiner *r, double a, const struct window *w, struct axis *out)
 {
     double reach = w->width / 2 + 3 * w->blur;
     int first = (int)floor(a - reach), last = (int)floor(a + reach);
@@ -168,12 +198,11 @@ static void look_along(double a, const struct window *w, struct axis *out)
     for (int i = first; i <= last; i++) {
         double above = 1, above_a = 0, above_blur = 0;
         if (i < last) {
-            double p = (i + 1 - a + w->width / 2) / w->blur, m = (i + 1 - a - w->width / 2) / w->blur;
-            double bell_p = exp(-p * p / 2) * 0.3989422804014327, bell_m = exp(-m * m / 2) * 0.3989422804014327;
-            double below_p = 0.5 * erfc(-p * 0.7071067811865476), below_m = 0.5 * erfc(-m * 0.7071067811865476);
-            above = (p * below_p + bell_p - m * below_m - bell_m) * w->blur / w->width;
-            above_a = (below_m - below_p) / w->width;
-            above_blur = (bell_p - bell_m) / w->width * w->blur_by_px;
+            struct bell p = bell_at(r, (i + 1 - a + w->width / 2) / w->blur);
+            struct bell m = bell_at(r, (i + 1 - a - w->width / 2) / w->blur);
+            above = (p.integral - m.integral) * w->blur / w->width;
+            above_a = (m.below - p.below) / w->width;
+            above_blur = (p.density - m.density) / w->width * w->blur_by_px;
         }
         out->share[i - first] = above - below;
         out->by_a[i - first] = above_a - below_a;
@@ -187,11 +216,12 @@ struct shade {
     double white, by_u, by_v, by_blur;
 };
 
-static struct shade look(const struct model *m, double u, double v, const struct window *wu, const struct window *wv)
+static struct shade look(const struct refiner *r, const struct model *m, double u, double v, const struct window *wu,
+                         const struct window *wv)
 {
     struct axis across, up;
-    look_along((u + 1) / CELL + 1, wu, &across);
-    look_along((v + 1) / CELL + 1, wv, &up);
+    look_along(r, (u + 1) / CELL + 1, wu, &across);
+    look_along(r, (v + 1) / CELL + 1, wv, &up);
     struct shade s = {0};
     for (int j = 0; j < up.count; j++) {
         double row = 0, row_a = 0, row_blur = 0;
@@ -234,7 +264,7 @@ static bool predict(const struct refiner *r, const struct model *m, const double
     double v_x = (inverse[3] - v * inverse[6]) / (w * r->lens.fx),
            v_y = (inverse[4] - v * inverse[7]) / (w * r->lens.fy);
     struct window across = window_of(u_x, u_y, m->blur_px), up = window_of(v_x, v_y, m->blur_px);
-    struct shade shade = look(m, u, v, &across, &up);
+    struct shade shade = look(r, m, u, v, &across, &up);
     double white = m->white + m->white_u * u + m->white_v * v;
     *value = m->black + (white - m->black) * shade.white;
     double by_u = (white - m->black) * shade.by_u + m->white_u * shade.white;
@@ -426,6 +456,12 @@ static bool inform(const struct refiner *r, const struct model *m, const struct 
 bool refine_tag(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
                 const struct pixel corner[4], struct sighting *out)
 {
+    return refine_tag_by(r, rgb, id, pattern, corner, MAX_SAMPLES, out);
+}
+
+bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
+                   const struct pixel corner[4], int most_pixels, struct sighting *out)
+{
     static const double own[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     struct model m = {.blur_px = BLUR_START_PX};
     struct vec3 first[4];
@@ -440,7 +476,7 @@ bool refine_tag(struct refiner *r, const uint8_t *rgb, int32_t id, const struct 
         }
     struct gathered g;
     double noise;
-    collect(r, rgb, m.h);
+    collect(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
     if (!start_light(r, &m) || !descend(r, &m, &g, &noise))
         return false;
 

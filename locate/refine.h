@@ -29,5 +29,10 @@ struct sighting {
 bool refine_tag(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
                 const struct pixel corner[4], struct sighting *out);
 
+// The same from at most so many of the tag's pixels, for one whose corners are known to a
+// pixel: a tenth of the time, corners half as sure.
+bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
+                   const struct pixel corner[4], int most_pixels, struct sighting *out);
+
 // BT.601 luma, for the tag finder.
 void gray_from_rgb(const uint8_t *rgb, size_t pixels, uint8_t *gray);

@@ -191,9 +191,10 @@ enum status solve(const adjust_problem &in)
     };
     // The group with most blocks is eliminated first; its blocks never meet in one error.
     int camera_group = in.sighting_count ? 1 : 0;
-    for (auto &c : cameras)
-        if (add_pose(&c.camera_from_world.rotation.x, camera_group) && in.hold_cameras)
-            problem.SetParameterBlockConstant(&c.camera_from_world.rotation.x);
+    for (size_t i = 0; i < cameras.size(); i++)
+        if (add_pose(&cameras[i].camera_from_world.rotation.x, camera_group) &&
+            (in.hold_cameras || (int32_t)i == in.held_camera))
+            problem.SetParameterBlockConstant(&cameras[i].camera_from_world.rotation.x);
     for (size_t i = 0; i < squares.size(); i++)
         if (add_pose(&squares[i].world_from_square.rotation.x, 1) && (int32_t)i == in.held_square)
             problem.SetParameterBlockConstant(&squares[i].world_from_square.rotation.x);

@@ -49,7 +49,8 @@ struct adjust_problem {
     const struct adjust_sighting *sightings;
     int32_t camera_count, square_count, point_count;
     int32_t corner_count, plane_depth_count, sighting_count;
-    int32_t held_square; // stays where it is
+    int32_t held_square; // stays where it is; -1: none does
+    int32_t held_camera; // the same
     bool hold_cameras;   // all of them stay where they are
     int32_t most_rounds; // of Ceres
     double *cost;        // out: the robust cost in the end; or NULL

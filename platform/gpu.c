@@ -1,4 +1,4 @@
-#include "platform/gpu.h"
+#include "platform/gpu_parts.h"
 
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
@@ -7,52 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_UNIFORMS = 16, MAX_SAMPLERS = 4 };
-
-typedef GLenum (*reset_status_function)(void);
-
-struct gpu {
-    EGLDisplay display;
-    EGLContext context;
-    bool adopted;
-    char renderer[128];
-    int max_size, max_samples;
-    reset_status_function reset_status; // NULL: the driver cannot say
-};
-
-struct gpu_program {
-    struct gpu *g;
-    GLuint id;
-    GLint uniforms[MAX_UNIFORMS];
-    int sampler_count;
-};
-
-struct gpu_texture {
-    struct gpu *g;
-    GLuint id;
-    enum gpu_format format;
-    int width, height;
-};
-
-struct gpu_mesh {
-    struct gpu *g;
-    GLuint array, vertices, indices;
-    int index_count;
-};
-
-struct gpu_target {
-    struct gpu *g;
-    int width, height;
-    bool multisampled;
-    GLuint drawn;        // framebuffer drawn into
-    GLuint color, depth; // its renderbuffers; color only when multisampled
-    GLuint resolved;     // framebuffer around `texture`; the same as `drawn` without multisampling
-    struct gpu_texture texture;
-};
-
 // ---------------------------------------------------------------- the context
 
-static void use(const struct gpu *g)
+void gpu_use(const struct gpu *g)
 {
     if (!g->adopted && eglGetCurrentContext() != g->context)
         eglMakeCurrent(g->display, EGL_NO_SURFACE, EGL_NO_SURFACE, g->context);
@@ -78,7 +35,7 @@ static const char *error_name(GLenum error)
 
 enum status gpu_check(struct gpu *g)
 {
-    use(g);
+    gpu_use(g);
     if (eglGetCurrentContext() == EGL_NO_CONTEXT || (g->reset_status && g->reset_status() != GL_NO_ERROR))
         return fail(ERR_DEVICE, "the graphics context was lost; start again");
     GLenum first = glGetError();
@@ -160,9 +117,9 @@ static enum status ask_limits(struct gpu *g)
     g->renderer[length] = 0;
     const char *extensions = (const char *)glGetString(GL_EXTENSIONS);
     if (has_word(extensions, "GL_KHR_robustness"))
-        g->reset_status = (reset_status_function)eglGetProcAddress("glGetGraphicsResetStatusKHR");
+        g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusKHR");
     else if (has_word(extensions, "GL_EXT_robustness"))
-        g->reset_status = (reset_status_function)eglGetProcAddress("glGetGraphicsResetStatusEXT");
+        g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusEXT");
     // Rows without padding everywhere; pixel for pixel the same on every driver.
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
@@ -266,7 +223,7 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
 {
     assert(text->uniform_count <= MAX_UNIFORMS && text->sampler_count <= MAX_SAMPLERS);
     *out = NULL;
-    use(g);
+    gpu_use(g);
     struct gpu_program *p = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
@@ -297,7 +254,7 @@ void gpu_program_close(struct gpu_program **p)
 {
     if (!*p)
         return;
-    use((*p)->g);
+    gpu_use((*p)->g);
     glDeleteProgram((*p)->id);
     free(*p);
     *p = NULL;
@@ -306,7 +263,7 @@ void gpu_program_close(struct gpu_program **p)
 void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int count)
 {
     assert(index >= 0 && index < MAX_UNIFORMS);
-    use(p->g);
+    gpu_use(p->g);
     glUseProgram(p->id);
     glUniform4fv(p->uniforms[index], count, vec4s);
 }
@@ -344,7 +301,7 @@ enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_f
 {
     assert(width > 0 && height > 0);
     *out = NULL;
-    use(g);
+    gpu_use(g);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
@@ -362,7 +319,7 @@ void gpu_texture_close(struct gpu_texture **t)
 {
     if (!*t)
         return;
-    use((*t)->g);
+    gpu_use((*t)->g);
     glDeleteTextures(1, &(*t)->id);
     free(*t);
     *t = NULL;
@@ -370,7 +327,7 @@ void gpu_texture_close(struct gpu_texture **t)
 
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
 {
-    use(t->g);
+    gpu_use(t->g);
     upload(t, pixels, false);
 }
 
@@ -381,7 +338,7 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
 {
     assert(components >= 2 && components <= 4 && vertex_count > 0 && vertex_count <= 65536 && index_count > 0);
     *out = NULL;
-    use(g);
+    gpu_use(g);
     struct gpu_mesh *m = calloc(1, sizeof *m);
     if (!m)
         return fail(ERR_MEMORY, "out of memory");
@@ -410,7 +367,7 @@ void gpu_mesh_close(struct gpu_mesh **m)
 {
     if (!*m)
         return;
-    use((*m)->g);
+    gpu_use((*m)->g);
     glDeleteVertexArrays(1, &(*m)->array);
     glDeleteBuffers(1, &(*m)->vertices);
     glDeleteBuffers(1, &(*m)->indices);
@@ -453,7 +410,7 @@ enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, i
 {
     assert(width > 0 && height > 0 && samples >= 1);
     *out = NULL;
-    use(g);
+    gpu_use(g);
     struct gpu_target *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
@@ -477,7 +434,7 @@ void gpu_target_close(struct gpu_target **t)
 {
     if (!*t)
         return;
-    use((*t)->g);
+    gpu_use((*t)->g);
     if ((*t)->drawn != (*t)->resolved)
         glDeleteFramebuffers(1, &(*t)->drawn);
     glDeleteFramebuffers(1, &(*t)->resolved);
@@ -490,7 +447,7 @@ void gpu_target_close(struct gpu_target **t)
 
 void gpu_target_clear(struct gpu_target *t)
 {
-    use(t->g);
+    gpu_use(t->g);
     glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
     glClearColor(0, 0, 0, 0);
     glClearDepthf(1);
@@ -509,14 +466,14 @@ static void resolve(struct gpu_target *t)
 
 const struct gpu_texture *gpu_target_texture(struct gpu_target *t)
 {
-    use(t->g);
+    gpu_use(t->g);
     resolve(t);
     return &t->texture;
 }
 
 enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 {
-    use(t->g);
+    gpu_use(t->g);
     resolve(t);
     glBindFramebuffer(GL_FRAMEBUFFER, t->resolved);
     glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
@@ -527,7 +484,7 @@ enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 
 void gpu_draw(const struct gpu_job *job)
 {
-    use(job->target->g);
+    gpu_use(job->target->g);
     glBindFramebuffer(GL_FRAMEBUFFER, job->target->drawn);
     glViewport(0, 0, job->target->width, job->target->height);
     glDisable(GL_CULL_FACE);

@@ -75,6 +75,7 @@ struct painter {
     struct gpu_target *plain, *smooth, *composed; // actor at paper, actor at full, result
     struct gpu_target *actor;                     // the one of the two last drawn into
     struct gpu_target *source;                    // where each pixel is from; NULL: not asked for
+    bool coding;                                  // it is asked for now
 };
 
 struct painter_options painter_default_options(void)
@@ -102,8 +103,18 @@ static void lens_uniform(const struct lens *l, float out[12])
         out[i] = (float)values[i];
 }
 
+static void set_view_lens(struct painter *p)
+{
+    float lens[12];
+    lens_uniform(&p->lens, lens);
+    gpu_program_set(p->actor_program, VIEW_LENS, lens, 3);
+    gpu_program_set(p->figure_program, VIEW_LENS, lens, 3);
+}
+
 static enum status open_programs(struct painter *p)
 {
+    static const float corners[] = {-1, -1, 3, -1, -1, 3};
+    static const uint16_t order[] = {0, 1, 2};
     static const char *const actor_samplers[] = {"source_picture"};
     static const char *const figure_samplers[] = {"source_picture", "now_picture", "now_depth"};
     static const char *const compose_samplers[] = {"camera_picture", "actor_picture"};
@@ -119,35 +130,31 @@ static enum status open_programs(struct painter *p)
                                             3};
     const struct gpu_program_text compose = {
         "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 2};
-    enum status status = gpu_program_open(&p->actor_program, p->gpu, &actor);
+    enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
+    if (status == OK)
+        status = gpu_program_open(&p->actor_program, p->gpu, &actor);
     if (status == OK)
         status = gpu_program_open(&p->figure_program, p->gpu, &figure);
     if (status == OK)
         status = gpu_program_open(&p->compose_program, p->gpu, &compose);
     if (status != OK)
         return status;
-    float lens[12];
     const float range[4] = {(float)NEAREST_M, (float)FARTHEST_M, 0, 0};
-    lens_uniform(&p->lens, lens);
     lens_uniform(&take_calibration(p->take)->color, p->now.color_lens);
     lens_uniform(&take_calibration(p->take)->depth, p->now.depth_lens);
     struct gpu_program *both[] = {p->actor_program, p->figure_program};
     for (int i = 0; i < 2; i++) {
-        gpu_program_set(both[i], VIEW_LENS, lens, 3);
         gpu_program_set(both[i], SOURCE_LENS, p->now.color_lens, 3);
         gpu_program_set(both[i], VIEW_RANGE, range, 1);
     }
+    set_view_lens(p);
     return OK;
 }
 
 static enum status open_targets(struct painter *p, bool sources)
 {
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
     int w = p->lens.width, h = p->lens.height;
-    enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
-    if (status == OK)
-        status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
+    enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
     if (status == OK && p->detail != DETAIL_FULL)
         status = gpu_target_open(&p->plain, p->gpu, w, h, 1);
     if (status == OK && p->detail != DETAIL_PAPER)
@@ -157,7 +164,34 @@ static enum status open_targets(struct painter *p, bool sources)
     if (status == OK && sources)
         status = gpu_target_open(&p->source, p->gpu, w, h, 1);
     p->actor = p->plain ? p->plain : p->smooth;
+    p->coding = sources;
     return status;
+}
+
+static void close_targets(struct painter *p)
+{
+    gpu_target_close(&p->plain);
+    gpu_target_close(&p->smooth);
+    gpu_target_close(&p->composed);
+    gpu_target_close(&p->source);
+    gpu_texture_close(&p->camera);
+}
+
+enum status painter_set_lens(struct painter *p, const struct lens *lens)
+{
+    enum status status = lens_check(lens, "tablet's");
+    if (status != OK)
+        return status;
+    bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
+         coding = p->coding;
+    p->lens = *lens;
+    set_view_lens(p);
+    if (!resized)
+        return OK;
+    close_targets(p);
+    enum status opened = open_targets(p, sources);
+    p->coding = coding;
+    return opened;
 }
 
 static enum status open_now(struct painter *p)
@@ -273,11 +307,7 @@ void painter_close(struct painter **out)
     free(p->shape);
     source_rays_close(&p->rays);
     gpu_mesh_close(&p->whole);
-    gpu_target_close(&p->plain);
-    gpu_target_close(&p->smooth);
-    gpu_target_close(&p->composed);
-    gpu_target_close(&p->source);
-    gpu_texture_close(&p->camera);
+    close_targets(p);
     gpu_program_close(&p->actor_program);
     gpu_program_close(&p->figure_program);
     gpu_program_close(&p->compose_program);
@@ -422,7 +452,7 @@ static void draw_figure(struct painter *p, const struct scene *scene, const stru
     }
     const float code[4] = {(float)(age / 256) / 255, (float)(age % 256) / 255, 0, 0};
     gpu_program_set(p->figure_program, CODE, code, 1);
-    for (int coded = scene->level == DETAIL_PAPER; coded < (p->source ? 2 : 1); coded++) {
+    for (int coded = scene->level == DETAIL_PAPER; coded < (p->coding ? 2 : 1); coded++) {
         const float how[4] = {(float)kind, (float)coded, model ? 1 : 0, kind == CARVED_MODEL ? STANDS_BACK_M : 0};
         gpu_program_set(p->figure_program, KIND, how, 1);
         gpu_draw(&(struct gpu_job){.target = coded ? p->source : p->actor,
@@ -527,7 +557,7 @@ static double height_px(const struct painter *p, const struct skeleton *in_viewe
 static void clear(struct painter *p)
 {
     gpu_target_clear(p->actor);
-    if (p->source)
+    if (p->coding)
         gpu_target_clear(p->source);
 }
 
@@ -589,7 +619,9 @@ enum status painter_draw(struct painter *p, const struct painter_view *view, str
         return fail(ERR_INPUT, "the camera's pose is not finite");
     clear(p);
     enum status status = draw_actor(p, view, result);
-    return status < 0 ? status : compose(p, view->color);
+    if (status < 0)
+        return status;
+    return view->color ? compose(p, view->color) : gpu_check(p->gpu);
 }
 
 static enum status read_rgb(const struct painter *p, struct gpu_target *from, uint8_t *rgb)
@@ -628,5 +660,9 @@ enum status painter_read_source(struct painter *p, uint8_t *rgb)
     assert(p->source);
     return read_rgb(p, p->source, rgb);
 }
+
+void painter_set_sources(struct painter *p, bool wanted) { p->coding = wanted && p->source; }
+
+const struct gpu_texture *painter_actor_texture(struct painter *p) { return gpu_target_texture(p->actor); }
 
 const struct gpu_texture *painter_texture(struct painter *p) { return gpu_target_texture(p->composed); }

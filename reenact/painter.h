@@ -36,7 +36,8 @@ void painter_close(struct painter **p);
 struct painter_view {
     struct pose world_from_camera; // of the tablet
     int64_t time_ns;               // of the take, since its first frame
-    const uint8_t *color;          // the camera's picture, RGB of the lens's size
+    const uint8_t *color;          // the camera's picture, RGB of the lens's size; NULL: whoever asks for
+                                   // painter_actor_texture has it himself, and there is no composed picture
 };
 
 struct painter_result {
@@ -69,6 +70,16 @@ MUST_CHECK enum status painter_read_source(struct painter *p, uint8_t *rgb);
 
 // The picture last drawn as a texture, top row first, for whoever shows it in a window.
 const struct gpu_texture *painter_texture(struct painter *p);
+
+// The actor last drawn alone, premultiplied alpha, likewise.
+const struct gpu_texture *painter_actor_texture(struct painter *p);
+
+// From now on for this lens. Cheap as long as pictures keep their size.
+// ERR_INPUT; ERR_DEVICE, ERR_MEMORY: nothing more can be drawn.
+MUST_CHECK enum status painter_set_lens(struct painter *p, const struct lens *lens);
+
+// With options.sources: whether the next pictures' sources are wanted, which cost time. At first they are.
+void painter_set_sources(struct painter *p, bool wanted);
 
 // What DETAIL_AUTO takes for an actor whose bones are that high. Below 48 pixels a
 // forearm is 3 pixels thick: neither its round end nor another frame's colours

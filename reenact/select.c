@@ -1,5 +1,7 @@
 #include "reenact/select.h"
 
+#include "reenact/nearest.h"
+
 #include <stdlib.h>
 
 // What a part looked like in one frame, as far as joints tell.
@@ -14,15 +16,25 @@ struct part_sight {
     double guess;          // 1 - confidence of the worse end
 };
 
-struct candidate {
-    int64_t frame;
-    struct skeleton skeleton; // camera axes
-    struct part_sight parts[PART_COUNT];
+// One of each array for a frame that was added; they are looked at in different
+// searches, so they lie apart.
+struct selector {
+    int64_t count, capacity;
+    int64_t *frames;
+    struct skeleton *skeletons; // camera axes
+    struct part_sight *sights[PART_COUNT];
+    struct nearest *whole, *parts[PART_COUNT]; // which need not be looked at
 };
 
-struct selector {
-    struct candidate *candidates;
-    int64_t count, capacity;
+// What bounds are counted in: a joint up to 4 m from the neck, a metre of a part's cost.
+static const double WHOLE_UNIT_M = 1.0 / 2048, PART_UNIT_M = 1.0 / 8192;
+
+// The neck is where skeletons are laid on each other. The others begin with
+// those that differ most from pose to pose, so that most are told apart soon.
+static const enum joint whole_joints[] = {
+    JOINT_LEFT_HAND,      JOINT_RIGHT_HAND, JOINT_LEFT_FOOT,  JOINT_RIGHT_FOOT, JOINT_LEFT_ELBOW,
+    JOINT_RIGHT_ELBOW,    JOINT_LEFT_KNEE,  JOINT_RIGHT_KNEE, JOINT_HEAD,       JOINT_LEFT_SHOULDER,
+    JOINT_RIGHT_SHOULDER, JOINT_WAIST,      JOINT_LEFT_HIP,   JOINT_RIGHT_HIP,  JOINT_TORSO,
 };
 
 // The neighbours whose place about a part changes how its surface lies.
@@ -124,10 +136,66 @@ static struct part_sight sight_of(const struct skeleton *s, const struct body *b
             sight.around_known |= (uint8_t)(1 << i);
         }
     }
-    sight.guess = 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]);
+    sight.guess = fmaxf(0, 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]));
     if (body)
         sight.hidden = hidden_share(s, body, p);
     return sight;
+}
+
+// ---------------------------------------------------------------- bounds
+
+// Its cost is at least 16 / (joints known in the one looked for) times the sum of distances.
+static struct nearest_point whole_point(const struct skeleton *s)
+{
+    struct nearest_point point = {.known = 0};
+    if (!(s->confidence[JOINT_NECK] > 0))
+        return point;
+    for (size_t i = 0; i < COUNT_OF(whole_joints); i++)
+        if (s->confidence[whole_joints[i]] > 0) {
+            point.place[i] = v3_sub(s->joint[whole_joints[i]], s->joint[JOINT_NECK]);
+            point.known |= 1u << i;
+        }
+    return point;
+}
+
+enum { PART_PLACES = 4 };
+
+static double own_cost(const struct part_sight *sight)
+{
+    return HIDDEN_M * sight->hidden + GUESS_M * sight->guess;
+}
+
+// Bodily and facing axes have nothing to do with each other: of the rarer, facing ones nothing is known.
+static struct nearest_point part_point(const struct part_sight *sight)
+{
+    struct nearest_point point = {.own_m = own_cost(sight)};
+    if (!sight->bodily)
+        return point;
+    point.place[0] = v3_scale(sight->eye, SIDE_M);
+    for (int i = 0; i < 3; i++)
+        point.place[i + 1] = v3_scale(sight->around[i], AROUND_M / 3);
+    point.known = 1 | (uint32_t)sight->around_known << 1;
+    return point;
+}
+
+// ---------------------------------------------------------------- candidates
+
+static enum status open_arrays(struct selector *s)
+{
+    size_t room = s->capacity > 0 ? (size_t)s->capacity : 1;
+    s->frames = calloc(room, sizeof *s->frames);
+    s->skeletons = calloc(room, sizeof *s->skeletons);
+    bool enough = s->frames && s->skeletons;
+    for (int p = 0; p < PART_COUNT; p++) {
+        s->sights[p] = calloc(room, sizeof *s->sights[p]);
+        enough = enough && s->sights[p];
+    }
+    enum status status = enough ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = nearest_open(&s->whole, COUNT_OF(whole_joints), WHOLE_UNIT_M, s->capacity);
+    for (int p = 0; p < PART_COUNT && status == OK; p++)
+        status = nearest_open(&s->parts[p], PART_PLACES, PART_UNIT_M, s->capacity);
+    return status;
 }
 
 enum status selector_open(struct selector **out, int64_t capacity)
@@ -135,50 +203,87 @@ enum status selector_open(struct selector **out, int64_t capacity)
     assert(capacity >= 0);
     *out = NULL;
     struct selector *s = calloc(1, sizeof *s);
-    struct candidate *candidates = calloc(capacity > 0 ? (size_t)capacity : 1, sizeof *candidates);
-    if (!s || !candidates) {
-        free(s);
-        free(candidates);
+    if (!s)
         return fail(ERR_MEMORY, "out of memory");
-    }
-    *s = (struct selector){.candidates = candidates, .capacity = capacity};
+    s->capacity = capacity;
+    enum status status = open_arrays(s);
+    if (status != OK)
+        selector_close(&s);
     *out = s;
-    return OK;
+    return status;
 }
 
 void selector_close(struct selector **s)
 {
     if (!*s)
         return;
-    free((*s)->candidates);
+    nearest_close(&(*s)->whole);
+    for (int p = 0; p < PART_COUNT; p++) {
+        nearest_close(&(*s)->parts[p]);
+        free((*s)->sights[p]);
+    }
+    free((*s)->skeletons);
+    free((*s)->frames);
     free(*s);
     *s = NULL;
 }
 
 enum status selector_add(struct selector *s, int64_t frame, const struct skeleton *in_camera, const struct body *body)
 {
-    assert(s->count < s->capacity && (s->count == 0 || s->candidates[s->count - 1].frame < frame));
+    assert(s->count < s->capacity && (s->count == 0 || s->frames[s->count - 1] < frame));
     enum status status = check(in_camera);
     if (status != OK)
         return status;
-    struct candidate *c = &s->candidates[s->count++];
-    c->frame = frame;
-    c->skeleton = *in_camera;
-    for (int p = 0; p < PART_COUNT; p++)
-        c->parts[p] = sight_of(in_camera, body, (enum part)p);
+    int64_t n = s->count++;
+    s->frames[n] = frame;
+    s->skeletons[n] = *in_camera;
+    struct nearest_point point = whole_point(in_camera);
+    nearest_add(s->whole, &point);
+    for (int p = 0; p < PART_COUNT; p++) {
+        s->sights[p][n] = sight_of(in_camera, body, (enum part)p);
+        point = part_point(&s->sights[p][n]);
+        nearest_add(s->parts[p], &point);
+    }
     return OK;
 }
 
 void selector_exclude(struct selector *s, int64_t frame, enum part p)
 {
-    for (int64_t n = 0; n < s->count; n++)
-        if (s->candidates[n].frame == frame)
-            s->candidates[n].parts[p].excluded = true;
+    int64_t low = 0, high = s->count; // the first whose frame is not before `frame`
+    while (low < high) {
+        int64_t middle = low + (high - low) / 2;
+        if (s->frames[middle] < frame)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low < s->count && s->frames[low] == frame)
+        s->sights[p][low].excluded = true;
 }
 
-// Equation 5 for one pair; negative when they cannot be compared.
-static double whole_cost(const struct skeleton *k, const struct skeleton *n, int needed)
+static enum status choose(const struct selector *s, struct nearest *index, const struct nearest_point *point,
+                          double scale, nearest_cost *cost, const void *context, struct selection *out)
 {
+    int64_t number;
+    double cost_m;
+    enum status status = nearest_find(index, point, scale, cost, context, &number, &cost_m);
+    if (status == OK)
+        *out = (struct selection){s->frames[number], cost_m};
+    return status;
+}
+
+// ---------------------------------------------------------------- the whole body
+
+struct whole_wanted {
+    const struct skeleton *skeletons, *skeleton;
+    int needed; // joints that have to be known in both
+};
+
+// Equation 5 for one pair; negative when they cannot be compared.
+static double whole_cost(const void *context, int64_t number)
+{
+    const struct whole_wanted *wanted = context;
+    const struct skeleton *k = wanted->skeleton, *n = &wanted->skeletons[number];
     if (!(n->confidence[JOINT_NECK] > 0))
         return -1;
     int joints = 0;
@@ -189,7 +294,7 @@ static double whole_cost(const struct skeleton *k, const struct skeleton *n, int
         joints++;
         sum += v3_distance(v3_sub(k->joint[j], k->joint[JOINT_NECK]), v3_sub(n->joint[j], n->joint[JOINT_NECK]));
     }
-    return joints >= needed ? sum * JOINT_COUNT / joints : -1;
+    return joints >= wanted->needed ? sum * JOINT_COUNT / joints : -1;
 }
 
 enum status select_whole(const struct selector *s, const struct skeleton *in_viewer, struct selection *out)
@@ -202,19 +307,24 @@ enum status select_whole(const struct selector *s, const struct skeleton *in_vie
     int known = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
         known += in_viewer->confidence[j] > 0;
-    bool found = false;
-    for (int64_t n = 0; n < s->count; n++) {
-        double cost = whole_cost(in_viewer, &s->candidates[n].skeleton, (known + 1) / 2);
-        if (cost >= 0 && (!found || cost < out->cost_m)) {
-            *out = (struct selection){s->candidates[n].frame, cost};
-            found = true;
-        }
-    }
-    return found ? OK : NOTHING;
+    struct whole_wanted wanted = {s->skeletons, in_viewer, (known + 1) / 2};
+    struct nearest_point point = whole_point(in_viewer);
+    return choose(s, s->whole, &point, (double)JOINT_COUNT / known, whole_cost, &wanted, out);
 }
 
-static double part_cost(const struct part_sight *k, const struct part_sight *n)
+// ---------------------------------------------------------------- one part
+
+struct part_wanted {
+    const struct part_sight *sights;
+    struct part_sight sight;
+};
+
+static double part_cost(const void *context, int64_t number)
 {
+    const struct part_wanted *wanted = context;
+    const struct part_sight *k = &wanted->sight, *n = &wanted->sights[number];
+    if (!n->known || n->excluded)
+        return -1;
     // Between known and unknown twist the side is anybody's guess: a right angle off.
     double cost = SIDE_M * (k->bodily == n->bodily ? v3_distance(k->eye, n->eye) : 1.4);
     double sum = 0;
@@ -229,7 +339,7 @@ static double part_cost(const struct part_sight *k, const struct part_sight *n)
     // No sharper than needed is no merit.
     if (n->distance_m > k->distance_m)
         cost += COARSE_M * (n->distance_m / k->distance_m - 1);
-    return cost + HIDDEN_M * n->hidden + GUESS_M * n->guess;
+    return cost + own_cost(n);
 }
 
 enum status select_part(const struct selector *s, const struct skeleton *in_viewer, enum part p, struct selection *out)
@@ -237,19 +347,9 @@ enum status select_part(const struct selector *s, const struct skeleton *in_view
     enum status status = check(in_viewer);
     if (status != OK)
         return status;
-    struct part_sight wanted = sight_of(in_viewer, NULL, p);
-    if (!wanted.known)
+    struct part_wanted wanted = {s->sights[p], sight_of(in_viewer, NULL, p)};
+    if (!wanted.sight.known)
         return NOTHING;
-    bool found = false;
-    for (int64_t n = 0; n < s->count; n++) {
-        const struct part_sight *sight = &s->candidates[n].parts[p];
-        if (!sight->known || sight->excluded)
-            continue;
-        double cost = part_cost(&wanted, sight);
-        if (!found || cost < out->cost_m) {
-            *out = (struct selection){s->candidates[n].frame, cost};
-            found = true;
-        }
-    }
-    return found ? OK : NOTHING;
+    struct nearest_point point = part_point(&wanted.sight);
+    return choose(s, s->parts[p], &point, 1, part_cost, &wanted, out);
 }

@@ -1,6 +1,7 @@
 // Which recorded frame shows the actor, or one part of it, most like it is to be
 // seen now. Pure: no clock, file or GPU; the exact best of all frames, the lowest
 // index on a tie; the same answer on every machine (only + - * / sqrt decide).
+// One thread at a time.
 //
 // Whole body: equation 5 of the 2014 paper. Skeletons are compared in camera
 // axes (the viewer's for the one to be shown, its own for each recorded one)

@@ -9,6 +9,7 @@
 #undef fail // ours, in base.h, says why; cmocka's stays _fail()
 
 #include "platform/base.h"
+#include "tests/dice.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -71,24 +72,4 @@
 static inline void fail_test(void)
 {
     _fail(__FILE__, __LINE__);
-}
-
-// A small generator for test inputs, the same on every machine. Seed it, print the seed.
-struct dice {
-    uint64_t state;
-};
-
-static inline double dice_uniform(struct dice *dice) // [0, 1)
-{
-    // splitmix64 (Steele, Lea and Flood 2014)
-    uint64_t z = (dice->state += 0x9e3779b97f4a7c15u);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
-static inline double dice_normal(struct dice *dice) // mean 0, standard deviation 1
-{
-    double u = 1 - dice_uniform(dice), v = dice_uniform(dice);
-    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
 }

@@ -1,9 +1,9 @@
 #include "capture/mapper.h"
 #include "locate/locate.h"
 #include "platform/file.h"
+#include "tests/support/sweep.h"
 #include "tests/tag_picture.h"
 #include "tests/test.h"
-#include "tests/world/world.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -59,94 +59,8 @@ static void tag_lists(void **state)
 
 // ---------------------------------------------------------------- a room
 
-// The rigid motion that takes points a to points b best (Horn 1987, by the power method on his 4 x 4 matrix).
-static struct pose align(const struct vec3 *a, const struct vec3 *b, int n)
-{
-    struct vec3 ca = v3(0, 0, 0), cb = ca;
-    for (int i = 0; i < n; i++) {
-        ca = v3_add(ca, v3_scale(a[i], 1.0 / n));
-        cb = v3_add(cb, v3_scale(b[i], 1.0 / n));
-    }
-    double s[3][3] = {{0}};
-    for (int i = 0; i < n; i++) {
-        struct vec3 p = v3_sub(a[i], ca), q = v3_sub(b[i], cb);
-        const double x[3] = {p.x, p.y, p.z}, y[3] = {q.x, q.y, q.z};
-        for (int r = 0; r < 3; r++)
-            for (int c = 0; c < 3; c++)
-                s[r][c] += x[r] * y[c];
-    }
-    double m[4][4] = {{s[0][0] + s[1][1] + s[2][2], s[1][2] - s[2][1], s[2][0] - s[0][2], s[0][1] - s[1][0]},
-                      {0, s[0][0] - s[1][1] - s[2][2], s[0][1] + s[1][0], s[2][0] + s[0][2]},
-                      {0, 0, -s[0][0] + s[1][1] - s[2][2], s[1][2] + s[2][1]},
-                      {0, 0, 0, -s[0][0] - s[1][1] + s[2][2]}};
-    double shift = 0, q[4] = {1, 0.3, 0.2, 0.1};
-    for (int r = 0; r < 4; r++)
-        for (int c = 0; c < 4; c++) {
-            m[r][c] = r <= c ? m[r][c] : m[c][r];
-            shift += fabs(m[r][c]);
-        }
-    for (int round = 0; round < 20000; round++) {
-        double next[4], length = 0;
-        for (int r = 0; r < 4; r++) {
-            next[r] = shift * q[r];
-            for (int c = 0; c < 4; c++)
-                next[r] += m[r][c] * q[c];
-            length += next[r] * next[r];
-        }
-        for (int r = 0; r < 4; r++)
-            q[r] = next[r] / sqrt(length);
-    }
-    struct pose pose = {{q[1], q[2], q[3], q[0]}, {0, 0, 0}};
-    pose.translation = v3_sub(cb, quat_rotate(pose.rotation, ca));
-    return pose;
-}
-
-struct room {
-    struct world *world;
-    struct calibration calibration;
-    struct mapper_tag tags[32];
-    int32_t tag_count;
-};
-
-static void open_room(struct room *r)
-{
-    struct world_options o = world_default_options();
-    int32_t count;
-    o.motion = "still";
-    o.threads = 2;
-    EXPECT_STATUS(world_open(&r->world, &o), OK);
-    r->calibration = world_calibration(1);
-    const struct place_tag *tags = world_tags(r->world, &count);
-    for (int32_t i = 0; i < count; i++)
-        r->tags[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
-    r->tag_count = count;
-}
-
-// The sweep, `frames` pictures of it.
-static enum status film(struct room *r, struct mapper *m, int frames, bool with_depth)
-{
-    size_t pixels = (size_t)r->calibration.color.width * (size_t)r->calibration.color.height;
-    uint8_t *color = malloc(pixels * 3);
-    uint16_t *depth = malloc(pixels * sizeof *depth);
-    enum status status = OK;
-    EXPECT_TRUE(color && depth);
-    for (int i = 0; i < frames && status == OK; i++) {
-        double t = (double)WORLD_SWEEP_S * i / frames;
-        struct world_shot shot = {r->calibration.color, world_sweep_pose(r->world, t), 0, false};
-        struct world_picture picture = {.color = color, .depth = depth};
-        EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
-        world_color_noise(color, shot.lens.width, shot.lens.height, 1000 + (uint64_t)i);
-        EXPECT_STATUS(world_depth_noise(&shot.lens, depth, 50 + (uint64_t)i, depth), OK);
-        struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = with_depth ? depth : NULL};
-        status = mapper_add(m, &frame);
-    }
-    free(color);
-    free(depth);
-    return status;
-}
-
 // rms of the mapped tags' corners against the truth after the best rigid motion.
-static double tag_error(const struct room *r, const struct place *place, struct pose *world_from_place)
+static double tag_error(const struct sweep *r, const struct place *place, struct pose *world_from_place)
 {
     struct vec3 ours[128], truth[128];
     int32_t count;
@@ -160,7 +74,7 @@ static double tag_error(const struct room *r, const struct place *place, struct 
                 n += 4;
             }
     EXPECT_INT(n, 4 * place->tag_count);
-    *world_from_place = align(ours, truth, n);
+    *world_from_place = sweep_align(ours, truth, n);
     double sum = 0;
     for (int i = 0; i < n; i++) {
         double d = v3_distance(pose_apply(*world_from_place, ours[i]), truth[i]);
@@ -187,7 +101,7 @@ static void check_axes(const struct place *place, struct pose world_from_place)
 }
 
 // Where the tablet is found in the map, against the truth.
-static void check_viewer(const struct room *r, const struct place *place, struct pose world_from_place)
+static void check_viewer(const struct sweep *r, const struct place *place, struct pose world_from_place)
 {
     struct calibration viewer = world_viewer_calibration(1);
     uint8_t *color = malloc((size_t)viewer.color.width * (size_t)viewer.color.height * 3);
@@ -222,17 +136,17 @@ static void check_viewer(const struct room *r, const struct place *place, struct
 static void a_room_is_mapped(void **state)
 {
     (void)state;
-    struct room r;
+    struct sweep r;
     struct mapper *m;
     struct place place;
     struct mapper_report report;
     struct pose world_from_place;
-    open_room(&r);
+    sweep_open(&r);
     // a tag listed that hangs nowhere, and one that hangs but is not listed
     int32_t unlisted = r.tags[4].id;
     r.tags[4] = (struct mapper_tag){500, 0.2};
     EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 24, true), OK);
+    EXPECT_STATUS(sweep_film(&r, m, 24, true), OK);
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
     mapper_close(&m);
     double error = tag_error(&r, &place, &world_from_place);
@@ -265,14 +179,14 @@ static void a_room_is_mapped(void **state)
 static void without_depth_the_tags_give_the_scale(void **state)
 {
     (void)state;
-    struct room r;
+    struct sweep r;
     struct mapper *m;
     struct place place;
     struct mapper_report report;
     struct pose world_from_place;
-    open_room(&r);
+    sweep_open(&r);
     EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 20, false), OK);
+    EXPECT_STATUS(sweep_film(&r, m, 20, false), OK);
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
     mapper_close(&m);
     double error = tag_error(&r, &place, &world_from_place);

@@ -4,6 +4,7 @@
 #include "tests/test.h"
 
 #include "tests/openni_driver/keep_player.h"
+#include "tests/support/process.h"
 
 #include "platform/clock.h"
 #include "platform/file.h"
@@ -174,9 +175,8 @@ static void read_live(const char *uri, int wanted_frames)
 
 static void record(const struct room *room)
 {
-    char command[512];
-    snprintf(command, sizeof command, "'%s' --from '%s' --out '%s'", MAKE_ONI, room->path, room->oni + 4);
-    EXPECT_INT(system(command), 0);
+    struct said said = PROCESS(MAKE_ONI, "--from", room->path, "--out", room->oni + 4);
+    EXPECT_INT(said.exit_code, 0);
 }
 
 // ------------------------------------------------------------- sensors

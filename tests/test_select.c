@@ -3,6 +3,7 @@
 #include "tests/test.h"
 
 #include "reenact/select.h"
+#include "tests/support/limbs.h"
 
 enum { FRAMES = 60, SEED = 20140701 };
 
@@ -245,6 +246,47 @@ static void hidden_parts_are_passed_over(void **state)
     selector_close(&without);
 }
 
+// A moving person, some joints unknown, some frames twice: the frame chosen for
+// each part is the first of those that are cheapest when they are the only choice.
+static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
+{
+    (void)state;
+    enum { LONG = 700, VIEWS = 12 };
+    struct dice dice = {SEED + 6};
+    struct limbs limbs = limbs_random(&dice);
+    static struct skeleton frames[LONG];
+    static struct selector *alone[LONG];
+    struct selector *s;
+    EXPECT_STATUS(selector_open(&s, LONG), OK);
+    for (int n = 0; n < LONG; n++) {
+        frames[n] = n % 50 == 49 ? frames[n / 2] : limbs_at(&limbs, n / 30.0, 0.01, &dice);
+        for (int j = 0; j < JOINT_COUNT; j++)
+            if (dice_uniform(&dice) < (n % 3 ? 0.03 : 0))
+                frames[n].confidence[j] = dice_uniform(&dice) < 0.5 ? 0 : 0.5f;
+        EXPECT_STATUS(selector_open(&alone[n], 1), OK);
+        EXPECT_STATUS(selector_add(s, n, &frames[n], &plain_body), OK);
+        EXPECT_STATUS(selector_add(alone[n], n, &frames[n], &plain_body), OK);
+    }
+    for (int view = 0; view < VIEWS; view++) {
+        int shown = (int)(dice_uniform(&dice) * LONG);
+        struct skeleton k = view % 4 ? limbs_turned(&frames[shown], 6 * dice_uniform(&dice), 0.02, &dice) : frames[shown];
+        for (int p = 0; p <= PART_COUNT; p++) { // the last one is the whole
+            struct selection best = {-1, 0}, got = {-1, 0}, one;
+            for (int n = 0; n < LONG; n++)
+                if ((p < PART_COUNT ? select_part(alone[n], &k, (enum part)p, &one) : select_whole(alone[n], &k, &one)) ==
+                        OK && (best.frame < 0 || one.cost_m < best.cost_m))
+                    best = one;
+            enum status status = p < PART_COUNT ? select_part(s, &k, (enum part)p, &got) : select_whole(s, &k, &got);
+            EXPECT_STATUS(status, best.frame < 0 ? NOTHING : OK);
+            EXPECT_INT(got.frame, best.frame);
+            EXPECT_TRUE(got.cost_m == best.cost_m);
+        }
+    }
+    for (int n = 0; n < LONG; n++)
+        selector_close(&alone[n]);
+    selector_close(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -254,6 +296,7 @@ int main(void)
         cmocka_unit_test(bad_numbers_are_refused),
         cmocka_unit_test(a_part_finds_its_side),
         cmocka_unit_test(hidden_parts_are_passed_over),
+        cmocka_unit_test(parts_are_chosen_as_if_each_frame_were_looked_at),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

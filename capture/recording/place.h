@@ -1,6 +1,7 @@
 // A place: what a camera can recognise there. Made by capture/mapper, kept in a
 // recording, used by locate. World axes: z up, z = 0 on the floor, metres; x
-// and y as the lowest-numbered tag has them.
+// and y as the lowest-numbered tag has them; without tags x points to the right of the
+// sweep's first view, from below it.
 #pragma once
 #include "platform/lens.h"
 
@@ -41,8 +42,8 @@ struct place {
     int32_t point_count;
     struct place_view *views;
     int32_t view_count;
-    double rms_px;  // of the joint adjustment, over all tag corners
-    double rms_m;   // of depth against the adjusted corners; 0 without depth
+    double rms_px;  // of the joint adjustment, over all tag corners; without tags over all points
+    double rms_m;   // of depth against the same; 0 without depth
 };
 
 void place_free(struct place *place); // what it owns; leaves it zeroed. Zeroed is fine.

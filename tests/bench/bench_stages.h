@@ -5,9 +5,11 @@
 extern const struct bench_stage bench_stage_depth;
 extern const struct bench_stage bench_stage_skeleton;
 extern const struct bench_stage bench_stage_tags;
+extern const struct bench_stage bench_stage_tag_distance;
 
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,
     &bench_stage_skeleton,
     &bench_stage_tags,
+    &bench_stage_tag_distance,
 };

@@ -8,13 +8,22 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+// What a cross-built program is run by, then NULL.
+static const char *const emulator[] = {EMULATOR NULL};
+
 static void become(const char *const *argv, int out, int err)
 {
     int nothing = open("/dev/null", O_RDWR);
     dup2(nothing, STDIN_FILENO);
     dup2(out < 0 ? nothing : out, STDOUT_FILENO);
     dup2(err < 0 ? nothing : err, STDERR_FILENO);
-    execv(argv[0], (char *const *)(uintptr_t)argv);
+    const char *words[64] = {0};
+    size_t count = 0;
+    for (const char *const *word = emulator; *word && count < COUNT_OF(words) - 1; word++)
+        words[count++] = *word;
+    while (*argv && count < COUNT_OF(words) - 1)
+        words[count++] = *argv++;
+    execvp(words[0], (char *const *)(uintptr_t)words);
     _exit(127);
 }
 

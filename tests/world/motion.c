@@ -131,7 +131,7 @@ static struct stance named_at(const struct named_motion *m, const struct physiqu
     return s;
 }
 
-enum status motion_open(struct motion **out, const char *name, const struct physique *p)
+enum status world_motion_open(struct motion **out, const char *name, const struct physique *p)
 {
     *out = NULL;
     struct motion *m = calloc(1, sizeof *m);
@@ -157,7 +157,7 @@ enum status motion_open(struct motion **out, const char *name, const struct phys
     return OK;
 }
 
-void motion_close(struct motion **m)
+void world_motion_close(struct motion **m)
 {
     if (*m) {
         retarget_close(&(*m)->file);
@@ -171,7 +171,7 @@ double motion_seconds(const struct motion *m)
     return m->file ? retarget_seconds(m->file) : m->named->keys[m->named->count - 1].t;
 }
 
-struct stance motion_at(const struct motion *m, const struct physique *p, double time_s)
+struct stance world_motion_at(const struct motion *m, const struct physique *p, double time_s)
 {
     double t = least(most(time_s, 0), motion_seconds(m));
     return m->file ? retarget_at(m->file, p, t) : named_at(m->named, p, t);

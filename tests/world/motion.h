@@ -7,8 +7,8 @@
 struct motion;
 
 // ERR_INPUT: no such name (the sentence lists them), a bad BVH file. ERR_MISSING, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status motion_open(struct motion **out, const char *name, const struct physique *p);
-void motion_close(struct motion **m);
+MUST_CHECK enum status world_motion_open(struct motion **out, const char *name, const struct physique *p);
+void world_motion_close(struct motion **m);
 
 double motion_seconds(const struct motion *m);
-struct stance motion_at(const struct motion *m, const struct physique *p, double time_s);
+struct stance world_motion_at(const struct motion *m, const struct physique *p, double time_s);

@@ -61,7 +61,7 @@ enum status world_open(struct world **out, const struct world_options *options)
     w->options = *options;
     w->options.motion = NULL; // the caller's
     w->physique = physique_of(&options->figure);
-    status = motion_open(&w->motion, options->motion, &w->physique);
+    status = world_motion_open(&w->motion, options->motion, &w->physique);
     if (!status)
         status = scene_build(&w->scene, options->seed, options->plain);
     if (!status)
@@ -75,7 +75,7 @@ enum status world_open(struct world **out, const struct world_options *options)
 void world_close(struct world **w)
 {
     if (*w) {
-        motion_close(&(*w)->motion);
+        world_motion_close(&(*w)->motion);
         scene_free(&(*w)->scene);
         figure_free(&(*w)->figure);
         free(*w);
@@ -87,7 +87,7 @@ double world_seconds(const struct world *w) { return motion_seconds(w->motion); 
 
 struct skeleton world_joints(const struct world *w, double time_s)
 {
-    struct stance stance = motion_at(w->motion, &w->physique, time_s);
+    struct stance stance = world_motion_at(w->motion, &w->physique, time_s);
     struct posed posed;
     physique_pose(&w->physique, &stance, &posed);
     return posed.joints;

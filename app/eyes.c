@@ -1,0 +1,324 @@
+#include "app/eyes.h"
+
+#include "app/finder.h"
+#include "app/latest.h"
+#include "platform/clock.h"
+#include "platform/source.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+// One waits to be located, one to be looked at; each of the three threads holds at
+// most two, while it changes one for another.
+enum { PICTURES = 8 };
+
+static const int64_t RETRY_NS = 1000000000;
+
+struct picture {
+    struct sight sight;
+    uint8_t *rgb;
+    size_t bytes;
+    int64_t time_ns; // the camera's
+    struct picture *next_free;
+};
+
+struct eyes {
+    char *camera;
+    const struct place *place;
+    void (*news)(void *self);
+    void *news_self;
+
+    struct picture pictures[PICTURES];
+    struct latest *seen, *located;
+    struct picture *shown; // the looker's
+    pthread_t camera_thread, finder_thread;
+    bool camera_runs, finder_runs;
+
+    pthread_mutex_t lock; // of what follows
+    pthread_cond_t changed;
+    struct picture *free_pictures;
+    struct eyes_state state;
+    bool resting, closing;
+};
+
+static void tell(struct eyes *e)
+{
+    if (e->news)
+        e->news(e->news_self);
+}
+
+static struct picture *get_free(struct eyes *e)
+{
+    pthread_mutex_lock(&e->lock);
+    struct picture *p = e->free_pictures;
+    assert(p); // there are enough for everybody
+    e->free_pictures = p->next_free;
+    pthread_mutex_unlock(&e->lock);
+    return p;
+}
+
+static void give_back(struct eyes *e, struct picture *p)
+{
+    if (!p)
+        return;
+    pthread_mutex_lock(&e->lock);
+    p->next_free = e->free_pictures;
+    e->free_pictures = p;
+    pthread_mutex_unlock(&e->lock);
+}
+
+static void say_trouble(struct eyes *e, const char *sentence)
+{
+    pthread_mutex_lock(&e->lock);
+    bool same = !strcmp(e->state.trouble, sentence);
+    strncpy(e->state.trouble, sentence, sizeof e->state.trouble - 1);
+    if (*sentence)
+        e->state.seeing = false;
+    pthread_mutex_unlock(&e->lock);
+    if (!same)
+        tell(e);
+}
+
+// ---------------------------------------------------------------- the camera's thread
+
+static bool must_stop(struct eyes *e)
+{
+    pthread_mutex_lock(&e->lock);
+    bool stop = e->closing || e->resting;
+    pthread_mutex_unlock(&e->lock);
+    return stop;
+}
+
+// Until then, or until there is something else to do.
+static void wait_until(struct eyes *e, int64_t when_ns)
+{
+    pthread_mutex_lock(&e->lock);
+    while (!e->closing && !e->resting) {
+        const struct timespec until = {(time_t)(when_ns / 1000000000), (long)(when_ns % 1000000000)};
+        if (pthread_cond_timedwait(&e->changed, &e->lock, &until) == ETIMEDOUT)
+            break;
+    }
+    pthread_mutex_unlock(&e->lock);
+}
+
+static bool fill(struct picture *p, const struct frame *frame, const struct lens *lens)
+{
+    size_t bytes = 3 * (size_t)lens->width * (size_t)lens->height;
+    if (bytes != p->bytes) {
+        free(p->rgb);
+        p->rgb = malloc(bytes);
+        p->bytes = p->rgb ? bytes : 0;
+    }
+    if (!p->rgb)
+        return false;
+    memcpy(p->rgb, frame->color, bytes);
+    p->time_ns = frame->time_ns;
+    p->sight = (struct sight){.rgb = p->rgb, .lens = *lens};
+    return true;
+}
+
+static void put_seen(struct eyes *e, struct picture *p)
+{
+    pthread_mutex_lock(&e->lock);
+    p->sight.came_ns = e->state.came_ns = clock_now_ns();
+    p->sight.number = ++e->state.came;
+    e->state.seeing = true;
+    e->state.trouble[0] = 0;
+    pthread_mutex_unlock(&e->lock);
+    struct picture *late = latest_put(e->seen, p);
+    if (late) {
+        pthread_mutex_lock(&e->lock);
+        e->state.let_go++;
+        pthread_mutex_unlock(&e->lock);
+        give_back(e, late);
+    }
+}
+
+// Until the camera ends, fails or is to rest.
+static enum status watch_camera(struct eyes *e, struct source *camera)
+{
+    const bool live = source_is_live(camera);
+    int64_t began_ns = 0, first_ns = 0;
+    while (!must_stop(e)) {
+        struct frame frame;
+        enum status status = source_next(camera, &frame);
+        if (status == ERR_INPUT || (status == OK && !frame.color))
+            continue; // one damaged picture
+        if (status != OK)
+            return status;
+        if (!live) {
+            if (!began_ns) {
+                began_ns = clock_now_ns();
+                first_ns = frame.time_ns;
+            }
+            wait_until(e, began_ns + frame.time_ns - first_ns);
+        }
+        struct picture *p = get_free(e);
+        if (!fill(p, &frame, &source_calibration(camera)->color)) {
+            give_back(e, p);
+            return fail(ERR_MEMORY, "no memory for the camera's picture");
+        }
+        put_seen(e, p);
+    }
+    return OK;
+}
+
+static void *camera_thread(void *self)
+{
+    struct eyes *e = self;
+    for (;;) {
+        pthread_mutex_lock(&e->lock);
+        while (e->resting && !e->closing)
+            pthread_cond_wait(&e->changed, &e->lock);
+        bool closing = e->closing;
+        e->state.came_ns = clock_now_ns();
+        pthread_mutex_unlock(&e->lock);
+        if (closing)
+            return NULL;
+        struct source *camera;
+        int64_t came_before = eyes_state(e).came;
+        enum status status = source_open(&camera, e->camera, SOURCE_CAMERA);
+        if (status == OK) {
+            status = watch_camera(e, camera);
+            source_close(&camera);
+        }
+        bool empty = status == NOTHING && eyes_state(e).came == came_before;
+        if (empty)
+            status = fail(ERR_DEVICE, "%s holds no picture", e->camera);
+        if (status < 0) {
+            say_trouble(e, status_sentence());
+            wait_until(e, clock_now_ns() + RETRY_NS);
+        }
+    }
+}
+
+// ---------------------------------------------------------------- the finder's thread
+
+static bool same_lens(const struct lens *a, const struct lens *b)
+{
+    return a->width == b->width && a->height == b->height && a->fx == b->fx && a->fy == b->fy && a->cx == b->cx &&
+           a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
+}
+
+static void *finder_thread(void *self)
+{
+    struct eyes *e = self;
+    struct finder *finder = NULL;
+    struct lens lens = {0};
+    for (struct picture *p; (p = latest_take(e->seen, true));) {
+        struct sight *s = &p->sight;
+        s->locating_ns = clock_now_ns();
+        enum status status = OK;
+        if (e->place && !same_lens(&lens, &s->lens)) {
+            finder_close(&finder);
+            lens = s->lens;
+            status = finder_open(&finder, e->place, &lens);
+        }
+        if (finder && status == OK)
+            status = finder_find(finder, p->rgb, p->time_ns, &s->world_from_camera);
+        s->placed = finder && (status == OK || status == AMBIGUOUS);
+        s->located_ns = clock_now_ns();
+        if (status < 0)
+            say_trouble(e, status_sentence());
+        give_back(e, latest_put(e->located, p));
+        tell(e);
+    }
+    finder_close(&finder);
+    return NULL;
+}
+
+// ---------------------------------------------------------------- the looker's side
+
+static enum status start(struct eyes *e)
+{
+    enum status status = latest_open(&e->seen);
+    if (status == OK)
+        status = latest_open(&e->located);
+    if (status != OK)
+        return status;
+    e->finder_runs = !pthread_create(&e->finder_thread, NULL, finder_thread, e);
+    e->camera_runs = e->finder_runs && !pthread_create(&e->camera_thread, NULL, camera_thread, e);
+    return e->camera_runs ? OK : fail(ERR_MEMORY, "no thread for the camera");
+}
+
+enum status eyes_open(struct eyes **out, const struct eyes_options *options)
+{
+    *out = NULL;
+    struct eyes *e = calloc(1, sizeof *e);
+    if (!e)
+        return fail(ERR_MEMORY, "out of memory");
+    pthread_mutex_init(&e->lock, NULL);
+    pthread_condattr_t clock;
+    pthread_condattr_init(&clock);
+    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC); // clock_now_ns's
+    pthread_cond_init(&e->changed, &clock);
+    pthread_condattr_destroy(&clock);
+    e->place = options->place;
+    e->news = options->news;
+    e->news_self = options->news_self;
+    for (int i = 0; i < PICTURES; i++)
+        give_back(e, &e->pictures[i]);
+    e->camera = strdup(options->camera);
+    enum status status = e->camera ? start(e) : fail(ERR_MEMORY, "out of memory");
+    if (status != OK) {
+        eyes_close(&e);
+        return status;
+    }
+    *out = e;
+    return OK;
+}
+
+void eyes_close(struct eyes **out)
+{
+    struct eyes *e = *out;
+    if (!e)
+        return;
+    pthread_mutex_lock(&e->lock);
+    e->closing = true;
+    pthread_cond_broadcast(&e->changed);
+    pthread_mutex_unlock(&e->lock);
+    if (e->camera_runs)
+        pthread_join(e->camera_thread, NULL);
+    if (e->seen)
+        latest_stop(e->seen);
+    if (e->finder_runs)
+        pthread_join(e->finder_thread, NULL);
+    latest_close(&e->seen);
+    latest_close(&e->located);
+    for (int i = 0; i < PICTURES; i++)
+        free(e->pictures[i].rgb);
+    pthread_cond_destroy(&e->changed);
+    pthread_mutex_destroy(&e->lock);
+    free(e->camera);
+    free(e);
+    *out = NULL;
+}
+
+const struct sight *eyes_look(struct eyes *e)
+{
+    struct picture *newer = latest_take(e->located, false);
+    if (newer) {
+        give_back(e, e->shown);
+        e->shown = newer;
+    }
+    return e->shown ? &e->shown->sight : NULL;
+}
+
+struct eyes_state eyes_state(struct eyes *e)
+{
+    pthread_mutex_lock(&e->lock);
+    struct eyes_state state = e->state;
+    pthread_mutex_unlock(&e->lock);
+    return state;
+}
+
+void eyes_rest(struct eyes *e, bool rest)
+{
+    pthread_mutex_lock(&e->lock);
+    e->resting = rest;
+    pthread_cond_broadcast(&e->changed);
+    pthread_mutex_unlock(&e->lock);
+}

@@ -1,0 +1,23 @@
+// Holds the display's rate: how finely the actor is drawn, by how long drawing
+// took. Falls quickly, rises slowly, and does not swing. Pure.
+#pragma once
+#include "platform/base.h"
+
+struct governor {
+    double budget_ms;  // what drawing may take
+    double typical_ms; // what it takes now, smoothed
+    int level;         // 0: every pixel; up to GOVERNOR_LEVELS - 1
+    int calm;          // pictures in a row that left room for the finer level
+    int settle;        // pictures to come that still tell of the level before
+    int patience;      // how many calm pictures it takes; grows when a rise proved too bold
+    bool rose;         // the last change was a rise
+};
+enum { GOVERNOR_LEVELS = 5 };
+
+struct governor governor_start(double budget_ms);
+
+// One more picture took that long. True: the level is another from now on.
+bool governor_drawn(struct governor *g, double took_ms);
+
+// The share of the picture's pixels in each direction that is drawn at: 1 down to 0.4.
+double governor_scale(const struct governor *g);

@@ -1,0 +1,166 @@
+#include "app/scene.h"
+
+#include <math.h>
+
+static const double PI = 3.14159265358979323846, NEAR_M = 0.1;
+
+struct cover cover_of(const struct lens *lens, struct ui_box box)
+{
+    double scale = fmax(box.w / lens->width, box.h / lens->height);
+    return (struct cover){scale, box.x + (box.w - scale * lens->width) / 2, box.y + (box.h - scale * lens->height) / 2};
+}
+
+// False: it lies behind the camera.
+static bool on_screen(const struct stage_picture *p, struct cover cover, struct vec3 world, struct ui_point *out)
+{
+    struct vec3 c = pose_apply(pose_inverse(p->world_from_camera), world);
+    if (!(c.z > NEAR_M))
+        return false;
+    struct pixel px = lens_project(&p->lens, c);
+    *out = (struct ui_point){cover.x + (px.x + 0.5) * cover.scale, cover.y + (px.y + 0.5) * cover.scale};
+    return isfinite(out->x) && isfinite(out->y) && fabs(out->x) < 1e5 && fabs(out->y) < 1e5;
+}
+
+bool cover_floor(const struct stage_picture *p, struct cover cover, struct ui_point at, struct vec3 *floor)
+{
+    struct pixel px = {(at.x - cover.x) / cover.scale - 0.5, (at.y - cover.y) / cover.scale - 0.5};
+    struct vec3 ray = quat_rotate(p->world_from_camera.rotation, lens_ray(&p->lens, px));
+    struct vec3 from = p->world_from_camera.translation;
+    double along = -from.z / ray.z;
+    if (!(ray.z < -1e-6) || !(along > 0) || !(along * v3_length(ray) < 15))
+        return false;
+    *floor = v3_add(from, v3_scale(ray, along));
+    return true;
+}
+
+// ---------------------------------------------------------------- a studio
+
+// Where the horizon lies, dp; the camera is never rolled.
+static double horizon(const struct stage_picture *p, struct cover cover)
+{
+    struct vec3 ahead = quat_rotate(p->world_from_camera.rotation, v3(0, 0, 1));
+    struct vec3 level = v3_unit(v3(ahead.x, ahead.y, 0));
+    struct ui_point at;
+    return on_screen(p, cover, v3_add(p->world_from_camera.translation, v3_scale(level, 1000)), &at) ? at.y : cover.y;
+}
+
+static void draw_grid_line(const struct brush *b, const struct stage_picture *p, struct cover cover, struct vec3 from,
+                           struct vec3 to)
+{
+    enum { PIECES = 20 };
+    const double reach_m = 4;
+    struct vec3 middle_of = p->standing;
+    struct ui_point before = {0, 0};
+    bool had = false;
+    for (int i = 0; i <= PIECES; i++) {
+        struct vec3 w = v3_mix(from, to, (double)i / PIECES);
+        struct ui_point now;
+        bool has = on_screen(p, cover, w, &now);
+        double away = v3_distance(w, middle_of) / reach_m;
+        if (had && has && away < 1)
+            ui_line(b->ui, before, now, 1, faint(b->theme->grid, 1 - away * away));
+        before = now;
+        had = has;
+    }
+}
+
+static void draw_studio(const struct brush *b, const struct stage_picture *p, struct cover cover, struct ui_box box)
+{
+    const struct theme *t = b->theme;
+    double y = fmin(fmax(horizon(p, cover), box.y), box.y + box.h);
+    ui_fade(b->ui, (struct ui_box){box.x, box.y, box.w, y - box.y}, t->sky, t->floor);
+    // Just under the horizon the floor is as the wall is; nearer it grows lighter.
+    ui_fade(b->ui, (struct ui_box){box.x, y, box.w, box.y + box.h - y}, t->floor, t->sky);
+    const double step = 0.5;
+    double x0 = floor(p->standing.x / step) * step, y0 = floor(p->standing.y / step) * step;
+    for (int i = -8; i <= 8; i++) {
+        draw_grid_line(b, p, cover, v3(x0 + i * step, y0 - 4, 0), v3(x0 + i * step, y0 + 4, 0));
+        draw_grid_line(b, p, cover, v3(x0 - 4, y0 + i * step, 0), v3(x0 + 4, y0 + i * step, 0));
+    }
+}
+
+// ---------------------------------------------------------------- the actor
+
+enum { ROUND_POINTS = 40 };
+
+static bool floor_circle(const struct stage_picture *p, struct cover cover, double radius_m, struct ui_point *out)
+{
+    for (int i = 0; i < ROUND_POINTS; i++) {
+        double a = 2 * PI * i / ROUND_POINTS;
+        struct vec3 at = v3_add(p->standing, v3(radius_m * cos(a), radius_m * sin(a), 0));
+        if (!on_screen(p, cover, at, &out[i]))
+            return false;
+    }
+    return true;
+}
+
+static void draw_contact(const struct brush *b, const struct stage_picture *p, struct cover cover)
+{
+    struct ui_point points[ROUND_POINTS];
+    for (int i = 20; i > 0; i--)
+        if (floor_circle(p, cover, 0.024 * i, points))
+            ui_polygon(b->ui, points, ROUND_POINTS, 0x00000007);
+}
+
+static void draw_ring(const struct brush *b, const struct stage_picture *p, struct cover cover)
+{
+    struct ui_point points[ROUND_POINTS];
+    if (!floor_circle(p, cover, 0.55, points))
+        return;
+    ui_polygon(b->ui, points, ROUND_POINTS, faint(b->theme->accent, 0.16));
+    ui_stroke(b->ui, points, ROUND_POINTS, true, 3, b->theme->accent);
+}
+
+static void draw_skeleton(const struct brush *b, const struct stage_picture *p, struct cover cover, double presence)
+{
+    struct ui_point at[JOINT_COUNT];
+    bool seen[JOINT_COUNT];
+    for (int j = 0; j < JOINT_COUNT; j++)
+        seen[j] = p->skeleton.confidence[j] > 0 && on_screen(p, cover, p->skeleton.joint[j], &at[j]);
+    static const struct part_ends across[] = {{JOINT_LEFT_SHOULDER, JOINT_NECK},
+                                              {JOINT_RIGHT_SHOULDER, JOINT_NECK},
+                                              {JOINT_LEFT_HIP, JOINT_WAIST},
+                                              {JOINT_RIGHT_HIP, JOINT_WAIST}};
+    for (int pass = 0; pass < 2; pass++) { // a dark seam, so that it shows on every ground
+        uint32_t color = pass ? faint(b->theme->accent, presence) : faint(0x000000a0, presence);
+        double thickness = pass ? 3.5 : 6.5;
+        for (int i = 0; i < PART_COUNT + (int)COUNT_OF(across); i++) {
+            struct part_ends bone = i < PART_COUNT ? part_ends[i] : across[i - PART_COUNT];
+            if (seen[bone.from] && seen[bone.to])
+                ui_line(b->ui, at[bone.from], at[bone.to], thickness, color);
+        }
+        for (int j = 0; j < JOINT_COUNT; j++)
+            if (seen[j])
+                ui_disc(b->ui, at[j], pass ? 5 : 6.8,
+                        pass && p->skeleton.confidence[j] < 1 ? faint(b->theme->warn, presence)
+                        : pass                                ? faint(0xffffffff, presence)
+                                                              : color);
+    }
+}
+
+void scene_draw(const struct brush *b, struct ui_box box, const struct stage_picture *p, const struct show *show)
+{
+    struct cover cover = cover_of(&p->lens, box);
+    struct ui_box all = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
+    const struct ui_part upright = {0, 0, 1, 1}, over = {1, 0, 0, 1};
+    ui_fill(b->ui, box, 0, b->theme->ground);
+    ui_clip(b->ui, box);
+    if (p->camera)
+        ui_picture(b->ui, p->camera, all, upright, 0, 0xffffffff);
+    else
+        draw_studio(b, p, cover, box);
+    if (show->presence > 0 && p->has_skeleton) {
+        if (!p->camera)
+            draw_contact(b, p, cover);
+        if (show->moving)
+            draw_ring(b, p, cover);
+        uint32_t tint = faint(0xffffffff, show->presence);
+        if (p->actor)
+            ui_picture(b->ui, p->actor, all, p->turned_over ? over : upright, 0, tint);
+        if (p->sources)
+            ui_picture(b->ui, p->sources, all, p->turned_over ? over : upright, 0, tint);
+        if (show->skeleton)
+            draw_skeleton(b, p, cover, show->presence);
+    }
+    ui_unclip(b->ui);
+}

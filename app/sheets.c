@@ -1,0 +1,67 @@
+#include "app/screens.h"
+
+#include <math.h>
+#include <stdio.h>
+
+static const double SWITCH = 58, HEADING = 44;
+
+static struct ui_box sheet_box(struct ui_box above, double width, double height)
+{
+    double w = fmin(width, above.w);
+    return (struct ui_box){above.x + above.w - w, above.y - GAP - height, w, height};
+}
+
+static void layers_sheet(const struct brush *b, struct show *s, struct ui_box above, int64_t now_ns)
+{
+    const struct {
+        const char *name, *text;
+        enum icon icon;
+        bool on;
+        enum show_action action;
+    } rows[] = {
+        {"sheet-skeleton", "Skeleton", ICON_BONES, s->skeleton, DO_SKELETON},
+        {"sheet-sources", "Where pixels come from", ICON_DROPS, s->sources, DO_SOURCES},
+        {"sheet-inset", "The sensor's picture", ICON_INSET, s->inset, DO_INSET},
+        {"sheet-strip", "Time of each picture", ICON_BARS, s->strip, DO_STRIP},
+        {"sheet-mirror", "Mirrored", ICON_MIRROR, s->placement.mirrored, DO_MIRROR},
+        {"sheet-theme", "Dark", ICON_MOON, s->dark, DO_THEME},
+    };
+    const int count = (int)COUNT_OF(rows);
+    struct ui_box box = sheet_box(above, 400, HEADING + count * SWITCH + 2 * 12 + 4);
+    panel(b, box, false);
+    struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
+    label(b, FACE_HEAD, head, b->theme->text, "Show");
+    for (int i = 0; i < count; i++)
+        if (switch_row(b, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
+                       (struct ui_box){in.x, in.y + HEADING + i * SWITCH, in.w, SWITCH}))
+            show_do(s, rows[i].action, now_ns);
+    (void)ui_area(b->ui, "sheet", box); // what lies beneath is out of reach
+}
+
+static void speed_sheet(const struct brush *b, struct show *s, struct ui_box above, int64_t now_ns)
+{
+    static const double speeds[] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
+    struct ui_box box = sheet_box(above, 400, HEADING + 2 * SWITCH + GAP + 2 * 12 + 4);
+    panel(b, box, false);
+    struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
+    label(b, FACE_HEAD, head, b->theme->text, "Speed");
+    double w = (in.w - 3 * GAP) / 4;
+    for (int i = 0; i < (int)COUNT_OF(speeds); i++) {
+        char text[16], name[24];
+        snprintf(text, sizeof text, "%g×", speeds[i]);
+        snprintf(name, sizeof name, "speed-%d", i);
+        bool on = fabs(s->player.speed - speeds[i]) < 0.01;
+        struct ui_box key = {in.x + (i % 4) * (w + GAP), in.y + HEADING + (i / 4) * (SWITCH + GAP), w, SWITCH};
+        if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, key))
+            show_set_speed(s, speeds[i], now_ns);
+    }
+    (void)ui_area(b->ui, "sheet", box);
+}
+
+void sheets_draw(const struct brush *b, struct show *s, struct ui_box above, int64_t now_ns)
+{
+    if (s->sheet == SHEET_LAYERS)
+        layers_sheet(b, s, above, now_ns);
+    else if (s->sheet == SHEET_SPEED)
+        speed_sheet(b, s, above, now_ns);
+}

@@ -1,0 +1,308 @@
+#include "app/stage.h"
+
+#include "reenact/motion.h"
+#include "reenact/painter.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+struct stage {
+    struct gpu *gpu;
+    struct recording *recording;
+    struct take *take;
+    struct recording *inset_recording; // the painter has the first for itself
+    struct take *inset_take;
+    struct motion *motion;
+    struct painter *painter; // made with the first picture, whose lens it needs
+    struct lens drawn_lens;
+    struct gpu_texture *camera, *sources, *inset;
+    int camera_width, camera_height, sources_width, sources_height;
+    int64_t camera_number, inset_frame;
+    uint8_t *codes, *colors; // of sources
+    struct vec3 anchor, right; // where the actor begins; the sensor's right hand, level
+    struct orbit orbit;
+};
+
+static void find_beginning(struct stage *s)
+{
+    s->orbit = (struct orbit){v3(0, 0, 1), 0, 0.1, 3};
+    s->right = v3(1, 0, 0);
+    for (int64_t i = 0; i < take_frame_count(s->take); i++) {
+        struct moment moment;
+        const struct take_entry *entry = take_entry(s->take, i);
+        int64_t since_ns = entry->time_ns - take_entry(s->take, 0)->time_ns;
+        if (!entry->has_skeleton || motion_at(s->motion, since_ns, false, &moment) != OK)
+            continue;
+        enum joint middle = moment.skeleton.confidence[JOINT_WAIST] > 0 ? JOINT_WAIST : JOINT_NECK;
+        struct vec3 body = moment.skeleton.joint[middle];
+        struct vec3 from = v3_sub(moment.world_from_camera.translation, body);
+        s->anchor = v3(body.x, body.y, 0);
+        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12, fmin(fmax(2, hypot(from.x, from.y)), 3.2)};
+        struct vec3 right = quat_rotate(moment.world_from_camera.rotation, v3(1, 0, 0));
+        s->right = v3_unit(v3(right.x, right.y, 0));
+        return;
+    }
+}
+
+enum status stage_open(struct stage **out, struct gpu *gpu, const char *path, const char *take)
+{
+    *out = NULL;
+    struct stage *s = calloc(1, sizeof *s);
+    if (!s)
+        return fail(ERR_MEMORY, "out of memory");
+    s->gpu = gpu;
+    s->inset_frame = -1;
+    enum status status = recording_open(&s->recording, path);
+    if (status == OK)
+        status = take_open(&s->take, s->recording, take);
+    if (status == OK)
+        status = recording_open(&s->inset_recording, path);
+    if (status == OK)
+        status = take_open(&s->inset_take, s->inset_recording, take);
+    if (status == OK)
+        status = motion_open(&s->motion, s->take);
+    if (status != OK) {
+        stage_close(&s);
+        return status;
+    }
+    find_beginning(s);
+    *out = s;
+    return OK;
+}
+
+void stage_close(struct stage **out)
+{
+    struct stage *s = *out;
+    if (!s)
+        return;
+    gpu_texture_close(&s->camera);
+    gpu_texture_close(&s->sources);
+    gpu_texture_close(&s->inset);
+    painter_close(&s->painter);
+    motion_close(&s->motion);
+    take_close(&s->inset_take);
+    recording_free(&s->inset_recording);
+    take_close(&s->take);
+    recording_free(&s->recording);
+    free(s->codes);
+    free(s->colors);
+    free(s);
+    *out = NULL;
+}
+
+int64_t stage_frames(const struct stage *s) { return take_frame_count(s->take); }
+
+int64_t stage_length_ns(const struct stage *s)
+{
+    return take_entry(s->take, stage_frames(s) - 1)->time_ns - take_entry(s->take, 0)->time_ns;
+}
+
+struct orbit stage_orbit(const struct stage *s) { return s->orbit; }
+struct vec3 stage_anchor(const struct stage *s) { return s->anchor; }
+
+struct lens stage_orbit_lens(int width, int height)
+{
+    double f = 0.9 * sqrt((double)width * height);
+    // A little above the middle, for the controls are below.
+    double above = width > height ? 0.41 : 0.47;
+    return (struct lens){width, height, f, f, (width - 1) / 2.0, (height - 1) * above, 0, 0, 0, 0, 0};
+}
+
+// ---------------------------------------------------------------- placing
+
+static struct vec3 reflect(const struct stage *s, struct vec3 p)
+{
+    return v3_sub(p, v3_scale(s->right, 2 * v3_dot(s->right, v3_sub(p, s->anchor))));
+}
+
+// The camera as the take's own world has it. Mirrored: the camera beyond the
+// mirror, whose picture turned over left to right shows the actor mirrored.
+static struct pose camera_in_take(const struct stage *s, const struct stage_look *look)
+{
+    struct pose world_from_take = placement_pose(&look->placement, s->anchor);
+    struct pose camera = pose_multiply(pose_inverse(world_from_take), look->world_from_camera);
+    if (!look->placement.mirrored)
+        return camera;
+    double m[3][3], r[3][3];
+    quat_to_matrix(camera.rotation, m);
+    const double n[3] = {s->right.x, s->right.y, s->right.z};
+    for (int column = 0; column < 3; column++) {
+        double along = 0;
+        for (int i = 0; i < 3; i++)
+            along += n[i] * m[i][column];
+        for (int i = 0; i < 3; i++)
+            r[i][column] = (m[i][column] - 2 * n[i] * along) * (column == 0 ? -1 : 1);
+    }
+    return (struct pose){quat_from_matrix(r), reflect(s, camera.translation)};
+}
+
+static struct lens lens_for(const struct stage_look *look)
+{
+    struct lens l = look->lens;
+    double k = look->fineness;
+    if (k < 1) {
+        l.width = (int)fmax(16, round(l.width * k));
+        l.height = (int)fmax(16, round(l.height * k));
+        double kx = (double)l.width / look->lens.width, ky = (double)l.height / look->lens.height;
+        l.fx *= kx, l.fy *= ky;
+        l.cx = (l.cx + 0.5) * kx - 0.5, l.cy = (l.cy + 0.5) * ky - 0.5; // (0, 0) is a pixel's centre
+    }
+    if (look->placement.mirrored) {
+        l.cx = l.width - 1 - l.cx;
+        l.p2 = -l.p2;
+    }
+    return l;
+}
+
+static void place_skeleton(const struct stage *s, const struct stage_look *look, const struct moment *moment,
+                           struct stage_picture *out)
+{
+    struct pose world_from_take = placement_pose(&look->placement, s->anchor);
+    out->has_skeleton = true;
+    out->frame = moment->frame;
+    out->skeleton = moment->skeleton;
+    struct vec3 sum = v3(0, 0, 0);
+    int feet = 0;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct vec3 p = moment->skeleton.joint[j];
+        p = pose_apply(world_from_take, look->placement.mirrored ? reflect(s, p) : p);
+        out->skeleton.joint[j] = p;
+        bool low = j == JOINT_LEFT_FOOT || j == JOINT_RIGHT_FOOT;
+        if (low && moment->skeleton.confidence[j] > 0) {
+            sum = v3_add(sum, p);
+            feet++;
+        }
+    }
+    out->standing = feet ? v3_scale(sum, 1.0 / feet) : out->skeleton.joint[JOINT_WAIST];
+    out->standing.z = 0;
+}
+
+// ---------------------------------------------------------------- pictures
+
+// A texture of that size, with those pixels.
+static enum status show_pixels(struct stage *s, struct gpu_texture **texture, int *width, int *height, int new_width,
+                               int new_height, enum gpu_format format, const uint8_t *pixels)
+{
+    if (*texture && *width == new_width && *height == new_height) {
+        gpu_texture_write(*texture, pixels);
+        return OK;
+    }
+    gpu_texture_close(texture);
+    *width = new_width;
+    *height = new_height;
+    return gpu_texture_open(texture, s->gpu, format, new_width, new_height, GPU_LINEAR, pixels);
+}
+
+// From the painter's codes to colours: green was seen just now, blue to violet was
+// borrowed from ever farther away in time, orange nobody saw.
+static void color_code(const uint8_t code[3], uint8_t rgba[4])
+{
+    static const uint8_t now[3] = {52, 211, 153}, filled[3] = {251, 146, 60}, near[3] = {56, 189, 248},
+                         far[3] = {167, 62, 240};
+    const int opacity = 205;
+    double away_s = (256 * code[1] + code[2]) / 100.0, t = away_s / (away_s + 1);
+    for (int c = 0; c < 3; c++) {
+        double borrowed = near[c] + t * (far[c] - near[c]);
+        double color = code[0] < 40 ? 0 : code[0] < 128 ? now[c] : code[0] < 212 ? borrowed : filled[c];
+        rgba[c] = (uint8_t)(color * opacity / 255);
+    }
+    rgba[3] = code[0] < 40 ? 0 : (uint8_t)opacity;
+}
+
+static enum status show_sources(struct stage *s, const struct lens *lens, struct stage_picture *out)
+{
+    size_t pixels = (size_t)lens->width * (size_t)lens->height;
+    uint8_t *codes = realloc(s->codes, 3 * pixels);
+    s->codes = codes ? codes : s->codes;
+    uint8_t *colors = realloc(s->colors, 4 * pixels);
+    s->colors = colors ? colors : s->colors;
+    if (!codes || !colors)
+        return fail(ERR_MEMORY, "out of memory");
+    enum status status = painter_read_source(s->painter, codes);
+    if (status != OK)
+        return status;
+    for (size_t i = 0; i < pixels; i++)
+        color_code(codes + 3 * i, colors + 4 * i);
+    status = show_pixels(s, &s->sources, &s->sources_width, &s->sources_height, lens->width, lens->height, GPU_RGBA8,
+                         colors);
+    out->sources = s->sources;
+    return status;
+}
+
+static enum status show_inset(struct stage *s, int64_t frame, struct stage_picture *out)
+{
+    const struct lens *color = &take_calibration(s->inset_take)->color;
+    if (frame < 0 || !take_entry(s->inset_take, frame)->has_color)
+        return OK;
+    if (frame != s->inset_frame) {
+        struct take_pictures pictures;
+        int width = color->width, height = color->height;
+        enum status status = take_read(s->inset_take, frame, TAKE_COLOR, &pictures);
+        if (status == OK && pictures.color)
+            status = show_pixels(s, &s->inset, &width, &height, width, height, GPU_RGB8, pictures.color);
+        if (status != OK)
+            return status;
+        s->inset_frame = frame;
+    }
+    out->inset = s->inset;
+    out->inset_shape = (double)color->width / color->height;
+    return OK;
+}
+
+static bool same(const struct lens *a, const struct lens *b) { return !memcmp(a, b, sizeof *a); }
+
+static enum status have_painter(struct stage *s, const struct lens *lens)
+{
+    enum status status = OK;
+    if (!s->painter) {
+        struct painter_options how = painter_default_options();
+        how.detail = DETAIL_AUTO;
+        how.sources = true;
+        status = painter_open(&s->painter, s->gpu, s->take, lens, &how);
+    } else if (!same(lens, &s->drawn_lens)) {
+        status = painter_set_lens(s->painter, lens);
+    }
+    s->drawn_lens = *lens;
+    return status;
+}
+
+static enum status draw_actor(struct stage *s, const struct stage_look *look, struct stage_picture *out)
+{
+    struct lens lens = lens_for(look);
+    struct painter_view view = {camera_in_take(s, look), look->time_ns, NULL};
+    struct painter_result result;
+    enum status status = have_painter(s, &lens);
+    if (status != OK)
+        return status;
+    painter_set_sources(s->painter, look->sources);
+    status = painter_draw(s->painter, &view, &result);
+    if (status != OK)
+        return status;
+    out->actor = painter_actor_texture(s->painter);
+    out->turned_over = look->placement.mirrored;
+    out->parts = result.parts;
+    return look->sources ? show_sources(s, &lens, out) : OK;
+}
+
+enum status stage_draw(struct stage *s, const struct stage_look *look, struct stage_picture *out)
+{
+    *out = (struct stage_picture){.lens = look->lens, .world_from_camera = look->world_from_camera, .frame = -1};
+    enum status status = OK;
+    if (look->camera) {
+        if (look->camera_number != s->camera_number || !s->camera || look->lens.width != s->camera_width ||
+            look->lens.height != s->camera_height)
+            status = show_pixels(s, &s->camera, &s->camera_width, &s->camera_height, look->lens.width,
+                                 look->lens.height, GPU_RGB8, look->camera);
+        s->camera_number = look->camera_number;
+        out->camera = s->camera;
+    }
+    struct moment moment;
+    bool there = motion_at(s->motion, look->time_ns, true, &moment) == OK;
+    if (there)
+        place_skeleton(s, look, &moment, out);
+    if (status == OK && !look->nobody)
+        status = draw_actor(s, look, out);
+    if (status == OK && look->inset && there)
+        status = show_inset(s, moment.frame, out);
+    return status;
+}

@@ -1,0 +1,51 @@
+// A take, opened to be watched: it draws the actor into a camera's picture or an
+// orbit's, and says where his joints and the floor are in it. Textures belong to
+// the stage and are good until the next stage_draw. One thread, the gpu's.
+#pragma once
+#include "app/orbit.h"
+#include "app/show.h"
+#include "capture/recording/recording.h"
+#include "platform/gpu.h"
+
+struct stage;
+
+// ERR_…: as recording_open, take_open and painter_open.
+MUST_CHECK enum status stage_open(struct stage **out, struct gpu *gpu, const char *path, const char *take);
+void stage_close(struct stage **s); // NULL is fine
+
+int64_t stage_length_ns(const struct stage *s);
+int64_t stage_frames(const struct stage *s);
+struct orbit stage_orbit(const struct stage *s); // from where the sensor stood
+struct vec3 stage_anchor(const struct stage *s); // where the actor begins, on the floor
+
+struct stage_look {
+    struct lens lens;              // of the picture to draw into
+    struct pose world_from_camera;
+    int64_t time_ns;               // of the take
+    struct placement placement;
+    double fineness;               // 0..1: the share of the picture's size that the actor is drawn at
+    bool sources, inset;           // are wanted
+    bool nobody;                   // the camera does not know where it is
+    const uint8_t *camera;         // RGB; NULL: an orbit
+    int64_t camera_number;         // the same number is the same picture
+};
+
+struct stage_picture {
+    struct lens lens;
+    struct pose world_from_camera;
+    const struct gpu_texture *camera; // NULL: an orbit
+    const struct gpu_texture *actor;  // premultiplied; NULL: nobody
+    const struct gpu_texture *sources; // premultiplied, laid over the actor; NULL
+    const struct gpu_texture *inset;  // the sensor's picture at that instant; NULL
+    double inset_shape;               // its width over its height
+    bool turned_over;                 // actor and sources are to be drawn left to right
+    bool has_skeleton;
+    struct skeleton skeleton;         // in the world, placed and mirrored
+    struct vec3 standing;             // on the floor under the actor
+    int64_t frame;                    // the recorded one that is shown
+    int parts;                        // drawn
+};
+MUST_CHECK enum status stage_draw(struct stage *s, const struct stage_look *look, struct stage_picture *out);
+
+// The lens an orbit looks through, for a picture of that size.
+struct lens stage_orbit_lens(int width, int height);

@@ -1,0 +1,66 @@
+// What the locator's files share: the place, the picture in hand, and what of it will
+// be looked for in the next one.
+#pragma once
+#include "locate/locate.h"
+#include "locate/patch.h"
+#include "locate/points.h"
+
+enum { LOCATOR_MOST_TRACKS = 160 };
+
+// Something of known place that the last picture showed: a natural point, or a tag's corner.
+struct point_track {
+    int32_t point; // index into the place's points; -1: a tag's corner
+    struct vec3 world;
+    double sigma_px;
+    struct pixel at;     // in the last picture
+    // Of point, map and feature each errs by some pixels, and the same in each picture that
+    // follows. That is learnt, so that new points and old ones do not make the pose jump.
+    double off[2], off_variance; // ideal pixels
+    struct patch patch;  // what it looks like ...
+    struct vec3 cut_from; // ... seen from here: the camera less the point, world axes
+};
+
+struct locator {
+    struct lens lens;
+    struct locator_options options;
+    struct place_tag *tags;
+    struct tag_pattern *patterns; // of each tag
+    int32_t tag_count;
+    struct tag_finder *finder;
+    struct refiner *refiner;
+    struct place_point *points;
+    int32_t point_count;
+    uint8_t *gray;
+    // of the picture in hand
+    struct sighting sightings[FIT_MAX_TAGS];
+    struct tag_depth depths[FIT_MAX_TAGS];
+    int32_t which[FIT_MAX_TAGS]; // index into tags
+    int count;
+    struct feature features[FEATURES_MAX];
+    double feature_depths[FEATURES_MAX]; // where there is depth
+    struct feature_index index;
+    struct point_match matches[FEATURES_MAX];
+    // for the next picture
+    struct patch_picture picture;
+    struct point_track tracks[LOCATOR_MOST_TRACKS];
+    int track_count;
+    struct pose last; // camera_from_world of the last picture that was placed
+};
+
+// Tags that the pose says must be there and that are not among the sightings. most_pixels: of
+// each that are read. How many were added.
+int locator_look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
+                                 const struct pose *camera_from_world, int most_pixels);
+// The picture's natural features into the index; l->gray holds the picture.
+MUST_CHECK enum status locator_find_features(struct locator *l, const uint16_t *depth);
+// The tags in sight, for a fit.
+void locator_fit_tags(const struct locator *l, struct fit_tag *tags);
+// Over the corners of the tags used.
+double locator_rms(const struct locator *l, const struct fit_tag *tags, const struct pose *camera_from_world);
+// Fills *out. False: the pose is not sure enough to be given.
+bool locator_describe(const struct locator *l, const struct fit_tag *tags, const struct fit_point *points,
+                      int point_count, const struct camera_fit *found, struct location *out);
+
+// ---- follow.c
+// After locator_find: keeps what the picture showed for the next one. agree: of l->matches.
+void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, const struct pose *camera_from_world);

@@ -1,0 +1,138 @@
+#include "locate/track.h"
+
+#include "locate/kalman.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// A pose this far (chi squared, six numbers) from where the motion leads is not of that motion:
+// one in ten million. The camera was moved, or the motion known was wrong.
+static const double ELSEWHERE = 43;
+// Longer than this without a picture that shows anything, and the motion is worth nothing.
+static const double LOST_S = 0.5;
+// One of two mirrored poses has won when the other is this much less likely (log of the odds, doubled).
+static const double CLEARLY = 25;
+
+struct camera_track {
+    struct locator *locator;
+    int64_t time_ns; // of the last picture
+    bool started;    // time_ns holds
+    int count;       // poses followed: 0 lost, 2 mirrored ones of which nobody knows which
+    struct kalman of[2];
+    double against[2]; // what speaks against each
+    double unseen_s;   // since a picture agreed
+};
+
+struct pose camera_at(const struct camera_motion *m, int64_t time_ns)
+{
+    int64_t ahead = time_ns - m->time_ns;
+    ahead = ahead > CAMERA_AHEAD_NS ? CAMERA_AHEAD_NS : ahead < -CAMERA_AHEAD_NS ? -CAMERA_AHEAD_NS : ahead;
+    double t = (double)ahead * 1e-9;
+    struct pose on = {quat_from_rotation_vector(v3_scale(m->turn, t)), v3_scale(m->shift, t)};
+    return pose_multiply(m->world_from_camera, on);
+}
+
+enum status camera_track_open(struct camera_track **out, const struct place *place, const struct lens *lens,
+                              const struct locator_options *options)
+{
+    *out = NULL;
+    struct camera_track *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "no memory to follow a camera");
+    enum status status = locator_open(&t->locator, place, lens, options);
+    if (status != OK)
+        camera_track_close(&t);
+    *out = t;
+    return status;
+}
+
+void camera_track_close(struct camera_track **t)
+{
+    if (*t)
+        locator_close(&(*t)->locator);
+    free(*t);
+    *t = NULL;
+}
+
+static void start(struct camera_track *t, const struct location *found, bool ambiguous)
+{
+    t->count = ambiguous ? 2 : 1;
+    t->against[0] = t->against[1] = 0;
+    kalman_start(&t->of[0], found->world_from_camera, found->covariance);
+    kalman_start(&t->of[1], found->other, found->covariance);
+}
+
+// Takes what the picture shows into each pose followed. False: it agrees with none.
+static bool take_in(struct camera_track *t, const struct location *found, bool ambiguous)
+{
+    bool agrees = false;
+    for (int i = 0; i < t->count; i++) {
+        struct kalman with[2] = {t->of[i], t->of[i]};
+        double off[2];
+        off[0] = kalman_measure(&with[0], found->world_from_camera, found->covariance, ELSEWHERE);
+        off[1] = ambiguous ? kalman_measure(&with[1], found->other, found->covariance, ELSEWHERE) : INFINITY;
+        int which = off[1] < off[0];
+        if (off[which] <= ELSEWHERE) {
+            t->of[i] = with[which];
+            t->against[i] += off[which];
+            agrees = true;
+        } else {
+            t->against[i] += ELSEWHERE;
+        }
+    }
+    for (int i = 0; t->count == 2 && i < 2; i++) {
+        if (t->against[i] - t->against[!i] > CLEARLY) {
+            t->of[0] = t->of[!i];
+            t->count = 1;
+        }
+    }
+    if (t->count == 2 && t->against[1] < t->against[0]) { // the likelier one first
+        struct kalman k = t->of[0];
+        double against = t->against[0];
+        t->of[0] = t->of[1], t->against[0] = t->against[1];
+        t->of[1] = k, t->against[1] = against;
+    }
+    return agrees;
+}
+
+static void tell(const struct camera_track *t, const struct location *found, struct location *out,
+                 struct camera_motion *motion)
+{
+    const struct kalman *k = &t->of[0];
+    *out = *found;
+    out->world_from_camera = k->world_from_camera;
+    out->other = t->of[t->count == 2].world_from_camera;
+    for (int i = 0; i < 36; i++)
+        out->covariance[i] = k->covariance[i / 6][i % 6];
+    out->position_sigma_m = sqrt(out->covariance[21] + out->covariance[28] + out->covariance[35]);
+    *motion = (struct camera_motion){t->time_ns, k->world_from_camera, v3(k->speed[3], k->speed[4], k->speed[5]),
+                              v3(k->speed[0], k->speed[1], k->speed[2])};
+}
+
+enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
+                              struct location *out, struct camera_motion *motion)
+{
+    struct location found;
+    if (t->started && time_ns <= t->time_ns)
+        return fail(ERR_ORDER, "a picture's time must be later than that of the one before");
+    double seconds = t->started ? (double)(time_ns - t->time_ns) * 1e-9 : 0;
+    t->started = true;
+    t->time_ns = time_ns;
+    t->unseen_s += seconds;
+    if (t->unseen_s > LOST_S)
+        t->count = 0;
+    for (int i = 0; i < t->count; i++)
+        kalman_move(&t->of[i], seconds);
+    enum status status = NOTHING;
+    if (t->count == 1)
+        status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
+    if (status == NOTHING)
+        status = locator_find(t->locator, color, depth, &found);
+    if (status < 0 || status == NOTHING)
+        return status;
+    t->unseen_s = 0;
+    if (!t->count || !take_in(t, &found, status == AMBIGUOUS))
+        start(t, &found, status == AMBIGUOUS);
+    tell(t, &found, out, motion);
+    return t->count == 2 ? AMBIGUOUS : OK;
+}

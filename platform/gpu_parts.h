@@ -1,0 +1,49 @@
+// What gpu.c and gpu_flat.c share: the objects behind gpu.h. For those two alone;
+// names are OpenGL's.
+#pragma once
+#include "platform/gpu.h"
+
+enum { MAX_UNIFORMS = 16, MAX_SAMPLERS = 4 };
+
+typedef unsigned gpu_reset_status(void);
+
+struct gpu {
+    void *display, *context; // EGL's
+    bool adopted;
+    char renderer[128];
+    int max_size, max_samples;
+    gpu_reset_status *reset_status; // NULL: the driver cannot say
+};
+
+struct gpu_program {
+    struct gpu *g;
+    unsigned id;
+    int uniforms[MAX_UNIFORMS];
+    int sampler_count;
+};
+
+struct gpu_texture {
+    struct gpu *g;
+    unsigned id;
+    enum gpu_format format;
+    int width, height;
+};
+
+struct gpu_mesh {
+    struct gpu *g;
+    unsigned array, vertices, indices;
+    int index_count;
+};
+
+struct gpu_target {
+    struct gpu *g;
+    int width, height;
+    bool multisampled;
+    unsigned drawn;        // framebuffer drawn into
+    unsigned color, depth; // its renderbuffers; color only when multisampled
+    unsigned resolved;     // framebuffer around `texture`; the same as `drawn` without multisampling
+    struct gpu_texture texture;
+};
+
+// Makes the gpu's context current, unless it is or is somebody else's to keep so.
+void gpu_use(const struct gpu *g);

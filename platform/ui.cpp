@@ -1,0 +1,362 @@
+// Dear ImGui behind ui.h: its draw lists, its fonts and its idea of which area is
+// touched. It draws nothing by itself here, and none of its own controls is used.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic"
+extern "C" {
+#include "platform/gpu.h"
+}
+#include "platform/ui.h"
+#pragma GCC diagnostic pop
+
+#include <imgui.h>
+#include <imgui_internal.h>
+
+#include <cmath>
+#include <new>
+#include <vector>
+
+static_assert(sizeof(gpu_flat_vertex) == sizeof(ImDrawVert), "the vertices are handed on as they are");
+static_assert(sizeof(ImDrawIdx) == sizeof(uint16_t), "so are the indices");
+
+struct ui {
+    gpu *device;
+    ImGuiContext *context;
+    gpu_flat *flat;
+    gpu_texture *letters;
+    std::vector<ui_face> faces;
+    std::vector<ImFont *> fonts;
+    double px_per_dp;
+    int width_px, height_px;
+    ImDrawList *ink; // of the frame being gathered
+    bool touched;    // some area of this frame is under or held by the pointer
+    bool wants;      // the same of the last frame
+    std::vector<gpu_flat_run> runs;
+    std::vector<gpu_flat_vertex> vertices;
+    std::vector<uint16_t> indices;
+};
+
+namespace
+{
+
+ImU32 ink_of(uint32_t color)
+{
+    return IM_COL32(color >> 24, color >> 16 & 255, color >> 8 & 255, color & 255);
+}
+
+ImVec2 at(double x, double y) { return ImVec2(float(x), float(y)); }
+ImVec2 at(ui_point p) { return at(p.x, p.y); }
+ImVec2 first(ui_box b) { return at(b.x, b.y); }
+ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
+
+// Latin with all its accents, and the punctuation of good typesetting.
+const ImWchar letters_wanted[] = {0x20, 0x7e, 0xa0, 0x24f, 0x2010, 0x2027, 0x2030, 0x203a, 0x20ac, 0x20ac,
+                                  0x2190, 0x2193, 0x2212, 0x2212, 0};
+
+enum status cut_letters(ui *u, double px_per_dp)
+{
+    ImFontAtlas *atlas = ImGui::GetIO().Fonts;
+    atlas->Clear();
+    u->fonts.clear();
+    for (const ui_face &face : u->faces) {
+        ImFontConfig how;
+        how.FontDataOwnedByAtlas = false;
+        how.OversampleH = 2;
+        how.OversampleV = 1;
+        how.GlyphRanges = letters_wanted;
+        ImFont *font = atlas->AddFontFromMemoryTTF(const_cast<uint8_t *>(face.bytes), int(face.count),
+                                                   float(std::lround(face.size * px_per_dp)), &how, letters_wanted);
+        if (!font)
+            return fail(ERR_INPUT, "a font of the controls cannot be read");
+        u->fonts.push_back(font);
+    }
+    unsigned char *pixels = nullptr;
+    int width = 0, height = 0;
+    if (!atlas->Build())
+        return fail(ERR_INPUT, "a font of the controls cannot be read");
+    atlas->GetTexDataAsRGBA32(&pixels, &width, &height);
+    for (long i = 0, n = long(width) * height; i < n; i++) // white letters: multiply alpha in
+        pixels[4 * i] = pixels[4 * i + 1] = pixels[4 * i + 2] = pixels[4 * i + 3];
+    gpu_texture_close(&u->letters);
+    enum status status = gpu_texture_open(&u->letters, u->device, GPU_RGBA8, width, height, GPU_LINEAR, pixels);
+    atlas->SetTexID(u->letters);
+    atlas->ClearTexData();
+    u->px_per_dp = px_per_dp;
+    return status;
+}
+
+enum status open_ui(ui *u, const gpu_flat_texts *shaders)
+{
+    enum status status = gpu_flat_open(&u->flat, u->device, shaders);
+    if (status != OK)
+        return status;
+    u->context = ImGui::CreateContext();
+    ImGui::SetCurrentContext(u->context);
+    ImGuiIO &io = ImGui::GetIO();
+    io.IniFilename = nullptr; // it writes no file of its own
+    io.LogFilename = nullptr;
+    io.BackendFlags |= ImGuiBackendFlags_RendererHasVtxOffset;
+    io.MouseDragThreshold = 0;
+    io.ConfigMemoryCompactTimer = -1;
+    ImGuiStyle &style = ImGui::GetStyle();
+    style.WindowPadding = style.ItemSpacing = ImVec2(0, 0);
+    style.WindowBorderSize = 0;
+    style.CurveTessellationTol = 0.4F;
+    style.CircleTessellationMaxError = 0.15F;
+    return OK;
+}
+
+ImFont *font_of(const ui *u, int face)
+{
+    IM_ASSERT(face >= 0 && size_t(face) < u->fonts.size());
+    return u->fonts[size_t(face)];
+}
+
+float size_of(const ui *u, int face) { return float(u->faces[size_t(face)].size); }
+
+} // namespace
+
+extern "C" {
+
+enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_flat_texts *shaders,
+                    const struct ui_face *faces, int face_count)
+{
+    *out = nullptr;
+    ui *u = new (std::nothrow) ui{};
+    if (!u)
+        return fail(ERR_MEMORY, "out of memory");
+    u->device = gpu;
+    u->faces.assign(faces, faces + face_count);
+    enum status status = open_ui(u, shaders);
+    if (status != OK)
+        ui_close(&u);
+    *out = u;
+    return status;
+}
+
+void ui_close(struct ui **out)
+{
+    ui *u = *out;
+    if (!u)
+        return;
+    if (u->context) {
+        ImGui::SetCurrentContext(u->context);
+        ImGui::GetIO().Fonts->SetTexID(nullptr);
+        ImGui::DestroyContext(u->context);
+    }
+    gpu_texture_close(&u->letters);
+    gpu_flat_close(&u->flat);
+    delete u;
+    *out = nullptr;
+}
+
+enum status ui_begin(struct ui *u, const struct ui_input *in)
+{
+    ImGui::SetCurrentContext(u->context);
+    if (in->px_per_dp != u->px_per_dp) {
+        enum status status = cut_letters(u, in->px_per_dp);
+        if (status != OK)
+            return status;
+    }
+    u->width_px = in->width_px;
+    u->height_px = in->height_px;
+    ImGuiIO &io = ImGui::GetIO();
+    io.DisplaySize = ImVec2(float(in->width_px / in->px_per_dp), float(in->height_px / in->px_per_dp));
+    io.DisplayFramebufferScale = ImVec2(float(in->px_per_dp), float(in->px_per_dp));
+    io.DeltaTime = 1.0F / 60; // nothing here lasts; what moves is timed by its users
+    io.MousePos = in->pointer_there ? ImVec2(float(in->pointer_x), float(in->pointer_y)) : ImVec2(-FLT_MAX, -FLT_MAX);
+    io.MouseDown[0] = in->pointer_down;
+    u->wants = u->touched;
+    u->touched = false;
+    ImGui::NewFrame();
+    ImGui::SetNextWindowPos(ImVec2(0, 0));
+    ImGui::SetNextWindowSize(io.DisplaySize);
+    ImGui::Begin("screen", nullptr,
+                 ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoMove |
+                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoBringToFrontOnFocus);
+    u->ink = ImGui::GetWindowDrawList();
+    u->ink->_FringeScale = float(1 / in->px_per_dp); // edges one pixel soft, not one dp
+    u->ink->ChannelsSplit(UI_LAYERS);
+    return OK;
+}
+
+void ui_end(struct ui *u)
+{
+    u->ink->ChannelsMerge();
+    ImGui::End();
+    ImGui::Render();
+    const ImDrawData *data = ImGui::GetDrawData();
+    u->runs.clear();
+    u->vertices.clear();
+    u->indices.clear();
+    const float s = float(u->px_per_dp);
+    for (int n = 0; n < data->CmdListsCount; n++) {
+        const ImDrawList *list = data->CmdLists[n];
+        const int base_vertex = int(u->vertices.size()), base_index = int(u->indices.size());
+        for (const ImDrawVert &v : list->VtxBuffer) {
+            gpu_flat_vertex out = {v.pos.x * s, v.pos.y * s, v.uv.x, v.uv.y, {}};
+            for (int c = 0; c < 4; c++)
+                out.rgba[c] = uint8_t(v.col >> (8 * c));
+            u->vertices.push_back(out);
+        }
+        u->indices.insert(u->indices.end(), list->IdxBuffer.begin(), list->IdxBuffer.end());
+        for (const ImDrawCmd &c : list->CmdBuffer)
+            if (c.ElemCount)
+                u->runs.push_back({static_cast<const gpu_texture *>(c.TextureId), std::fmax(0.0F, c.ClipRect.x * s),
+                                   std::fmax(0.0F, c.ClipRect.y * s), std::fmin(float(u->width_px), c.ClipRect.z * s),
+                                   std::fmin(float(u->height_px), c.ClipRect.w * s), base_vertex + int(c.VtxOffset),
+                                   base_index + int(c.IdxOffset), int(c.ElemCount)});
+    }
+    u->ink = nullptr;
+}
+
+enum status ui_draw(struct ui *u, struct gpu_target *target, int quarter_turns)
+{
+    static const float black[3] = {0, 0, 0};
+    const gpu_flat_view view = {target, u->width_px, u->height_px, quarter_turns, black};
+    gpu_flat_begin(u->flat, &view);
+    gpu_flat_draw(u->flat, u->vertices.data(), int(u->vertices.size()), u->indices.data(), int(u->indices.size()),
+                  u->runs.data(), int(u->runs.size()));
+    return gpu_flat_end(u->flat);
+}
+
+double ui_width(const struct ui *u) { return u->width_px / u->px_per_dp; }
+double ui_height(const struct ui *u) { return u->height_px / u->px_per_dp; }
+double ui_px_per_dp(const struct ui *u) { return u->px_per_dp; }
+
+// ---------------------------------------------------------------- ink
+
+void ui_layer(struct ui *u, int layer) { u->ink->ChannelsSetCurrent(layer); }
+
+void ui_fill(struct ui *u, struct ui_box box, double radius, uint32_t color)
+{
+    u->ink->AddRectFilled(first(box), last(box), ink_of(color), float(radius));
+}
+
+void ui_outline(struct ui *u, struct ui_box box, double radius, double thickness, uint32_t color)
+{
+    u->ink->AddRect(first(box), last(box), ink_of(color), float(radius), 0, float(thickness));
+}
+
+void ui_fade(struct ui *u, struct ui_box box, uint32_t top, uint32_t bottom)
+{
+    u->ink->AddRectFilledMultiColor(first(box), last(box), ink_of(top), ink_of(top), ink_of(bottom), ink_of(bottom));
+}
+
+void ui_shadow(struct ui *u, struct ui_box box, double radius, double spread, uint32_t color)
+{
+    // Rings that grow and fade, laid over one another: near enough to a blur at no cost.
+    const int rings = 8;
+    for (int i = rings; i > 0; i--) {
+        double grow = spread * i / rings;
+        uint32_t alpha = uint32_t((color & 255) * (1.0 - double(i) / (rings + 1)) / rings * 1.6);
+        ui_box grown = {box.x - grow, box.y - grow + spread / 4, box.w + 2 * grow, box.h + 2 * grow};
+        ui_fill(u, grown, radius + grow, (color & ~255U) | alpha);
+    }
+}
+
+void ui_disc(struct ui *u, struct ui_point centre, double radius, uint32_t color)
+{
+    u->ink->AddCircleFilled(at(centre), float(radius), ink_of(color));
+}
+
+void ui_ring(struct ui *u, struct ui_point centre, double radius, double thickness, uint32_t color)
+{
+    u->ink->AddCircle(at(centre), float(radius), ink_of(color), 0, float(thickness));
+}
+
+void ui_line(struct ui *u, struct ui_point a, struct ui_point b, double thickness, uint32_t color)
+{
+    u->ink->AddLine(at(a), at(b), ink_of(color), float(thickness));
+}
+
+void ui_stroke(struct ui *u, const struct ui_point *points, int count, bool closed, double thickness, uint32_t color)
+{
+    for (int i = 0; i < count; i++)
+        u->ink->PathLineTo(at(points[i]));
+    u->ink->PathStroke(ink_of(color), closed ? ImDrawFlags_Closed : 0, float(thickness));
+    if ((color & 255) == 255) // a see-through joint would show twice
+        for (int i = 0; i < count; i++)
+            u->ink->AddCircleFilled(at(points[i]), float(thickness / 2), ink_of(color));
+}
+
+void ui_arc(struct ui *u, struct ui_point centre, double radius, double from, double to, double thickness,
+            uint32_t color)
+{
+    u->ink->PathArcTo(at(centre), float(radius), float(from), float(to), 32);
+    u->ink->PathStroke(ink_of(color), 0, float(thickness));
+}
+
+void ui_polygon(struct ui *u, const struct ui_point *points, int count, uint32_t color)
+{
+    for (int i = 0; i < count; i++)
+        u->ink->PathLineTo(at(points[i]));
+    u->ink->PathFillConvex(ink_of(color));
+}
+
+void ui_picture(struct ui *u, const struct gpu_texture *texture, struct ui_box box, struct ui_part part,
+                double radius, uint32_t tint)
+{
+    ImTextureID id = const_cast<gpu_texture *>(texture);
+    u->ink->AddImageRounded(id, first(box), last(box), at(part.u0, part.v0), at(part.u1, part.v1), ink_of(tint),
+                            float(radius));
+}
+
+// ---------------------------------------------------------------- text
+
+double ui_text_width(struct ui *u, int face, const char *text)
+{
+    return double(font_of(u, face)->CalcTextSizeA(size_of(u, face), FLT_MAX, 0, text).x);
+}
+
+double ui_text_height(struct ui *u, int face, const char *text, double width)
+{
+    return double(font_of(u, face)->CalcTextSizeA(size_of(u, face), FLT_MAX, float(width), text).y);
+}
+
+void ui_text(struct ui *u, int face, struct ui_point top_left, uint32_t color, const char *text)
+{
+    ui_text_lines(u, face, top_left, 0, color, text);
+}
+
+void ui_text_lines(struct ui *u, int face, struct ui_point top_left, double width, uint32_t color, const char *text)
+{
+    // Onto whole pixels: letters between them look soft.
+    const double s = u->px_per_dp;
+    ImVec2 where = at(std::round(top_left.x * s) / s, std::round(top_left.y * s) / s);
+    u->ink->AddText(font_of(u, face), size_of(u, face), where, ink_of(color), text, nullptr, float(width));
+}
+
+void ui_clip(struct ui *u, struct ui_box box)
+{
+    ImGui::PushClipRect(first(box), last(box), true);
+    (void)u;
+}
+
+void ui_unclip(struct ui *u)
+{
+    ImGui::PopClipRect();
+    (void)u;
+}
+
+// ---------------------------------------------------------------- fingers
+
+struct ui_touch ui_area(struct ui *u, const char *name, struct ui_box box)
+{
+    ui_touch touch = {};
+    if (box.w <= 0 || box.h <= 0)
+        return touch;
+    const bool was = ImGui::IsAnyItemActive();
+    ImGui::SetCursorScreenPos(first(box));
+    touch.tapped = ImGui::InvisibleButton(name, at(box.w, box.h));
+    touch.over = ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenBlockedByActiveItem) && (!was || ImGui::IsItemActive());
+    touch.held = ImGui::IsItemActive();
+    touch.went_down = ImGui::IsItemActivated();
+    const ImVec2 pointer = ImGui::GetIO().MousePos;
+    touch.x = double(pointer.x) - box.x;
+    touch.y = double(pointer.y) - box.y;
+    u->touched |= touch.over || touch.held;
+    return touch;
+}
+
+bool ui_wants_pointer(const struct ui *u) { return u->wants; }
+}

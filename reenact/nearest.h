@@ -1,0 +1,40 @@
+// The nearest of many points, exactly, where a point is a handful of places in
+// space (a body's joints) and how far two points are from each other is a sum
+// of distances between their places. Pure; one thread at a time.
+//
+// The caller tells the cost of any one point; what is kept here only says which
+// points need not be asked. Points come in an order in which neighbours are
+// alike, as the frames of a take are: sixteen in a row are held in one box for
+// each place, and a whole box is passed over when even its nearest corner costs
+// too much. The bounds are whole numbers, so every machine asks about the same
+// points; and they are never too high, so the answer is that of asking about
+// all of them.
+#pragma once
+#include "platform/geometry.h"
+
+enum { NEAREST_PLACES_MOST = 16 };
+
+struct nearest;
+
+struct nearest_point {
+    struct vec3 place[NEAREST_PLACES_MOST]; // metres
+    uint32_t known;                         // bit i: place[i] means something
+    double own_m;                           // of its cost, what does not depend on whom it is compared with; >= 0
+};
+
+// The cost of point `number`, metres; negative: it cannot be chosen. Never less
+// than `scale` (of nearest_find) times the sum of the point's own and of the
+// distances between the places known in both points.
+typedef double nearest_cost(const void *context, int64_t number);
+
+// places: of each point. unit_m: what bounds are counted in; places beyond
+// 8191 of it from 0 count as if they were there.
+MUST_CHECK enum status nearest_open(struct nearest **out, int places, double unit_m, int64_t capacity);
+void nearest_close(struct nearest **n);
+
+// Its number is how many were there before.
+void nearest_add(struct nearest *n, const struct nearest_point *point);
+
+// NOTHING: no point can be chosen. Ties: the lowest number.
+MUST_CHECK enum status nearest_find(struct nearest *n, const struct nearest_point *wanted, double scale,
+                                    nearest_cost *cost, const void *context, int64_t *number, double *cost_m);

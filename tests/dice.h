@@ -1,0 +1,24 @@
+// Numbers for test inputs.
+#pragma once
+#include <math.h>
+#include <stdint.h>
+
+// A small generator for test inputs, the same on every machine. Seed it, print the seed.
+struct dice {
+    uint64_t state;
+};
+
+static inline double dice_uniform(struct dice *dice) // [0, 1)
+{
+    // splitmix64 (Steele, Lea and Flood 2014)
+    uint64_t z = (dice->state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
+}
+
+static inline double dice_normal(struct dice *dice) // mean 0, standard deviation 1
+{
+    double u = 1 - dice_uniform(dice), v = dice_uniform(dice);
+    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
+}

@@ -1,0 +1,23 @@
+// Somebody who never stands still: every bone swings on its own in sums of
+// slow waves, and the whole body turns. No pose comes back, which makes it the
+// hardest motion for whatever looks for a similar pose.
+#pragma once
+#include "capture/recording/skeleton.h"
+#include "tests/dice.h"
+
+enum { LIMB_WAVES = 4 };
+
+struct limbs {
+    struct limb_wave {
+        double amplitude, hertz, phase;
+    } turn[LIMB_WAVES], swing[JOINT_COUNT][2][LIMB_WAVES];
+};
+
+struct limbs limbs_random(struct dice *dice);
+
+// All joints known, in the axes of a camera 3 m away (y down, z forward), each
+// coordinate off by noise_m.
+struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, struct dice *dice);
+
+// The same pose seen by a camera that went round the person by `angle` (radians).
+struct skeleton limbs_turned(const struct skeleton *s, double angle, double noise_m, struct dice *dice);

@@ -1,0 +1,83 @@
+#include "tests/support/sweep.h"
+
+#include "tests/test.h"
+
+#include <stdlib.h>
+
+// Horn 1987, by the power method on his 4 x 4 matrix.
+struct pose sweep_align(const struct vec3 *a, const struct vec3 *b, int n)
+{
+    struct vec3 ca = v3(0, 0, 0), cb = ca;
+    for (int i = 0; i < n; i++) {
+        ca = v3_add(ca, v3_scale(a[i], 1.0 / n));
+        cb = v3_add(cb, v3_scale(b[i], 1.0 / n));
+    }
+    double s[3][3] = {{0}};
+    for (int i = 0; i < n; i++) {
+        struct vec3 p = v3_sub(a[i], ca), q = v3_sub(b[i], cb);
+        const double x[3] = {p.x, p.y, p.z}, y[3] = {q.x, q.y, q.z};
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                s[r][c] += x[r] * y[c];
+    }
+    double m[4][4] = {{s[0][0] + s[1][1] + s[2][2], s[1][2] - s[2][1], s[2][0] - s[0][2], s[0][1] - s[1][0]},
+                      {0, s[0][0] - s[1][1] - s[2][2], s[0][1] + s[1][0], s[2][0] + s[0][2]},
+                      {0, 0, -s[0][0] + s[1][1] - s[2][2], s[1][2] + s[2][1]},
+                      {0, 0, 0, -s[0][0] - s[1][1] + s[2][2]}};
+    double shift = 0, q[4] = {1, 0.3, 0.2, 0.1};
+    for (int r = 0; r < 4; r++)
+        for (int c = 0; c < 4; c++) {
+            m[r][c] = r <= c ? m[r][c] : m[c][r];
+            shift += fabs(m[r][c]);
+        }
+    for (int round = 0; round < 20000; round++) {
+        double next[4], length = 0;
+        for (int r = 0; r < 4; r++) {
+            next[r] = shift * q[r];
+            for (int c = 0; c < 4; c++)
+                next[r] += m[r][c] * q[c];
+            length += next[r] * next[r];
+        }
+        for (int r = 0; r < 4; r++)
+            q[r] = next[r] / sqrt(length);
+    }
+    struct pose pose = {{q[1], q[2], q[3], q[0]}, {0, 0, 0}};
+    pose.translation = v3_sub(cb, quat_rotate(pose.rotation, ca));
+    return pose;
+}
+
+void sweep_open(struct sweep *r)
+{
+    struct world_options o = world_default_options();
+    int32_t count;
+    o.motion = "still";
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&r->world, &o), OK);
+    r->calibration = world_calibration(1);
+    const struct place_tag *tags = world_tags(r->world, &count);
+    for (int32_t i = 0; i < count; i++)
+        r->tags[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
+    r->tag_count = count;
+}
+
+enum status sweep_film(struct sweep *r, struct mapper *m, int frames, bool with_depth)
+{
+    size_t pixels = (size_t)r->calibration.color.width * (size_t)r->calibration.color.height;
+    uint8_t *color = malloc(pixels * 3);
+    uint16_t *depth = malloc(pixels * sizeof *depth);
+    enum status status = OK;
+    EXPECT_TRUE(color && depth);
+    for (int i = 0; i < frames && status == OK; i++) {
+        double t = (double)WORLD_SWEEP_S * i / frames;
+        struct world_shot shot = {r->calibration.color, world_sweep_pose(r->world, t), 0, false};
+        struct world_picture picture = {.color = color, .depth = depth};
+        EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
+        world_color_noise(color, shot.lens.width, shot.lens.height, 1000 + (uint64_t)i);
+        EXPECT_STATUS(world_depth_noise(&shot.lens, depth, 50 + (uint64_t)i, depth), OK);
+        struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = with_depth ? depth : NULL};
+        status = mapper_add(m, &frame);
+    }
+    free(color);
+    free(depth);
+    return status;
+}

@@ -1,0 +1,439 @@
+// Every screen of the app, drawn without a window: at 1280 x 800 and 800 x 1280,
+// dark and light, with a camera that knows where it is and one that does not.
+//
+//     test_screens                          the tests
+//     test_screens FILE CAMERA FOLDER       photographs of the screens, for the documents (see tests/screens)
+#include "tests/test.h"
+
+#include "app/tablet.h"
+#include "platform/clock.h"
+#include "platform/file.h"
+#include "platform/jpeg.h"
+#include "platform/png.h"
+#include "tests/support/rehearsal.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double DPI = 149; // of a tablet of 10 inches
+enum { LONG = 1280, SHORT = 800 };
+
+static struct rehearsal rehearsal;
+
+struct glass {
+    struct gpu *gpu;
+    struct gpu_target *target;
+    int width, height;
+    uint8_t *rgba;
+    struct tablet tablet;
+};
+
+static void glass_open(struct glass *g, int width, int height, const char *file, const char *take, const char *camera)
+{
+    const struct tablet_options options = {
+        .file = file, .take = take, .camera = camera, .photos = rehearsal.scratch.path, .fixed_fineness = true,
+        .refresh_hz = 60};
+    *g = (struct glass){.width = width, .height = height, .rgba = malloc((size_t)width * (size_t)height * 4)};
+    EXPECT_STATUS(gpu_open(&g->gpu), OK);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height, 1), OK);
+    EXPECT_STATUS(tablet_open(&g->tablet, g->gpu, &options), OK);
+}
+
+static void glass_close(struct glass *g)
+{
+    tablet_close(&g->tablet);
+    gpu_target_close(&g->target);
+    gpu_close(&g->gpu);
+    free(g->rgba);
+}
+
+// The same tablet, whatever number of pixels it has.
+static double scale_of(const struct glass *g)
+{
+    return tablet_px_per_dp(DPI) * (g->width > g->height ? g->width : g->height) / LONG;
+}
+
+static void draw(struct glass *g)
+{
+    const struct tablet_glass glass = {g->target, g->width, g->height, 0, scale_of(g)};
+    int64_t now = clock_now_ns();
+    tablet_update(&g->tablet, now);
+    EXPECT_STATUS(tablet_draw(&g->tablet, &glass, now), OK);
+    tablet_shown(&g->tablet, clock_now_ns());
+}
+
+static void read_back(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
+
+// Draws until the camera's pictures were located (or not), and he has faded in or out.
+static void settle(struct glass *g, bool placed)
+{
+    struct show *s = &g->tablet.show;
+    int64_t until = clock_now_ns() + 20000000000;
+    do {
+        draw(g);
+        clock_sleep_until_ns(clock_now_ns() + 2000000);
+    } while (clock_now_ns() < until &&
+             (!s->camera.sight || s->camera.placed != placed || s->presence != (placed ? 1 : 0)));
+    EXPECT_INT(s->camera.placed, placed);
+    EXPECT_NEAR(s->presence, placed ? 1 : 0, 0);
+}
+
+static void at(struct glass *g, double share)
+{
+    struct show *s = &g->tablet.show;
+    player_play(&s->player, clock_now_ns(), false);
+    player_seek(&s->player, clock_now_ns(), (int64_t)(share * (double)s->player.length_ns));
+}
+
+// ---------------------------------------------------------------- looking at a picture
+
+// How many pixels are within `slack` of that colour.
+static int count_color(const struct glass *g, uint32_t color, int slack)
+{
+    int count = 0;
+    for (long i = 0; i < (long)g->width * g->height; i++) {
+        const uint8_t *p = g->rgba + 4 * i;
+        count += abs(p[0] - (int)(color >> 24)) <= slack && abs(p[1] - (int)(color >> 16 & 255)) <= slack &&
+                 abs(p[2] - (int)(color >> 8 & 255)) <= slack;
+    }
+    return count;
+}
+
+static double difference(const struct glass *g, const uint8_t *other)
+{
+    double sum = 0;
+    long count = (long)g->width * g->height * 4;
+    for (long i = 0; i < count; i++)
+        sum += abs(g->rgba[i] - other[i]);
+    return sum / (double)count;
+}
+
+// ---------------------------------------------------------------- tests
+
+static void test_takes_are_chosen_with_a_finger(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL);
+    struct show *s = &g.tablet.show;
+    draw(&g);
+    EXPECT_INT(s->page, PAGE_TAKES);
+    read_back(&g);
+    EXPECT_AT_LEAST(count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
+    // The second card, with a finger that comes and goes.
+    const double scale = scale_of(&g);
+    struct screen_event down = {.kind = SCREEN_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale}, up = down;
+    up.kind = SCREEN_POINTER_UP;
+    EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &down, scale, clock_now_ns()));
+    draw(&g);
+    EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &up, scale, clock_now_ns()));
+    draw(&g);
+    draw(&g);
+    EXPECT_INT(s->page, PAGE_WATCH);
+    EXPECT_INT(s->take, 1);
+    glass_close(&g);
+}
+
+static void test_an_orbit_shows_the_actor_and_a_finger_turns_it(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    struct show *s = &g.tablet.show;
+    draw(&g);
+    at(&g, 0.5);
+    draw(&g);
+    draw(&g);
+    EXPECT_TRUE(s->orbiting && s->page == PAGE_WATCH);
+    EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
+    EXPECT_TRUE(show_hint(s) == NULL);
+    const double scale = scale_of(&g), angle = s->orbit.angle_rad;
+    struct screen_event e = {.kind = SCREEN_POINTER_DOWN, .pointer = 1, .x = 200, .y = 150};
+    hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
+    draw(&g);
+    e.kind = SCREEN_POINTER_MOVE;
+    e.x = 250;
+    hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
+    draw(&g);
+    EXPECT_AT_LEAST(angle - s->orbit.angle_rad, 0.3);
+    glass_close(&g);
+}
+
+static void test_nothing_is_drawn_when_nothing_changes(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    struct show *s = &g.tablet.show;
+    draw(&g);
+    at(&g, 0.5);
+    for (int i = 0; i < 40; i++) // the orbit comes to rest on him
+        draw(&g);
+    s->changed = false;
+    g.tablet.checked_ns = clock_now_ns(); // the look after the file comes once a second
+    int64_t now = clock_now_ns(), next = tablet_update(&g.tablet, now);
+    EXPECT_TRUE(!s->changed);
+    EXPECT_AT_LEAST(next - now, 100000000);
+    glass_close(&g);
+}
+
+static void test_actor_and_camera_are_of_one_instant(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    settle(&g, true);
+    struct tablet *t = &g.tablet;
+    EXPECT_TRUE(t->picture.camera && t->picture.actor && !t->show.orbiting);
+    for (int i = 0; i < 10; i++) {
+        draw(&g);
+        EXPECT_INT(t->look.camera_number, t->sight->number);
+        EXPECT_INT(t->look.time_ns, player_at(&t->show.player, t->sight->came_ns));
+        EXPECT_INT(memcmp(&t->look.world_from_camera, &t->sight->world_from_camera, sizeof(struct pose)), 0);
+    }
+    glass_close(&g);
+}
+
+static void test_a_photograph_is_what_is_seen_without_the_controls(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    settle(&g, true);
+    show_do(&g.tablet.show, DO_PHOTOGRAPH, clock_now_ns());
+    draw(&g);
+    const char *notice = g.tablet.show.notice, *name = strstr(notice, "reenact-");
+    EXPECT_TRUE(name);
+    uint8_t *bytes, *rgb = malloc(640 * 480 * 3);
+    size_t count;
+    EXPECT_STATUS(file_read(scratch_file(&rehearsal.scratch, name), &bytes, &count), OK);
+    EXPECT_STATUS(jpeg_decode(bytes, count, rgb, 640, 480), OK); // as large as the camera's picture
+    double sum = 0; // where the actor is not, it is the camera's picture
+    for (int y = 0; y < 120; y++)
+        for (int x = 0; x < 3 * 120; x++)
+            sum += abs(rgb[y * 640 * 3 + x] - g.tablet.sight->rgb[y * 640 * 3 + x]);
+    EXPECT_AT_MOST(sum / (120 * 360), 4);
+    free(rgb);
+    free(bytes);
+    glass_close(&g);
+}
+
+static void test_a_recording_that_is_taken_away_plays_on(void **state)
+{
+    (void)state;
+    char away[300];
+    struct glass g;
+    snprintf(away, sizeof away, "%s.away", rehearsal.file);
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    draw(&g);
+    EXPECT_INT(rename(rehearsal.file, away), 0);
+    g.tablet.checked_ns = 0;
+    at(&g, 0.8);
+    draw(&g);
+    EXPECT_TRUE(show_hint(&g.tablet.show) && strstr(show_hint(&g.tablet.show), "taken away"));
+    EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
+    EXPECT_INT(rename(away, rehearsal.file), 0);
+    g.tablet.checked_ns = 0;
+    draw(&g);
+    EXPECT_TRUE(!show_hint(&g.tablet.show));
+    glass_close(&g);
+}
+
+static void test_a_camera_that_is_lost_says_what_to_do(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.blind);
+    settle(&g, false);
+    const char *hint = show_hint(&g.tablet.show);
+    EXPECT_TRUE(hint && strstr(hint, "tag"));
+    glass_close(&g);
+    // And one that is not there at all.
+    char nowhere[300];
+    snprintf(nowhere, sizeof nowhere, "folder:%s", scratch_file(&rehearsal.scratch, "nowhere"));
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", nowhere);
+    for (int i = 0; i < 500 && !*g.tablet.eyes_now.trouble; i++) {
+        tablet_update(&g.tablet, clock_now_ns());
+        clock_sleep_until_ns(clock_now_ns() + 10000000);
+    }
+    draw(&g);
+    hint = show_hint(&g.tablet.show);
+    EXPECT_TRUE(hint && strstr(hint, "nowhere"));
+    EXPECT_TRUE(g.tablet.show.orbiting); // one can look all the same
+    glass_close(&g);
+}
+
+static void test_the_mirror_shows_him_the_other_way_round(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    draw(&g);
+    at(&g, 0.5);
+    struct tablet *t = &g.tablet;
+    draw(&g);
+    struct vec3 left = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER], right = t->picture.skeleton.joint[JOINT_RIGHT_SHOULDER];
+    show_do(&t->show, DO_MIRROR, clock_now_ns());
+    draw(&g);
+    struct vec3 mirrored = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER];
+    EXPECT_TRUE(t->picture.turned_over);
+    // His left shoulder is where the right one was, but for how far he leans.
+    EXPECT_AT_MOST(v3_distance(mirrored, right), v3_distance(mirrored, left));
+    // What is drawn goes along with the skeleton: it covers the mirrored joints.
+    show_do(&t->show, DO_SKELETON, clock_now_ns());
+    draw(&g);
+    EXPECT_AT_LEAST(t->picture.parts, 8);
+    glass_close(&g);
+}
+
+static void test_a_file_without_a_take_says_so(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, SHORT / 2, LONG / 2, scratch_file(&rehearsal.scratch, "none.reenact"), NULL, NULL);
+    draw(&g);
+    EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.tablet.show.trouble, "none.reenact"));
+    glass_close(&g);
+    glass_open(&g, SHORT / 2, LONG / 2, rehearsal.file, "somebody else", NULL);
+    draw(&g);
+    EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.tablet.show.trouble, "somebody else"));
+    glass_close(&g);
+}
+
+// ---------------------------------------------------------------- photographs of screens
+
+enum { SCREENS = 8 };
+static const char *const screen_names[SCREENS] = {"takes", "place", "orbit", "layers", "speed", "sources", "move", "lost"};
+
+// Brings screen number n about.
+static void arrange(struct glass *g, int n)
+{
+    struct show *s = &g->tablet.show;
+    int64_t now = clock_now_ns();
+    at(g, 0.42);
+    s->sheet = SHEET_NONE;
+    s->orbiting = false;
+    s->page = PAGE_WATCH;
+    s->moving = s->sources = s->inset = s->strip = s->skeleton = s->orbit_wished = false;
+    s->placement = (struct placement){0};
+    switch (n) {
+    case 0: s->page = PAGE_TAKES; break;
+    case 2:
+        show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad;
+        break;
+    case 3:
+        s->skeleton = s->inset = s->strip = true;
+        s->sheet = SHEET_LAYERS;
+        break;
+    case 4: s->sheet = SHEET_SPEED; break;
+    case 5:
+        s->sources = true;
+        show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad + 1;
+        break;
+    case 6:
+        show_do(s, DO_MOVE, now);
+        show_set_turn(s, 0.6);
+        break;
+    default: break;
+    }
+}
+
+static bool full_of_something(const struct glass *g)
+{
+    int first = count_color(g, (uint32_t)g->rgba[0] << 24 | (uint32_t)g->rgba[1] << 16 | (uint32_t)g->rgba[2] << 8, 3);
+    return first < g->width * g->height * 9 / 10;
+}
+
+// Screen number n, dark and light, into `folder`, where there is one.
+static void photograph_one(struct glass *g, int n, const char *folder)
+{
+    static uint8_t last[LONG * SHORT * 4];
+    const size_t bytes = (size_t)g->width * (size_t)g->height * 4;
+    for (int dark = 1; dark >= 0; dark--) {
+        char path[600];
+        g->tablet.show.dark = dark;
+        arrange(g, n);
+        draw(g);
+        draw(g); // what a tap changed is seen in the second
+        read_back(g);
+        EXPECT_TRUE(full_of_something(g));
+        if (!dark)
+            EXPECT_AT_LEAST(difference(g, last), 0.5);
+        memcpy(last, g->rgba, bytes);
+        if (!folder)
+            continue;
+        snprintf(path, sizeof path, "%s/%s-%s-%s.png", folder, screen_names[n], g->width < g->height ? "upright" : "wide",
+                 dark ? "dark" : "light");
+        EXPECT_STATUS(png_write(path, PNG_RGBA8, g->rgba, g->width, g->height), OK);
+    }
+}
+
+static void photograph_all(const char *file, const char *take, const char *camera, const char *blind, const char *folder,
+                           bool upright)
+{
+    struct glass g;
+    const int share = folder ? 1 : 2, width = (upright ? SHORT : LONG) / share, height = (upright ? LONG : SHORT) / share;
+    glass_open(&g, width, height, file, take, camera);
+    g.tablet.show.take_wanted = true;
+    settle(&g, true);
+    for (int n = 0; n < SCREENS - 1; n++)
+        photograph_one(&g, n, folder);
+    glass_close(&g);
+    glass_open(&g, width, height, file, take, blind);
+    g.tablet.show.take_wanted = true;
+    settle(&g, false);
+    photograph_one(&g, SCREENS - 1, folder);
+    glass_close(&g);
+}
+
+static void test_every_screen_is_drawn_wide_and_upright_dark_and_light(void **state)
+{
+    (void)state;
+    for (int upright = 0; upright < 2; upright++)
+        photograph_all(rehearsal.file, "turn", rehearsal.camera, rehearsal.blind, NULL, upright);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    rehearsal = rehearsal_make();
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    rehearsal_end(&rehearsal);
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc == 4) {
+        rehearsal.scratch = scratch_make();
+        rehearse_camera(&rehearsal.scratch, "wall", NULL, 1);
+        snprintf(rehearsal.blind, sizeof rehearsal.blind, "folder:%s/wall", rehearsal.scratch.path);
+        for (int upright = 0; upright < 2; upright++)
+            photograph_all(argv[1], NULL, argv[2], rehearsal.blind, argv[3], upright);
+        rehearsal_end(&rehearsal);
+        return 0;
+    }
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_takes_are_chosen_with_a_finger),
+        cmocka_unit_test(test_an_orbit_shows_the_actor_and_a_finger_turns_it),
+        cmocka_unit_test(test_nothing_is_drawn_when_nothing_changes),
+        cmocka_unit_test(test_actor_and_camera_are_of_one_instant),
+        cmocka_unit_test(test_a_photograph_is_what_is_seen_without_the_controls),
+        cmocka_unit_test(test_a_recording_that_is_taken_away_plays_on),
+        cmocka_unit_test(test_a_camera_that_is_lost_says_what_to_do),
+        cmocka_unit_test(test_the_mirror_shows_him_the_other_way_round),
+        cmocka_unit_test(test_a_file_without_a_take_says_so),
+        cmocka_unit_test(test_every_screen_is_drawn_wide_and_upright_dark_and_light),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
