@@ -142,7 +142,7 @@ static double tag_error(const struct room *r, const struct place *place, struct 
                 n += 4;
             }
     EXPECT_INT(n, 4 * place->tag_count);
-    *world_from_place = align(ours, truth, n);
+    *world_from_place = align_points(ours, truth, n);
     double sum = 0;
     for (int i = 0; i < n; i++) {
         double d = v3_distance(pose_apply(*world_from_place, ours[i]), truth[i]);

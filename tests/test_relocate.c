@@ -55,7 +55,7 @@ static void map_room(void)
                 place_tag_corners(&tags[k], &truth[n]);
                 n += 4;
             }
-    room.world_from_place = align(ours, truth, n);
+    room.world_from_place = align_points(ours, truth, n);
 }
 
 static int enter(void **state)

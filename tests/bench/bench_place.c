@@ -200,7 +200,7 @@ static enum status align_truth(struct walk *w)
         return status;
     if (n < 10)
         return fail(ERR_INPUT, "only %d pictures of the walk can be placed", n);
-    struct pose place_from_truth = align(truth, ours, n);
+    struct pose place_from_truth = align_points(truth, ours, n);
     for (int i = 0; i < w->count; i++)
         w->truth[i] = pose_multiply(place_from_truth, w->truth[i]);
     return OK;

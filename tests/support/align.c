@@ -1,6 +1,6 @@
 #include "tests/support/align.h"
 
-struct pose align(const struct vec3 *a, const struct vec3 *b, int n)
+struct pose align_points(const struct vec3 *a, const struct vec3 *b, int n)
 {
     struct vec3 ca = v3(0, 0, 0), cb = ca;
     for (int i = 0; i < n; i++) {
