@@ -298,8 +298,9 @@ static KERNEL void ask_promising(struct search *s, int first)
         ask_block(s, promising);
 }
 
-#ifdef __x86_64__
-// Twice as wide where the processor can; all is in whole numbers, so the answer is the same.
+#if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
+// Twice as wide where the processor can; all is in whole numbers, so the answer is the same. The choice is made
+// before the thread sanitizer is ready for it.
 __attribute__((target_clones("avx2", "default")))
 #endif
 static void
