@@ -69,7 +69,7 @@ static void read_back(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target
 static void settle(struct glass *g, bool placed)
 {
     struct show *s = &g->tablet.show;
-    int64_t until = clock_now_ns() + 20000000000;
+    int64_t until = clock_now_ns() + 60000000000;
     do {
         draw(g);
         clock_sleep_until_ns(clock_now_ns() + 2000000);
