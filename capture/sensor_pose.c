@@ -23,8 +23,8 @@ enum { ENOUGH_POSES = 40 };
 struct sensor_pose {
     struct locator *locator;
     struct calibration calibration;
-    struct vec3 *tags; // their middles, world axes
-    int32_t tag_count;
+    struct vec3 *anchors; // the tags' middles, world axes; in a place without tags its points
+    int32_t anchor_count;
     int64_t frame;
     int poses;         // in the mean; 0 = not located
     struct pose mean;
@@ -44,18 +44,18 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
         return fail(ERR_MEMORY, "no memory to locate the sensor");
     s->calibration = *calibration;
     s->mean = POSE_IDENTITY;
-    s->tag_count = place->tag_count;
+    s->anchor_count = place->tag_count ? place->tag_count : place->point_count;
     struct locator_options options = locator_default_options();
     options.max_position_sigma_m = WORST_SIGMA_M;
     enum status status = locator_open(&s->locator, place, &calibration->color, &options);
-    if (status == OK && !(s->tags = malloc(sizeof *s->tags * (size_t)(place->tag_count + 1))))
+    if (status == OK && !(s->anchors = malloc(sizeof *s->anchors * (size_t)(s->anchor_count + 1))))
         status = fail(ERR_MEMORY, "no memory to locate the sensor");
     if (status != OK) {
         sensor_pose_close(&s);
         return status;
     }
-    for (int32_t i = 0; i < place->tag_count; i++)
-        s->tags[i] = place->tags[i].world_from_tag.translation;
+    for (int32_t i = 0; i < s->anchor_count; i++)
+        s->anchors[i] = place->tag_count ? place->tags[i].world_from_tag.translation : place->points[i].world;
     *out = s;
     return OK;
 }
@@ -64,7 +64,7 @@ void sensor_pose_close(struct sensor_pose **s)
 {
     if (*s) {
         locator_close(&(*s)->locator);
-        free((*s)->tags);
+        free((*s)->anchors);
     }
     free(*s);
     *s = NULL;
@@ -102,19 +102,19 @@ static bool rival_wins(struct sensor_pose *s, const struct location *found)
     return s->rival_checks >= (found->position_sigma_m <= 1.5 * s->least_sigma_m ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
 }
 
-// The middle of the tags that the pose puts into the picture.
-static struct vec3 tags_in_sight(const struct sensor_pose *s, struct pose world_from_camera)
+// The middle of the anchors that the pose puts into the picture.
+static struct vec3 anchors_in_sight(const struct sensor_pose *s, struct pose world_from_camera)
 {
     struct pose camera_from_world = pose_inverse(world_from_camera);
     struct vec3 sum = {0, 0, 0};
     int count = 0;
-    for (int32_t i = 0; i < s->tag_count; i++) {
-        struct vec3 p = pose_apply(camera_from_world, s->tags[i]);
+    for (int32_t i = 0; i < s->anchor_count; i++) {
+        struct vec3 p = pose_apply(camera_from_world, s->anchors[i]);
         if (p.z < 0.1)
             continue;
         struct pixel at = lens_project(&s->calibration.color, p);
         if (at.x >= 0 && at.y >= 0 && at.x < s->calibration.color.width && at.y < s->calibration.color.height) {
-            sum = v3_add(sum, s->tags[i]);
+            sum = v3_add(sum, s->anchors[i]);
             count++;
         }
     }
@@ -128,7 +128,7 @@ static void stand_upright(const struct sensor_pose *s, const uint16_t *depth, st
     if (!depth || !upright_floor(&s->calibration.depth, depth, &floor))
         return;
     struct pose world_from_depth = pose_multiply(*world_from_color, s->calibration.color_from_depth);
-    if (upright_turn(&world_from_depth, tags_in_sight(s, *world_from_color), &floor))
+    if (upright_turn(&world_from_depth, anchors_in_sight(s, *world_from_color), &floor))
         *world_from_color = pose_multiply(world_from_depth, pose_inverse(s->calibration.color_from_depth));
 }
 

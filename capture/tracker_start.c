@@ -149,22 +149,30 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     return explained_share(task->evidence, &room->best, 0.10) > 0.6;
 }
 
-double turned_round_gain(const struct fit_task *given, struct fit_room *room)
+// By how much less energy a fit from `pose` ends with than the pose that is now the best has.
+static double gain_of(const struct fit_task *given, const struct body_pose *pose, double expected_sigma,
+                      struct fit_room *room)
 {
     struct fit_task task = *given;
-    struct body_pose pose = body_turned_round(&room->best.pose), now = room->best.pose;
+    struct body_pose now = room->best.pose;
     struct body_shape shape = room->best.shape;
     task.learn_shape = false;
     task.shape.mean = shape;
     task.reach_m = SEARCH_REACH_M;
-    task.expected = pose;
-    task.expected_sigma = 4;
+    task.expected = *pose;
+    task.expected_sigma = expected_sigma;
     task.iterations = 5;
     task.every = 2;
     body_judge(&task, &now, &shape, &room->trial);
     double energy = room->trial.energy;
-    body_fit(&task, &pose, &room->trial);
+    body_fit(&task, pose, &room->trial);
     return energy - room->trial.energy;
+}
+
+double turned_round_gain(const struct fit_task *given, struct fit_room *room)
+{
+    struct body_pose pose = body_turned_round(&room->best.pose);
+    return gain_of(given, &pose, 4, room);
 }
 
 // ---------------------------------------------------------------- limbs
@@ -303,25 +311,13 @@ int limbs_search(const struct fit_task *given, struct fit_room *room)
 
 double legs_swapped_gain(const struct fit_task *given, struct fit_room *room)
 {
-    struct fit_task task = *given;
     struct fit_result *best = &room->best;
-    struct body_pose now = best->pose;
-    struct body_shape shape = best->shape;
     double(*pelvis)[3] = best->build.axes[SEG_PELVIS];
     struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]),
                 left = best->build.origin[SEG_LEFT_FOOT], right = best->build.origin[SEG_RIGHT_FOOT];
-    struct body_pose one = reach_for(best, &limb[2], right, ahead), other = reach_for(best, &limb[3], left, ahead), pose = now;
+    struct body_pose one = reach_for(best, &limb[2], right, ahead), other = reach_for(best, &limb[3], left, ahead),
+                     pose = best->pose;
     for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
         pose.turn[s] = s <= SEG_LEFT_FOOT ? one.turn[s] : other.turn[s];
-    task.learn_shape = false;
-    task.shape.mean = shape;
-    task.reach_m = SEARCH_REACH_M;
-    task.expected = pose;
-    task.expected_sigma = 2;
-    task.iterations = 5;
-    task.every = 2;
-    body_judge(&task, &now, &shape, &room->trial);
-    double energy = room->trial.energy;
-    body_fit(&task, &pose, &room->trial);
-    return energy - room->trial.energy;
+    return gain_of(given, &pose, 2, room);
 }
