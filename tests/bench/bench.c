@@ -11,8 +11,9 @@
 #include <unistd.h>
 
 struct bench {
-    const char *data;
+    const struct bench_inputs *inputs;
     struct bench_result result;
+    struct bench_plain plain;
 };
 
 double bench_clock_ms(void)
@@ -20,9 +21,9 @@ double bench_clock_ms(void)
     return (double)clock_cpu_ns() * 1e-6;
 }
 
-const char *bench_data(const struct bench *b)
+const struct bench_inputs *bench_inputs(const struct bench *b)
 {
-    return b->data;
+    return b->inputs;
 }
 
 // ------------------------------------------------------------- running
@@ -33,8 +34,7 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// Sorts. Linear between neighbours; NaN for none.
-static double percentile(double *values, int count, double share)
+double bench_percentile(double *values, int count, double share)
 {
     if (!count)
         return NAN;
@@ -53,7 +53,7 @@ static void sum_up(struct bench_row *row, const struct bench_measure *measures, 
     for (int i = 0; i < items; i++) {
         for (int r = 0; r < rounds; r++)
             of_item[r] = measures[((size_t)r * (size_t)items + (size_t)i) * count + contender].time_ms;
-        times[i] = percentile(of_item, rounds, 0.5);
+        times[i] = bench_percentile(of_item, rounds, 0.5);
         // Everything but time is the same in each round.
         const struct bench_measure *m = &measures[(size_t)i * count + contender];
         if (isnan(m->error)) {
@@ -66,10 +66,10 @@ static void sum_up(struct bench_row *row, const struct bench_measure *measures, 
     }
     for (int k = 0; k < BENCH_EXTRAS; k++)
         row->extra[k] = answered ? row->extra[k] / answered : NAN;
-    row->error = percentile(errors, answered, 0.5);
-    row->error_p95 = percentile(errors, answered, 0.95);
-    row->time_ms = percentile(times, items, 0.5);
-    row->time_p95_ms = percentile(times, items, 0.95);
+    row->error = bench_percentile(errors, answered, 0.5);
+    row->error_p95 = bench_percentile(errors, answered, 0.95);
+    row->time_ms = bench_percentile(times, items, 0.5);
+    row->time_p95_ms = bench_percentile(times, items, 0.95);
 }
 
 enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items)
@@ -105,10 +105,34 @@ enum status bench_run(struct bench *b, const struct bench_contender *contenders,
     return status < 0 ? status : OK;
 }
 
+void bench_columns(struct bench *b, const char *const *names, size_t count)
+{
+    assert(!b->plain.columns && count > 0 && count <= BENCH_COLUMNS);
+    b->plain.columns = count;
+    memcpy(b->plain.column, names, count * sizeof *names);
+}
+
+enum status bench_add_row(struct bench *b, const char *name, const double *values)
+{
+    struct bench_plain *p = &b->plain;
+    assert(p->columns);
+    struct bench_plain_row *more = realloc(p->rows, (p->count + 1) * sizeof *more);
+    if (!more)
+        return fail(ERR_MEMORY, "no memory for the bench");
+    p->rows = more;
+    struct bench_plain_row *row = &p->rows[p->count++];
+    snprintf(row->name, sizeof row->name, "%s", name);
+    memcpy(row->value, values, p->columns * sizeof *values);
+    return OK;
+}
+
 // ------------------------------------------------------------- the program
 
+enum { KEY_MOTIONS = 256, KEY_SEQUENCES, KEY_BODIES };
+
 struct arguments {
-    const char *stage, *html, *data;
+    const char *stage, *html;
+    struct bench_inputs inputs;
     bool json;
     int rounds;
 };
@@ -120,7 +144,10 @@ static error_t parse(int key, char *argument, struct argp_state *state)
     switch (key) {
     case 'j': a->json = true; return 0;
     case 'h': a->html = argument; return 0;
-    case 'd': a->data = argument; return 0;
+    case 'd': a->inputs.data = argument; return 0;
+    case KEY_MOTIONS: a->inputs.motions = argument; return 0;
+    case KEY_SEQUENCES: a->inputs.sequences = argument; return 0;
+    case KEY_BODIES: a->inputs.bodies = true; return 0;
     case 'r':
         a->rounds = (int)strtol(argument, &end, 10);
         if (*end || a->rounds < 1 || a->rounds > 1000)
@@ -131,6 +158,14 @@ static error_t parse(int key, char *argument, struct argp_state *state)
             argp_error(state, "one STAGE at a time, or none for all");
         a->stage = argument;
         return 0;
+    case ARGP_KEY_END: {
+        bool skeleton = a->inputs.motions || a->inputs.sequences || a->inputs.bodies;
+        if (!!a->inputs.data + !!a->inputs.motions + !!a->inputs.sequences + a->inputs.bodies > 1)
+            argp_error(state, "one of --data, --motions, --sequences and --bodies at a time");
+        if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
+            argp_error(state, "--motions, --sequences and --bodies are the skeleton stage's");
+        return 0;
+    }
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -156,9 +191,16 @@ static int run_stages(const struct arguments *a, struct json *root, FILE *html)
     for (size_t i = 0; i < COUNT_OF(bench_stages); i++) {
         if (a->stage && strcmp(a->stage, bench_stages[i]->name))
             continue;
-        struct bench b = {.data = a->data, .result = {.stage = bench_stages[i], .rounds = a->rounds}};
+        struct bench b = {.inputs = &a->inputs,
+                          .result = {.stage = bench_stages[i], .rounds = a->rounds},
+                          .plain = {.stage = bench_stages[i]}};
         enum status status = bench_stages[i]->run(&b);
-        if (status == OK) {
+        if (status == OK && b.plain.columns) {
+            if (root)
+                bench_add_plain_json(stages, &b.plain);
+            else
+                bench_print_plain(&b.plain);
+        } else if (status == OK) {
             if (root)
                 bench_add_json(stages, &b.result);
             else
@@ -169,6 +211,7 @@ static int run_stages(const struct arguments *a, struct json *root, FILE *html)
             fprintf(stderr, "reenact-bench: %s: %s\n", bench_stages[i]->name, status_sentence());
         }
         free(b.result.rows);
+        free(b.plain.rows);
         if (status != OK)
             return 1;
     }
@@ -181,6 +224,10 @@ int main(int argc, char **argv)
         {"json", 'j', NULL, 0, "Print one JSON object", 0},
         {"html", 'h', "FILE", 0, "Also write a page with a plot of error against time", 0},
         {"data", 'd', "DIR", 0, "Take the pictures of this folder (TUM layout), not made-up ones", 0},
+        {"motions", KEY_MOTIONS, "DIR", 0, "skeleton: follow somebody who moves as this folder's BVH files say", 0},
+        {"bodies", KEY_BODIES, NULL, 0, "skeleton: follow people of all sizes and clothes", 0},
+        {"sequences", KEY_SEQUENCES, "DIR", 0,
+         "skeleton: follow the people in this folder's folders, next to Kinect's own joints", 0},
         {"rounds", 'r', "N", 0, "How often everything is done; the median counts (5)", 0},
         {0},
     };

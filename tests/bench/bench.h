@@ -54,9 +54,25 @@ struct bench_stage {
 // Processor time of this thread, so that other programs do not count.
 double bench_clock_ms(void);
 
-// The folder given with --data (TUM layout), or NULL: make your own items.
-const char *bench_data(const struct bench *b);
+// Sorts. Linear between neighbours; NaN for none.
+double bench_percentile(double *values, int count, double share);
+
+// What the command line gives a stage to work on; at most one of them is set.
+struct bench_inputs {
+    const char *data;      // a folder (TUM layout); NULL: make your own items
+    const char *motions;   // skeleton: a folder of BVH files, to be filmed in the small world
+    const char *sequences; // skeleton: a folder of folders with joints_kinect_sdk.csv in truth/
+    bool bodies;           // skeleton: people of all sizes and clothes in the small world
+};
+const struct bench_inputs *bench_inputs(const struct bench *b);
 
 // At most once in a stage. Names must live until the program ends. Errors:
 // those of the contenders; ERR_MEMORY.
 MUST_CHECK enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items);
+
+// Instead of bench_run, where there is nothing to compare with: a plain table,
+// its columns first. The names must live until the program ends; `name` is copied.
+enum { BENCH_COLUMNS = 16 };
+void bench_columns(struct bench *b, const char *const *names, size_t count);
+// values: one a column, NaN for none. ERR_MEMORY.
+MUST_CHECK enum status bench_add_row(struct bench *b, const char *name, const double *values);

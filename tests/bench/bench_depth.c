@@ -318,7 +318,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 static enum status run(struct bench *b)
 {
     struct pictures p = {0};
-    enum status status = bench_data(b) ? read_pictures(&p, bench_data(b)) : make_pictures(&p);
+    enum status status = bench_inputs(b)->data ? read_pictures(&p, bench_inputs(b)->data) : make_pictures(&p);
     if (status == OK) {
         // RVL needs at most 6 nibbles a pixel and as many for the runs.
         p.capacity = compress_bound(8 * pixels_of(&p)) + 64;

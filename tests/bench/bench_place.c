@@ -277,7 +277,7 @@ static enum status run(struct bench *b)
 {
     static struct walk w;
     struct runner r[5] = {{0}};
-    enum status status = bench_data(b) ? read_folder(bench_data(b), &w) : make(&w);
+    enum status status = bench_inputs(b)->data ? read_folder(bench_inputs(b)->data, &w) : make(&w);
     if (status == OK)
         status = align_truth(&w);
     for (int i = 0; i < 5; i++)

@@ -82,6 +82,37 @@ void bench_add_json(struct json *stages, const struct bench_result *r)
     }
 }
 
+// ------------------------------------------------------------- plain tables
+
+void bench_print_plain(const struct bench_plain *p)
+{
+    printf("%s: %s\n\n  %-26s", p->stage->name, p->stage->about, "");
+    for (size_t k = 0; k < p->columns; k++)
+        printf(" %10s", p->column[k]);
+    printf("\n");
+    for (size_t i = 0; i < p->count; i++) {
+        printf("  %-26.26s", p->rows[i].name);
+        for (size_t k = 0; k < p->columns; k++)
+            print_cell(p->rows[i].value[k]);
+        printf("\n");
+    }
+    printf("\n");
+}
+
+void bench_add_plain_json(struct json *stages, const struct bench_plain *p)
+{
+    struct json *stage = json_add_object(stages, NULL);
+    json_add_string(stage, "name", p->stage->name);
+    json_add_string(stage, "about", p->stage->about);
+    struct json *rows = json_add_array(stage, "rows");
+    for (size_t i = 0; i < p->count; i++) {
+        struct json *object = json_add_object(rows, NULL);
+        json_add_string(object, "name", p->rows[i].name);
+        for (size_t k = 0; k < p->columns; k++)
+            json_add_number(object, p->column[k], p->rows[i].value[k]);
+    }
+}
+
 // ------------------------------------------------------------- the page
 
 // Text as HTML shows it literally.

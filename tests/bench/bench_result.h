@@ -20,6 +20,22 @@ struct bench_result {
     struct bench_row *rows;
 };
 
+// A table without a baseline.
+struct bench_plain_row {
+    char name[40];
+    double value[BENCH_COLUMNS];
+};
+
+struct bench_plain {
+    const struct bench_stage *stage;
+    const char *column[BENCH_COLUMNS];
+    size_t columns, count;
+    struct bench_plain_row *rows;
+};
+
+void bench_print_plain(const struct bench_plain *p);
+void bench_add_plain_json(struct json *stages, const struct bench_plain *p);
+
 void bench_print_table(const struct bench_result *r);
 void bench_add_json(struct json *stages, const struct bench_result *r);
 void bench_print_html_head(FILE *file);

@@ -3,9 +3,11 @@
 //
 // Without --data the small world's kata is filmed here. With --data FOLDER, a
 // folder with depth.txt and calibration.json, and joints_truth.csv and
-// sensor_truth.txt in FOLDER/truth or FOLDER/../truth.
+// sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies or
+// --sequences tables of error alone, see bench_skeleton_trials.h.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_data.h"
+#include "tests/bench/bench_skeleton_trials.h"
 #include "tests/bench/bench_tags_peers.h"
 
 #include "capture/tracker.h"
@@ -60,7 +62,7 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
     return status < 0 ? status : NOTHING;
 }
 
-static enum status run(struct bench *b)
+static enum status run_settings(struct bench *b)
 {
     static const struct { const char *name; int points, iterations; } settings[] = {
         {"150 points, 3 rounds", 150, 3}, {"300 points, 4 rounds", 300, 4},   {"600 points, 5 rounds", 600, 5},
@@ -71,7 +73,7 @@ static enum status run(struct bench *b)
     struct ours ours[SETTINGS];
     struct bench_contender contenders[SETTINGS + 1];
     struct peer peer = {.data = &data};
-    enum status status = skeleton_data_open(&data, bench_data(b));
+    enum status status = skeleton_data_open(&data, bench_inputs(b)->data);
     for (int i = 0; i < SETTINGS; i++) {
         ours[i] = (struct ours){&data, tracker_default_options(), NULL};
         ours[i].options.points = settings[i].points;
@@ -88,6 +90,15 @@ static enum status run(struct bench *b)
     apriltag_peer_close(&peer.apriltag);
     skeleton_data_close(&data);
     return status;
+}
+
+static enum status run(struct bench *b)
+{
+    const struct bench_inputs *in = bench_inputs(b);
+    return in->motions     ? trial_motions(b, in->motions)
+           : in->sequences ? trial_sequences(b, in->sequences)
+           : in->bodies    ? trial_bodies(b)
+                           : run_settings(b);
 }
 
 const struct bench_stage bench_stage_skeleton = {

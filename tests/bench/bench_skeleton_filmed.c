@@ -1,0 +1,195 @@
+// People made and filmed in the small world: by motion and by body.
+#include "tests/bench/bench_skeleton_trials.h"
+
+#include "capture/tracker.h"
+#include "tests/world/world.h"
+
+#include <glob.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { FPS = 30, SECONDS_MOST = 8, FRAMES_MOST = FPS * SECONDS_MOST };
+
+static const char *const columns[] = {"mean_mm", "p95_mm",  "in_10cm_%", "claimed_%",
+                                      "swapped", "step_mm", "frames",    "lost"};
+enum { MEAN, P95, WITHIN, CLAIMED, SWAPPED, STEP, FRAMES, LOST };
+
+// What is said of a take: distances of the joints that are claimed.
+struct tally {
+    double error_m[FRAMES_MOST * JOINT_COUNT];
+    int claimed, frames, lost, swapped, within;
+    double step_m;
+};
+
+// A pair of joints that fits the truth far better the other way round.
+static bool is_swapped(const struct skeleton *got, const struct skeleton *truth)
+{
+    static const enum joint pair[4][2] = {{JOINT_LEFT_HAND, JOINT_RIGHT_HAND},
+                                          {JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT},
+                                          {JOINT_LEFT_KNEE, JOINT_RIGHT_KNEE},
+                                          {JOINT_LEFT_ELBOW, JOINT_RIGHT_ELBOW}};
+    for (int k = 0; k < 4; k++) {
+        enum joint l = pair[k][0], r = pair[k][1];
+        if (!(got->confidence[l] > 0 && got->confidence[r] > 0 && v3_distance(truth->joint[l], truth->joint[r]) > 0.2))
+            continue;
+        double keep = v3_distance(got->joint[l], truth->joint[l]) + v3_distance(got->joint[r], truth->joint[r]),
+               cross = v3_distance(got->joint[l], truth->joint[r]) + v3_distance(got->joint[r], truth->joint[l]);
+        if (cross < 0.5 * keep)
+            return true;
+    }
+    return false;
+}
+
+static void add_frame(struct tally *t, const struct skeleton *got, const struct skeleton *truth,
+                      const struct skeleton *before)
+{
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        if (!(got->confidence[j] > 0))
+            continue;
+        double e = v3_distance(got->joint[j], truth->joint[j]);
+        t->error_m[t->claimed++] = e;
+        t->within += e < 0.1;
+        if (before->confidence[j] > 0)
+            t->step_m = fmax(t->step_m, v3_distance(got->joint[j], before->joint[j]));
+    }
+    t->swapped += is_swapped(got, truth);
+}
+
+static enum status follow(const struct world *w, struct pose from, struct tally *t)
+{
+    struct calibration calibration = world_calibration(0.5);
+    struct lens lens = calibration.depth;
+    uint16_t *depth = calloc((size_t)lens.width * (size_t)lens.height, sizeof *depth);
+    struct tracker *tracker = NULL;
+    struct skeleton got, before = {0};
+    enum status status =
+        depth ? tracker_open(&tracker, &calibration, NULL) : fail(ERR_MEMORY, "no memory for a picture");
+    int count = (int)fmin(FRAMES_MOST, world_seconds(w) * FPS);
+    *t = (struct tally){.frames = count};
+    for (int k = 0; k < count && status >= 0; k++) {
+        double time_s = (double)k / FPS;
+        struct world_shot shot = {lens, from, time_s, true};
+        struct skeleton truth = world_joints_in_camera(w, time_s, from);
+        status = world_render(w, &shot, &(struct world_picture){.depth = depth});
+        if (status == OK)
+            status = world_depth_noise(&lens, depth, (uint64_t)k, depth);
+        if (status == OK)
+            status = tracker_next(tracker, (int64_t)llround(time_s * 1e9), depth, &got, NULL);
+        if (status == OK)
+            add_frame(t, &got, &truth, &before);
+        t->lost += status == NOTHING;
+        before = status == OK ? got : (struct skeleton){0};
+    }
+    tracker_close(&tracker);
+    free(depth);
+    return status < 0 ? status : OK;
+}
+
+// Adds the row and its share of the average.
+static enum status add_row(struct bench *b, const char *name, struct tally *t, double sum[BENCH_COLUMNS])
+{
+    double mean = 0, all = fmax(1, t->frames * JOINT_COUNT);
+    for (int i = 0; i < t->claimed; i++)
+        mean += t->error_m[i] / t->claimed;
+    double value[COUNT_OF(columns)] = {
+        [MEAN] = t->claimed ? 1000 * mean : NAN,
+        [P95] = 1000 * bench_percentile(t->error_m, t->claimed, 0.95),
+        [WITHIN] = 100 * t->within / all,
+        [CLAIMED] = 100 * t->claimed / all,
+        [SWAPPED] = t->swapped,
+        [STEP] = 1000 * t->step_m,
+        [FRAMES] = t->frames,
+        [LOST] = t->lost,
+    };
+    for (size_t k = 0; k < COUNT_OF(columns); k++)
+        sum[k] += value[k];
+    return bench_add_row(b, name, value);
+}
+
+static enum status add_average(struct bench *b, const double sum[BENCH_COLUMNS], size_t count)
+{
+    double value[COUNT_OF(columns)];
+    for (size_t k = 0; k < COUNT_OF(columns); k++)
+        value[k] = sum[k] / (double)count;
+    return bench_add_row(b, "average", value);
+}
+
+// From the front, or from the figure's left by this angle, at the same distance of the room's middle.
+static struct pose seen_from(const struct world *w, double aside_degrees)
+{
+    double half = aside_degrees * 3.14159265358979323846 / 360;
+    return pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(w));
+}
+
+enum status trial_motions(struct bench *b, const char *folder)
+{
+    char pattern[4096], name[300];
+    glob_t files;
+    snprintf(pattern, sizeof pattern, "%s/*.bvh", folder);
+    if (glob(pattern, 0, NULL, &files) || !files.gl_pathc)
+        return fail(ERR_MISSING, "%s: no BVH file is there", folder);
+    double sum[BENCH_COLUMNS] = {0};
+    struct tally *t = malloc(sizeof *t);
+    enum status status = t ? OK : fail(ERR_MEMORY, "no memory for the bench");
+    bench_columns(b, columns, COUNT_OF(columns));
+    for (size_t i = 0; i < 2 * files.gl_pathc && status == OK; i++) {
+        double aside = i % 2 ? 45 : 0;
+        const char *path = files.gl_pathv[i / 2], *slash = strrchr(path, '/');
+        struct world_options options = world_default_options();
+        struct world *w;
+        options.plain = true;
+        options.motion = path;
+        status = world_open(&w, &options);
+        if (status == OK)
+            status = follow(w, seen_from(w, aside), t);
+        snprintf(name, sizeof name, "%.200s, %g degrees", slash ? slash + 1 : path, aside);
+        if (status == OK)
+            status = add_row(b, name, t, sum);
+        world_close(&w);
+    }
+    if (status == OK)
+        status = add_average(b, sum, 2 * files.gl_pathc);
+    globfree(&files);
+    free(t);
+    return status;
+}
+
+enum status trial_bodies(struct bench *b)
+{
+    static const struct {
+        const char *name;
+        struct world_figure figure;
+    } bodies[] = {
+        {"child of 1.2 m", {1.20, 0.40, false, CLOTHES_TROUSERS, 2, 4}},
+        {"adult of 1.95 m", {1.95, 0.35, false, CLOTHES_TROUSERS, 4, 90}},
+        {"thin", {1.75, 0, false, CLOTHES_TROUSERS, 1, 23}},
+        {"heavy", {1.75, 1, false, CLOTHES_TROUSERS, 3, 58}},
+        {"skirt", {1.65, 0.30, true, CLOTHES_SKIRT, 4, 12}},
+        {"coat", {1.78, 0.40, true, CLOTHES_COAT, 3, 31}},
+    };
+    static const char *const motions[] = {"pirouette", "kata"};
+    char name[64];
+    double sum[BENCH_COLUMNS] = {0};
+    struct tally *t = malloc(sizeof *t);
+    enum status status = t ? OK : fail(ERR_MEMORY, "no memory for the bench");
+    bench_columns(b, columns, COUNT_OF(columns));
+    for (size_t i = 0; i < COUNT_OF(bodies) * COUNT_OF(motions) && status == OK; i++) {
+        struct world_options options = world_default_options();
+        struct world *w;
+        options.plain = true;
+        options.figure = bodies[i / COUNT_OF(motions)].figure;
+        options.motion = motions[i % COUNT_OF(motions)];
+        status = world_open(&w, &options);
+        if (status == OK)
+            status = follow(w, world_sensor_pose(w), t);
+        snprintf(name, sizeof name, "%s, %s", bodies[i / COUNT_OF(motions)].name, options.motion);
+        if (status == OK)
+            status = add_row(b, name, t, sum);
+        world_close(&w);
+    }
+    if (status == OK)
+        status = add_average(b, sum, COUNT_OF(bodies) * COUNT_OF(motions));
+    free(t);
+    return status;
+}
