@@ -1,0 +1,208 @@
+// skeleton-strip OUT.png COUNT FOLDER [FIRST LAST]: follows the person in a folder of
+// depth pictures (TUM layout) and shows COUNT instants between two of its frames side by
+// side, depth as brightness, cut to the person. Limbs of the person's left are orange,
+// of their right blue; what is guessed is drawn thin, what is unknown not at all.
+#include "capture/tracker.h"
+#include "platform/png.h"
+#include "platform/source.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { CELL_HEIGHT = 320, GAP = 4, MOST = 64 };
+
+struct instant {
+    uint16_t *depth;
+    uint8_t *mask;
+    struct skeleton skeleton; // colour camera's axes
+};
+
+struct strip {
+    struct calibration calibration;
+    struct instant instant[MOST];
+    int count;
+    int left, top, right, bottom; // of the person in all instants, and a little more; inclusive
+};
+
+static enum status keep(struct strip *s, const uint16_t *depth, const uint8_t *mask, const struct skeleton *skeleton)
+{
+    const struct lens *l = &s->calibration.depth;
+    size_t pixels = (size_t)l->width * (size_t)l->height;
+    struct instant *i = &s->instant[s->count++];
+    i->depth = malloc(pixels * sizeof *i->depth);
+    i->mask = malloc(pixels);
+    if (!i->depth || !i->mask)
+        return fail(ERR_MEMORY, "no memory for a picture");
+    memcpy(i->depth, depth, pixels * sizeof *i->depth);
+    memcpy(i->mask, mask, pixels);
+    i->skeleton = *skeleton;
+    for (int y = 0; y < l->height; y++)
+        for (int x = 0; x < l->width; x++)
+            if (mask[y * l->width + x]) {
+                s->left = x < s->left ? x : s->left, s->right = x > s->right ? x : s->right;
+                s->top = y < s->top ? y : s->top, s->bottom = y > s->bottom ? y : s->bottom;
+            }
+    return OK;
+}
+
+static enum status follow(struct strip *s, const char *folder, int count, int first, int last)
+{
+    char uri[4096];
+    struct source *source;
+    struct tracker *tracker = NULL;
+    struct frame frame;
+    struct skeleton skeleton;
+    snprintf(uri, sizeof uri, "folder:%s", folder);
+    enum status status = source_open(&source, uri, SOURCE_SENSOR);
+    if (status != OK)
+        return status;
+    s->calibration = *source_calibration(source);
+    const struct lens *l = &s->calibration.depth;
+    int frames = (int)source_remaining(source);
+    last = last < frames ? last : frames - 1;
+    s->left = l->width, s->top = l->height, s->right = s->bottom = -1;
+    uint8_t *mask = calloc((size_t)l->width, (size_t)l->height);
+    status = mask ? tracker_open(&tracker, &s->calibration, NULL) : fail(ERR_MEMORY, "no memory for a picture");
+    for (int k = 0; status >= 0 && s->count < count && (status = source_next(source, &frame)) == OK; k++) {
+        status = tracker_next(tracker, frame.time_ns, frame.depth, &skeleton, mask);
+        int wanted = first + (count > 1 ? (last - first) * s->count / (count - 1) : 0);
+        if (status >= 0 && k == wanted)
+            status = keep(s, frame.depth, mask, &skeleton);
+    }
+    tracker_close(&tracker);
+    source_close(&source);
+    free(mask);
+    if (status < 0)
+        return status;
+    if (!s->count || s->right < 0)
+        return fail(ERR_INPUT, "%s: nobody is in these pictures", folder);
+    enum { MARGIN = 6 };
+    s->left = s->left > MARGIN ? s->left - MARGIN : 0, s->top = s->top > MARGIN ? s->top - MARGIN : 0;
+    s->right = s->right + MARGIN < l->width ? s->right + MARGIN : l->width - 1;
+    s->bottom = s->bottom + MARGIN < l->height ? s->bottom + MARGIN : l->height - 1;
+    return OK;
+}
+
+// ---------------------------------------------------------------- drawing
+
+struct canvas {
+    uint8_t *rgb;
+    int stride, x0, width, height; // of one cell
+};
+
+static void paint_depth(const struct strip *s, const struct instant *i, struct canvas *c)
+{
+    int wide = s->right - s->left + 1, high = s->bottom - s->top + 1, near = 65535, far = 0;
+    const struct lens *l = &s->calibration.depth;
+    for (int at = 0; at < l->width * l->height; at++)
+        if (i->mask[at] && i->depth[at]) {
+            near = i->depth[at] < near ? i->depth[at] : near;
+            far = i->depth[at] > far ? i->depth[at] : far;
+        }
+    for (int y = 0; y < c->height; y++)
+        for (int x = 0; x < c->width; x++) {
+            int at = (s->top + y * high / c->height) * l->width + s->left + x * wide / c->width, d = i->depth[at];
+            int grey = !d ? 20 : !i->mask[at] ? 60 : 235 - 120 * (d - near) / (far > near ? far - near : 1);
+            memset(c->rgb + 3 * (y * c->stride + c->x0 + x), grey, 3);
+        }
+}
+
+// A line with round ends; a == b is a dot.
+static void paint_line(struct canvas *c, struct pixel a, struct pixel b, double radius, const uint8_t color[3])
+{
+    double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
+    for (int y = 0; y < c->height; y++)
+        for (int x = 0; x < c->width; x++) {
+            double t = length2 > 0 ? ((x - a.x) * dx + (y - a.y) * dy) / length2 : 0;
+            t = fmin(1, fmax(0, t));
+            double cover = fmin(1, radius + 0.5 - hypot(x - a.x - t * dx, y - a.y - t * dy));
+            uint8_t *to = c->rgb + 3 * (y * c->stride + c->x0 + x);
+            for (int k = 0; k < 3 && cover > 0; k++)
+                to[k] = (uint8_t)lround(to[k] + cover * (color[k] - to[k]));
+        }
+}
+
+static const uint8_t *color_of(enum joint j)
+{
+    static const uint8_t left[3] = {255, 140, 0}, right[3] = {30, 110, 255}, middle[3] = {40, 170, 60};
+    const char *name = joint_name(j);
+    return !strncmp(name, "left_", 5) ? left : !strncmp(name, "right_", 6) ? right : middle;
+}
+
+static void paint_skeleton(const struct strip *s, const struct instant *i, struct canvas *c)
+{
+    static const enum joint bone[][2] = {
+        {JOINT_NECK, JOINT_HEAD},
+        {JOINT_NECK, JOINT_TORSO},
+        {JOINT_TORSO, JOINT_WAIST},
+        {JOINT_NECK, JOINT_LEFT_SHOULDER},
+        {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
+        {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
+        {JOINT_NECK, JOINT_RIGHT_SHOULDER},
+        {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW},
+        {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
+        {JOINT_WAIST, JOINT_LEFT_HIP},
+        {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
+        {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
+        {JOINT_WAIST, JOINT_RIGHT_HIP},
+        {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE},
+        {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
+    };
+    struct skeleton in_depth = skeleton_transform(pose_inverse(s->calibration.color_from_depth), &i->skeleton);
+    double scale = (double)c->height / (s->bottom - s->top + 1);
+    for (size_t k = 0; k < COUNT_OF(bone); k++) {
+        struct pixel end[2];
+        float sure = 1;
+        for (int e = 0; e < 2; e++) {
+            struct vec3 p = in_depth.joint[bone[k][e]];
+            sure = fminf(sure, p.z > 0.1 ? in_depth.confidence[bone[k][e]] : 0);
+            end[e] = sure > 0 ? lens_project(&s->calibration.depth, p) : (struct pixel){0, 0};
+            end[e].x = (end[e].x - s->left) * scale;
+            end[e].y = (end[e].y - s->top) * scale;
+        }
+        if (!(sure > 0))
+            continue;
+        paint_line(c, end[0], end[1], sure < 1 ? 0.6 : 1.6, color_of(bone[k][1]));
+        paint_line(c, end[1], end[1], in_depth.confidence[bone[k][1]] < 1 ? 2 : 4, color_of(bone[k][1]));
+    }
+}
+
+static enum status draw(const struct strip *s, const char *path)
+{
+    int width = CELL_HEIGHT * (s->right - s->left + 1) / (s->bottom - s->top + 1);
+    struct canvas c = {.stride = s->count * (width + GAP) - GAP, .width = width, .height = CELL_HEIGHT};
+    c.rgb = malloc(3 * (size_t)c.stride * CELL_HEIGHT);
+    if (!c.rgb)
+        return fail(ERR_MEMORY, "no memory for a strip of %d pictures", s->count);
+    memset(c.rgb, 255, 3 * (size_t)c.stride * CELL_HEIGHT);
+    for (int i = 0; i < s->count; i++) {
+        c.x0 = i * (width + GAP);
+        paint_depth(s, &s->instant[i], &c);
+        paint_skeleton(s, &s->instant[i], &c);
+    }
+    enum status status = png_write(path, PNG_RGB8, c.rgb, c.stride, CELL_HEIGHT);
+    free(c.rgb);
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    int count = argc > 2 ? atoi(argv[2]) : 0, first = argc > 5 ? atoi(argv[4]) : 0,
+        last = argc > 5 ? atoi(argv[5]) : 1 << 30;
+    if ((argc != 4 && argc != 6) || count < 1 || count > MOST || first < 0 || last < first) {
+        fprintf(stderr, "usage: skeleton-strip OUT.png COUNT FOLDER [FIRST LAST]\n");
+        return 2;
+    }
+    static struct strip strip;
+    enum status status = follow(&strip, argv[3], count, first, last);
+    if (status == OK)
+        status = draw(&strip, argv[1]);
+    for (int i = 0; i < strip.count; i++) {
+        free(strip.instant[i].depth);
+        free(strip.instant[i].mask);
+    }
+    if (status != OK)
+        fprintf(stderr, "skeleton-strip: %s\n", status_sentence());
+    return status != OK;
+}
