@@ -27,7 +27,6 @@ struct fit_task {
     double floor_m;               // the camera's height over the floor
     struct body_pose expected;    // by the motion so far
     double expected_sigma;        // 1: as a body moves between two frames; large: nothing is expected
-    double move_cost;             // energy that a limb must gain for each metre a search moves it
     int iterations;
     int every;                    // of the points, one in so many is looked at; 1: all
     double reach_m;               // how far a point pulls a surface towards it

@@ -234,28 +234,30 @@ static bool is_whole(const struct body_evidence *e)
     return e->bottom < e->picture.bottom - 2 && e->left > e->picture.left + 2 && e->right < e->picture.right - 2;
 }
 
-// A person in front and one from behind look much alike: now and then the other
-// way round is tried too, and taken when it has been likelier for a while.
-static bool is_turned_round(struct tracker *t, const struct fit_task *task)
+// Sums up what pictures gain by another pose, as a logarithm of odds. One picture alone says
+// little: while something is lost, anything is better.
+static bool is_likelier(double *evidence, double gain, double enough)
 {
-    // A fresh fit of a pose that is badly explained gains a little either way round.
-    double gain = turned_round_gain(task, t->room) - 0.2 * t->room->best.energy;
-    t->turned_evidence = fmax(0, 0.9 * t->turned_evidence + gain);
-    if (t->turned_evidence < 40)
+    *evidence = fmax(0, 0.9 * *evidence + fmin(gain, 0.4 * enough));
+    if (*evidence < enough)
         return false;
-    t->turned_evidence = 0;
+    *evidence = 0;
     return true;
 }
 
-// And so do legs that crossed.
-static bool legs_are_swapped(struct tracker *t, const struct fit_task *task)
+// A person in front and one from behind look much alike, and so do legs that crossed. Now and
+// then the other way round is tried too: true when it has been likelier for a while; it is then
+// in room->trial.
+static bool is_otherwise(struct tracker *t, const struct fit_task *task)
 {
-    double gain = legs_swapped_gain(task, t->room) - 0.2 * t->room->best.energy;
-    t->swapped_evidence = fmax(0, 0.9 * t->swapped_evidence + gain);
-    if (t->swapped_evidence < 20)
+    // A fresh fit of a pose that is badly explained gains a little either way round.
+    double little = 0.2 * t->room->best.energy;
+    if (!is_whole(t->evidence)) // without feet nothing tells
         return false;
-    t->swapped_evidence = 0;
-    return true;
+    if (t->frames % TURN_EVERY == 0)
+        return t->turned = is_likelier(&t->turned_evidence, turned_round_gain(task, t->room) - little, 40);
+    return t->frames % TURN_EVERY == TURN_EVERY / 2 &&
+           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - little, 20);
 }
 
 // Lays the body into this frame from where it is expected. False: it is not there.
@@ -278,7 +280,6 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     task->learn_rate = novelty(t, &start);
     body_fit(task, &start, best);
     double explained = explained_share(t->evidence, best, 0.06);
-    task->move_cost = 20;
     if (explained < 0.985 && limbs_search(task, t->room)) {
         start = best->pose;
         task->shape.mean = best->shape;
@@ -286,9 +287,8 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         *best = t->room->trial;
     }
     t->frames++;
-    int turn = is_whole(t->evidence) ? t->frames % TURN_EVERY : -1; // without feet nothing tells
-    t->turned = turn == 0 && is_turned_round(t, task);
-    if (t->turned || (turn == TURN_EVERY / 2 && legs_are_swapped(t, task))) {
+    t->turned = false;
+    if (is_otherwise(t, task)) {
         task->expected = t->room->trial.pose;
         task->expected_sigma = 4;
         body_fit(task, &task->expected, best);

@@ -6,6 +6,7 @@
 #define SEARCH_REACH_M 0.12
 enum { YAWS = 8 };
 #define BACK_RATE 2.0
+#define LIMB_MOVE_COST 20 // energy that a limb must gain for each metre a search moves it
 #define PI 3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
@@ -249,7 +250,9 @@ static struct loose find_loose(const struct body_evidence *e, const struct fit_r
     return out;
 }
 
-static bool try_pose(const struct fit_task *task, const struct body_pose *pose, struct fit_room *room)
+// Keeps in room->other the likeliest of the places tried so far for one limb. A limb that was
+// followed so far is not given up for a slightly better place.
+static void try_pose(const struct fit_task *task, const struct body_pose *pose, struct fit_room *room, double *least)
 {
     struct fit_task quick = *task;
     quick.learn_shape = false;
@@ -258,53 +261,58 @@ static bool try_pose(const struct fit_task *task, const struct body_pose *pose, 
     quick.expected = *pose;
     quick.expected_sigma = 1.5;
     body_fit(&quick, pose, &room->trial);
-    // A limb that was followed so far is not given up for a slightly better place.
     double far = 0;
     for (int j = 0; j < JOINT_COUNT; j++)
         far = fmax(far, v3_distance(room->trial.build.joint[j], room->best.build.joint[j]));
-    if (room->trial.energy > 0.97 * room->best.energy - 0.5 - task->move_cost * far)
-        return false;
-    room->best = room->trial;
-    return true;
+    double energy = room->trial.energy + LIMB_MOVE_COST * far;
+    if (energy >= *least)
+        return;
+    *least = energy;
+    room->other = room->trial;
+}
+
+static void try_limb(const struct fit_task *task, int k, struct fit_room *room, double *least)
+{
+    const struct limb *l = &limb[k];
+    const struct fit_result *best = &room->best;
+    struct loose loose = find_loose(task->evidence, best, l);
+    double astray = best->limb_energy[l->upper] + best->limb_energy[l->lower] + best->limb_energy[l->end];
+    double(*pelvis)[3] = room->best.build.axes[SEG_PELVIS];
+    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]),
+                out = v3_scale(v3(pelvis[0][0], pelvis[1][0], pelvis[2][0]), k % 2 ? -1 : 1), down = v3_scale(task->up, -1);
+    struct vec3 bulge[3] = {down, out, v3_scale(ahead, -1)};
+    if (loose.count > 0.008 * task->evidence->count && loose.count >= 5)
+        for (int b = 0; b < (k < 2 ? 3 : 1); b++)
+            for (int t = 0; t < 2; t++) {
+                struct body_pose pose = reach_for(best, l, t ? loose.middle : loose.far, k < 2 ? bulge[b] : ahead);
+                try_pose(task, &pose, room, least);
+            }
+    if (astray < 6)
+        return;
+    struct body_pose pose = best->pose; // hanging
+    pose.turn[l->upper] = pose.turn[l->lower] = pose.turn[l->end] = (struct quat){0, 0, 0, 1};
+    try_pose(task, &pose, room, least);
+    struct vec3 base = best->build.origin[l->upper]; // hidden behind the trunk
+    pose = reach_for(best, l, v3_add(base, v3_add(v3_scale(down, 0.3), v3(0, 0, 0.2))), down);
+    try_pose(task, &pose, room, least);
 }
 
 int limbs_search(const struct fit_task *given, struct fit_room *room)
 {
-    int moved = 0;
     // Points that nothing explains must weigh, or a limb beside them is as good as one on them.
     struct fit_task wide = *given;
-    const struct fit_task *task = &wide;
     wide.reach_m = SEARCH_REACH_M;
     struct body_pose now = room->best.pose;
     struct body_shape shape = room->best.shape;
-    body_judge(task, &now, &shape, &room->best);
-    for (int k = 0; k < 4; k++) {
-        const struct limb *l = &limb[k];
-        struct loose loose = find_loose(task->evidence, &room->best, l);
-        double astray = room->best.limb_energy[l->upper] + room->best.limb_energy[l->lower] + room->best.limb_energy[l->end];
-        bool unexplained = loose.count > 0.008 * task->evidence->count && loose.count >= 5;
-        if (!unexplained && astray < 6)
-            continue;
-        double(*pelvis)[3] = room->best.build.axes[SEG_PELVIS];
-        struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]),
-                    out = v3_scale(v3(pelvis[0][0], pelvis[1][0], pelvis[2][0]), k % 2 ? -1 : 1), down = v3_scale(task->up, -1);
-        struct vec3 bulge[3] = {down, out, v3_scale(ahead, -1)};
-        bool better = false;
-        if (unexplained)
-            for (int b = 0; b < (k < 2 ? 3 : 1); b++)
-                for (int t = 0; t < 2; t++) {
-                    struct body_pose pose = reach_for(&room->best, l, t ? loose.middle : loose.far, k < 2 ? bulge[b] : ahead);
-                    better |= try_pose(task, &pose, room);
-                }
-        if (astray >= 6 && !better) {
-            struct body_pose pose = room->best.pose; // hanging
-            pose.turn[l->upper] = pose.turn[l->lower] = pose.turn[l->end] = (struct quat){0, 0, 0, 1};
-            better |= try_pose(task, &pose, room);
-            struct vec3 base = room->best.build.origin[l->upper]; // hidden behind the trunk
-            pose = reach_for(&room->best, l, v3_add(base, v3_add(v3_scale(down, 0.3), v3(0, 0, 0.2))), down);
-            better |= try_pose(task, &pose, room);
-        }
-        moved += better;
+    body_judge(&wide, &now, &shape, &room->best);
+    int moved = 0;
+    for (; moved < 2; moved++) { // the limb that gains most, or another one takes its points
+        double least = 0.97 * room->best.energy - 0.5, enough = least;
+        for (int k = 0; k < 4; k++)
+            try_limb(&wide, k, room, &least);
+        if (least >= enough)
+            break;
+        room->best = room->other;
     }
     return moved;
 }

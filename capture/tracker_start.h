@@ -5,7 +5,7 @@
 
 // Results are large; the caller lends room for them.
 struct fit_room {
-    struct fit_result best, trial;
+    struct fit_result best, trial, other;
 };
 
 // Fills room->best and moves task->shape to the person's size. task's evidence
@@ -13,7 +13,7 @@ struct fit_room {
 bool start_search(struct fit_task *task, struct fit_room *room);
 
 // room->best holds the fit of this picture. Tries other places for limbs that
-// leave points unexplained or stand where nothing is, and keeps what is better.
+// leave points unexplained or stand where nothing is, and keeps the likeliest, twice.
 // Returns how many limbs moved.
 int limbs_search(const struct fit_task *task, struct fit_room *room);
 
