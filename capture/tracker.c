@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, LEARN_EVERY = 2 };
+enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2 };
 
 struct tracker {
     struct tracker_options options;
@@ -217,19 +217,29 @@ static bool is_likelier(double *evidence, double gain, double enough)
     return true;
 }
 
+// People walk ahead more often than backwards, as a logarithm of odds.
+static double backwards_odds(const struct tracker *t)
+{
+    const double(*pelvis)[3] = (const double(*)[3])t->room->best.build.axes[SEG_PELVIS];
+    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
+    return 6 * fmax(-1, fmin(1, -v3_dot(t->shown.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
+}
+
 // A person in front and one from behind look much alike, and so do legs that crossed. Now and
-// then the other way round is tried too: true when it has been likelier for a while; it is then
-// in room->trial.
+// then, at the start more often, the other way round is tried too: true when it has been
+// likelier for a while; it is then in room->trial.
 static bool is_otherwise(struct tracker *t, const struct fit_task *task)
 {
-    // A fresh fit of a pose that is badly explained gains a little either way round.
-    double little = 0.2 * t->room->best.energy;
+    // A fresh fit of any pose gains about a tenth; legs that are badly explained gain more.
+    double energy = t->room->best.energy;
+    int every = t->frames < TURN_START ? TURN_EVERY / 2 : TURN_EVERY;
     if (!is_whole(t->evidence)) // without feet nothing tells
         return false;
-    if (t->frames % TURN_EVERY == 0)
-        return t->turned = is_likelier(&t->turned_evidence, turned_round_gain(task, t->room) - little, 40);
-    return t->frames % TURN_EVERY == TURN_EVERY / 2 &&
-           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - little, 20);
+    if (t->frames % every == 0)
+        return t->turned = is_likelier(&t->turned_evidence,
+                                       turned_round_gain(task, t->room) - 0.1 * energy + backwards_odds(t), 20);
+    return t->frames % every == every / 2 &&
+           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - 0.2 * energy, 20);
 }
 
 // Lays the body into this frame from where it is expected. False: it is not there.
@@ -284,6 +294,7 @@ static bool start(struct tracker *t, struct fit_task *task)
     t->shape.mean = t->room->best.shape;
     t->taught = t->room->best.pose;
     t->learned_s = 0;
+    t->frames = 0;
     return true;
 }
 
