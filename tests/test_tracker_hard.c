@@ -155,8 +155,8 @@ static void near_far_and_half_out(void **state)
     (void)state;
     static const struct { const char *name; double distance_m, aside_m, down_m, bound_m; } all[] = {
         {"0.8 m away", 0.8, 0, 0, 0.15},         {"4.5 m away", 4.5, 0, 0, 0.06},
-        {"half out, left", 2.5, -1.5, 0, 0.30},  {"half out, right", 2.5, 1.5, 0, 0.30},
-        {"half out, below", 2.5, 0, 1.1, 0.15}, {"half out, above", 2.5, 0, -1.0, 0.35},
+        {"half out, left", 2.5, -1.5, 0, 0.06},  {"half out, right", 2.5, 1.5, 0, 0.06},
+        {"half out, below", 2.5, 0, 1.1, 0.06}, {"half out, above", 2.5, 0, -1.0, 0.08},
     };
     struct set s;
     set_open(&s, "man", "still");
