@@ -1,12 +1,13 @@
 #include "capture/tracker.h"
 
+#include "capture/body_steady.h"
 #include "capture/segment.h"
 #include "capture/tracker_start.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, LEARN_EVERY = 2 };
+enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2 };
 
 struct tracker {
     struct tracker_options options;
@@ -17,7 +18,7 @@ struct tracker {
     uint8_t *mask;
     bool following;
     struct body_pose pose, before;   // of the last two frames
-    struct body_pose shown;          // what was reported last
+    struct body_steady shown;        // what was reported last
     int64_t time_ns, before_ns;      // their times
     bool moving;                     // `before` is there
     struct shape_belief shape;
@@ -154,39 +155,10 @@ static bool joint_seen(const struct tracker *t, struct vec3 c, double radius, bo
     return false;
 }
 
-// A limb found again elsewhere is reported on its way there, not faster than a
-// thrown punch (McGill et al. 2010 have 6 to 10 m/s), so that nothing jumps.
-static void move_shown(struct tracker *t, const struct body_shape *shape, double passed_s)
-{
-    static const enum segment limb[4][3] = {
-        {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND},
-        {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND},
-        {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT},
-        {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT},
-    };
-    struct body_build was, is;
-    struct body_pose next = t->pose;
-    body_build(shape, &t->shown, &was);
-    double limit = 6.5 * passed_s, share[4] = {1, 1, 1, 1};
-    for (int round = 0; round < 4; round++) { // turns and distances are not quite proportional
-        body_build(shape, &next, &is);
-        for (int k = 0; k < 4; k++) {
-            double far = fmax(v3_distance(was.origin[limb[k][1]], is.origin[limb[k][1]]),
-                              v3_distance(was.origin[limb[k][2]], is.origin[limb[k][2]]));
-            if (far <= limit)
-                continue;
-            share[k] *= 0.97 * limit / far;
-            for (int i = 0; i < 3; i++)
-                next.turn[limb[k][i]] = quat_slerp(t->shown.turn[limb[k][i]], t->pose.turn[limb[k][i]], share[k]);
-        }
-    }
-    t->shown = next;
-}
-
 static void report(struct tracker *t, const struct fit_result *fit, double passed_s, struct skeleton *out)
 {
     struct body_build build;
-    body_build(&fit->shape, &t->shown, &build);
+    body_build(&fit->shape, &t->shown.pose, &build);
     double size = exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     static const double radius[JOINT_COUNT] = {
         [JOINT_HEAD] = 0.05, [JOINT_NECK] = 0.04, [JOINT_LEFT_SHOULDER] = 0.032, [JOINT_LEFT_ELBOW] = 0.024,
@@ -245,19 +217,29 @@ static bool is_likelier(double *evidence, double gain, double enough)
     return true;
 }
 
+// People walk ahead more often than backwards, as a logarithm of odds.
+static double backwards_odds(const struct tracker *t)
+{
+    const double(*pelvis)[3] = (const double(*)[3])t->room->best.build.axes[SEG_PELVIS];
+    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
+    return 6 * fmax(-1, fmin(1, -v3_dot(t->shown.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
+}
+
 // A person in front and one from behind look much alike, and so do legs that crossed. Now and
-// then the other way round is tried too: true when it has been likelier for a while; it is then
-// in room->trial.
+// then, at the start more often, the other way round is tried too: true when it has been
+// likelier for a while; it is then in room->trial.
 static bool is_otherwise(struct tracker *t, const struct fit_task *task)
 {
-    // A fresh fit of a pose that is badly explained gains a little either way round.
-    double little = 0.2 * t->room->best.energy;
+    // A fresh fit of any pose gains about a tenth; legs that are badly explained gain more.
+    double energy = t->room->best.energy;
+    int every = t->frames < TURN_START ? TURN_EVERY / 2 : TURN_EVERY;
     if (!is_whole(t->evidence)) // without feet nothing tells
         return false;
-    if (t->frames % TURN_EVERY == 0)
-        return t->turned = is_likelier(&t->turned_evidence, turned_round_gain(task, t->room) - little, 40);
-    return t->frames % TURN_EVERY == TURN_EVERY / 2 &&
-           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - little, 20);
+    if (t->frames % every == 0)
+        return t->turned = is_likelier(&t->turned_evidence,
+                                       turned_round_gain(task, t->room) - 0.1 * energy + backwards_odds(t), 20);
+    return t->frames % every == every / 2 &&
+           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - 0.2 * energy, 20);
 }
 
 // Lays the body into this frame from where it is expected. False: it is not there.
@@ -312,6 +294,7 @@ static bool start(struct tracker *t, struct fit_task *task)
     t->shape.mean = t->room->best.shape;
     t->taught = t->room->best.pose;
     t->learned_s = 0;
+    t->frames = 0;
     return true;
 }
 
@@ -361,9 +344,9 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     t->pose = t->room->best.pose;
     t->moving = !fresh && !t->turned && time_ns > t->time_ns;
     if (fresh || !t->moving)
-        t->shown = t->pose;
+        body_steady_start(&t->shown, &t->pose);
     else
-        move_shown(t, &t->room->best.shape, passed_s);
+        body_steady_next(&t->shown, &t->room->best.shape, &t->pose, passed_s);
     t->time_ns = time_ns;
     if (fresh || t->frames % LEARN_EVERY == 0)
         segmenter_learn(t->segmenter);

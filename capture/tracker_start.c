@@ -34,7 +34,8 @@ struct start {
     double top, bottom, height; // over the floor or any level
     struct vec3 trunk;          // a point of the trunk's surface, its middle
     bool cut;    // by the picture's lower edge or by something before the legs
-    bool halved; // by its left or right edge
+    bool beheaded; // by its upper edge
+    int halved;  // by its left (-1) or right (1) edge
 };
 
 static double level_of(const struct fit_task *task, struct vec3 p) { return v3_dot(task->up, p) + task->floor_m; }
@@ -49,15 +50,16 @@ static bool measure(const struct fit_task *task, struct start *out)
     out->top = rank_of(level, e->count, 0.995) + 0.01;
     out->bottom = rank_of(level, e->count, 0.005);
     out->cut = e->bottom >= e->picture.bottom - 2 || (task->have_floor && out->bottom > 0.4);
-    out->halved = e->left <= e->picture.left + 2 || e->right >= e->picture.right - 2;
+    out->beheaded = e->top <= e->picture.top + 2;
+    out->halved = (e->right >= e->picture.right - 2) - (e->left <= e->picture.left + 2);
     out->height = BODY_AVERAGE_HEIGHT_M;
-    if (!out->cut) {
-        if (task->have_floor && out->bottom < 0.25)
-            out->bottom = 0;
-        double tall = out->top - out->bottom;
-        if (tall > 0.9 && tall < 2.4)
-            out->height = tall;
-    }
+    if (!out->cut && task->have_floor && out->bottom < 0.25)
+        out->bottom = 0;
+    double tall = out->top - out->bottom;
+    if (!out->cut && !out->beheaded && tall > 0.9 && tall < 2.4)
+        out->height = tall;
+    if (!out->cut && out->beheaded)
+        out->top = out->bottom + fmax(tall, out->height);
     int count = 0;
     double low = out->top - 0.5 * out->height, high = out->top - 0.2 * out->height;
     for (int i = 0; i < e->count; i++) {
@@ -110,7 +112,7 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     double scale_log = log(s.height / BODY_AVERAGE_HEIGHT_M);
     task->shape = shape_belief_start();
     task->shape.mean.log[SHAPE_SCALE] = scale_log;
-    if (!s.cut) // arms up, knees bent and shoes leave some doubt
+    if (!s.cut && !s.beheaded) // arms up, knees bent and shoes leave some doubt
         task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (0.06 * 0.06);
     task->learn_shape = false;
     // The waist joint: 0.571 of the height up, behind the trunk's surface.
@@ -118,17 +120,17 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     struct vec3 root = v3(s.trunk.x, 0, s.trunk.z + 0.085 * s.height);
     double rise = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
     root.y = rise;
-    static const double arms[2] = {0.12, 0.9};
+    static const double arms[2] = {0.12, 0.9}, aside[3] = {0, 0.06, 0.12};
     double best = 1e300;
     task->every = 3;
-    for (int turn = 0; turn < YAWS; turn++)
-        for (int a = 0; a < 2; a++) {
-            if (s.halved && turn > 0) // half a person fits any way
-                continue;
-            struct body_pose pose = body_rest_pose(root, task->up, turn * 2 * PI / YAWS);
-            raise_arms(&pose, arms[a], arms[a]);
-            best = fit_start(task, &pose, room, best, s.cut);
-        }
+    for (int turn = 0; turn < (s.halved ? 1 : YAWS); turn++) // half a person fits any way
+        for (int a = 0; a < 2; a++)
+            for (int k = 0; k < (s.halved ? 3 : 1); k++) { // and their middle is nearer to the edge, or beyond
+                struct vec3 at = v3_add(root, v3(s.halved * aside[k] * s.height, 0, 0));
+                struct body_pose pose = body_rest_pose(at, task->up, turn * 2 * PI / YAWS);
+                raise_arms(&pose, arms[a], arms[a]);
+                best = fit_start(task, &pose, room, best, s.cut);
+            }
     task->every = 1;
     task->expected = room->best.pose;
     task->expected_sigma = 4;
