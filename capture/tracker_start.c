@@ -120,13 +120,15 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     struct vec3 root = v3(s.trunk.x, 0, s.trunk.z + 0.085 * s.height);
     double rise = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
     root.y = rise;
-    static const double arms[2] = {0.12, 0.9}, aside[3] = {0, 0.06, 0.12};
+    static const double arms[2] = {0.12, 0.9}, away[3] = {0, 0.06, 0.12}; // of the height
+    bool middle = s.cut && s.beheaded; // how far up the picture's edge cuts them is not known, either
     double best = 1e300;
     task->every = 3;
     for (int turn = 0; turn < (s.halved ? 1 : YAWS); turn++) // half a person fits any way
         for (int a = 0; a < 2; a++)
-            for (int k = 0; k < (s.halved ? 3 : 1); k++) { // and their middle is nearer to the edge, or beyond
-                struct vec3 at = v3_add(root, v3(s.halved * aside[k] * s.height, 0, 0));
+            for (int k = 0; k < (s.halved || middle ? 3 : 1); k++) { // and their middle is nearer to the edge, or beyond
+                double by = away[k] * s.height;
+                struct vec3 at = v3_add(root, v3_add(v3(s.halved * by, 0, 0), v3_scale(task->up, middle ? 2 * by : 0)));
                 struct body_pose pose = body_rest_pose(at, task->up, turn * 2 * PI / YAWS);
                 raise_arms(&pose, arms[a], arms[a]);
                 best = fit_start(task, &pose, room, best, s.cut);
