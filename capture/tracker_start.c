@@ -4,7 +4,7 @@
 #include <string.h>
 
 #define SEARCH_REACH_M 0.12
-enum { YAWS = 8, SEARCH_EVERY = 2 }; // of the points, one in so many is looked at
+enum { YAWS = 8 };
 #define BACK_RATE 2.0
 #define LIMB_MOVE_COST 20 // energy that a limb must gain for each metre a search moves it
 #define PI 3.14159265358979323846
@@ -260,7 +260,6 @@ static void try_pose(const struct fit_task *task, const struct body_pose *pose, 
     quick.learn_shape = false;
     quick.shape.mean = room->best.shape;
     quick.iterations = 4;
-    quick.every = SEARCH_EVERY;
     quick.expected = *pose;
     quick.expected_sigma = 1.5;
     body_fit(&quick, pose, &room->trial);
@@ -307,19 +306,17 @@ int limbs_search(const struct fit_task *given, struct fit_room *room)
     wide.reach_m = SEARCH_REACH_M;
     struct body_pose now = room->best.pose;
     struct body_shape shape = room->best.shape;
+    body_judge(&wide, &now, &shape, &room->best);
     int moved = 0;
-    for (;; moved++) { // the limb that gains most, or another one takes its points
-        wide.every = SEARCH_EVERY;
-        body_judge(&wide, &now, &shape, &room->other);
-        double least = 0.97 * room->other.energy - 0.5, enough = least;
-        wide.every = 1;
-        body_judge(&wide, &now, &shape, &room->best);
-        for (int k = 0; k < 4 && moved < 2; k++)
+    for (; moved < 2; moved++) { // the limb that gains most, or another one takes its points
+        double least = 0.97 * room->best.energy - 0.5, enough = least;
+        for (int k = 0; k < 4; k++)
             try_limb(&wide, k, room, &least);
         if (least >= enough)
-            return moved;
-        now = room->other.pose;
+            break;
+        room->best = room->other;
     }
+    return moved;
 }
 
 double legs_swapped_gain(const struct fit_task *given, struct fit_room *room)
