@@ -136,30 +136,30 @@ static struct vec3 cell_point(const struct segmenter *s, int i, double z)
     return v3((double)s->ray[i].x * z, (double)s->ray[i].y * z, z);
 }
 
+// Lies in the air between two surfaces; a, b: the cells on both sides.
+static bool is_flying(int a, int d, int b, int far)
+{
+    return abs(a - b) > far && a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far));
+}
+
 // Reads the cells and drops those that lie in the air between two surfaces.
 static void read_cells(struct segmenter *s, const uint16_t *picture)
 {
     int w = s->width;
-    for (int y = 0; y < s->height; y++)
+    for (int y = 0; y < s->height; y++) {
+        const uint16_t *row = picture + (size_t)y * (size_t)s->step * (size_t)s->lens.width;
         for (int x = 0; x < w; x++)
-            s->depth[y * w + x] = cell_depth(s, picture, x, y);
+            s->depth[y * w + x] = row[x * s->step] ? row[x * s->step] : cell_depth(s, picture, x, y);
+    }
     // label[] holds the verdict until the components are drawn.
-    memset(s->label, 0, (size_t)w * (size_t)s->height * sizeof *s->label);
-    for (int y = 0; y < s->height; y++)
+    for (int y = 0; y < s->height; y++) {
+        bool inner = y > 0 && y < s->height - 1;
         for (int x = 0; x < w; x++) {
-            int i = y * w + x, d = s->depth[i];
-            if (!d)
-                continue;
-            int far = jump_mm(s, d);
-            for (int axis = 0; axis < 2; axis++) {
-                int k = axis ? w : 1;
-                if (axis ? (y == 0 || y == s->height - 1) : (x == 0 || x == w - 1))
-                    continue;
-                int a = s->depth[i - k], b = s->depth[i + k];
-                if (abs(a - b) > far && a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far)))
-                    s->label[i] = 1;
-            }
+            int i = y * w + x, d = s->depth[i], far = jump_mm(s, d);
+            s->label[i] = d && ((x > 0 && x < w - 1 && is_flying(s->depth[i - 1], d, s->depth[i + 1], far)) ||
+                                (inner && is_flying(s->depth[i - w], d, s->depth[i + w], far)));
         }
+    }
     for (int i = 0; i < w * s->height; i++)
         if (s->label[i])
             s->depth[i] = 0;

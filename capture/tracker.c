@@ -3,6 +3,7 @@
 #include "capture/body_steady.h"
 #include "capture/segment.h"
 #include "capture/tracker_start.h"
+#include "platform/clock.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -31,6 +32,8 @@ struct tracker {
     bool turned;                     // in this frame they turned out to
     bool seen_ever[JOINT_COUNT];
     float out_of_picture_s[JOINT_COUNT];
+    struct tracker_times times;
+    int64_t mark_ns; // of processor time: until here it is told in `times`
 };
 
 struct tracker_options tracker_default_options(void)
@@ -86,6 +89,16 @@ void tracker_close(struct tracker **t)
 void tracker_set_background(struct tracker *t, const uint16_t *depth) { segmenter_set_background(t->segmenter, depth); }
 
 void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m) { segmenter_set_floor(t->segmenter, up, height_m); }
+
+struct tracker_times tracker_times(const struct tracker *t) { return t->times; }
+
+// The time since the last call went into `step`.
+static void took(struct tracker *t, int64_t *step)
+{
+    int64_t now_ns = clock_cpu_ns();
+    *step += now_ns - t->mark_ns;
+    t->mark_ns = now_ns;
+}
 
 static void forget_person(struct tracker *t)
 {
@@ -261,6 +274,7 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     task->learn_shape = t->learned_s < t->options.learn_s;
     task->learn_rate = novelty(t, &start);
     body_fit(task, &start, best);
+    took(t, &t->times.fit);
     double explained = explained_share(t->evidence, best, 0.06);
     if (explained < 0.985 && limbs_search(task, t->room)) {
         start = best->pose;
@@ -275,6 +289,7 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         task->expected_sigma = 4;
         body_fit(task, &task->expected, best);
     }
+    took(t, &t->times.search);
     explained = explained_share(t->evidence, best, 0.10);
     t->poor_frames = explained < 0.7 ? t->poor_frames + 1 : 0;
     if (explained < 0.35 || t->poor_frames > 12)
@@ -288,7 +303,9 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
 
 static bool start(struct tracker *t, struct fit_task *task)
 {
-    if (!start_search(task, t->room))
+    bool found = start_search(task, t->room);
+    took(t, &t->times.search);
+    if (!found)
         return false;
     t->shape = task->shape;
     t->shape.mean = t->room->best.shape;
@@ -301,6 +318,8 @@ static bool start(struct tracker *t, struct fit_task *task)
 enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out, uint8_t *mask)
 {
     memset(out, 0, sizeof *out);
+    t->times = (struct tracker_times){0};
+    t->mark_ns = clock_cpu_ns();
     size_t pixels = (size_t)t->calibration.depth.width * (size_t)t->calibration.depth.height;
     if (mask)
         memset(mask, 0, pixels);
@@ -319,15 +338,18 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
         ball_count = body_balls(&build, balls);
     }
     enum status status = segmenter_next(t->segmenter, depth, balls, ball_count, t->mask);
+    took(t, &t->times.segment);
     if (status < 0)
         return status;
     struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = expected, .shape = t->shape};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     bool there = status == OK && evidence_read(t->evidence, depth, t->mask, t->options.points);
+    took(t, &t->times.evidence);
     if (there && t->following && !follow(t, &task, passed_s)) {
         forget_person(t);
         there = segmenter_next(t->segmenter, depth, NULL, 0, t->mask) == OK &&
                 evidence_read(t->evidence, depth, t->mask, t->options.points);
+        took(t, &t->times.segment);
     }
     bool fresh = !t->following;
     if (there && fresh)
@@ -348,8 +370,10 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     else
         body_steady_next(&t->shown, &t->room->best.shape, &t->pose, passed_s);
     t->time_ns = time_ns;
+    took(t, &t->times.fit);
     if (fresh || t->frames % LEARN_EVERY == 0)
         segmenter_learn(t->segmenter);
+    took(t, &t->times.segment);
     report(t, &t->room->best, passed_s, out);
     if (mask)
         memcpy(mask, t->mask, pixels);

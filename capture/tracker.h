@@ -44,3 +44,9 @@ void tracker_reset(struct tracker *t);
 // ERR_MEMORY
 MUST_CHECK enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out,
                                     uint8_t *mask);
+
+// What the last tracker_next spent its time on, processor time of its thread, ns.
+struct tracker_times {
+    int64_t segment, evidence, fit, search; // search: for limbs, the way round, a new person
+};
+struct tracker_times tracker_times(const struct tracker *t);

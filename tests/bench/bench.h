@@ -24,7 +24,7 @@
 #pragma once
 #include "platform/base.h"
 
-enum { BENCH_EXTRAS = 4 };
+enum { BENCH_EXTRAS = 6 };
 
 struct bench; // one run of one stage
 

@@ -36,6 +36,10 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
     out->time_ms = bench_clock_ms() - started_ms;
     if (status != OK)
         return status;
+    struct tracker_times times = tracker_times(o->tracker);
+    const int64_t steps_ns[] = {times.segment, times.evidence, times.fit, times.search};
+    for (size_t i = 0; i < COUNT_OF(steps_ns); i++)
+        out->extra[2 + i] = (double)steps_ns[i] * 1e-6;
     for (int j = 0; j < JOINT_COUNT; j++) {
         double e = v3_distance(got.joint[j], f->truth.joint[j]);
         out->error += 1000 * e / JOINT_COUNT;
@@ -106,6 +110,6 @@ const struct bench_stage bench_stage_skeleton = {
     .about = "16 joints from depth, segmentation included",
     .error_name = "mean_error_mm",
     .time_name = "time_ms",
-    .extra_names = {"within_10cm_percent", "worst_joint_mm"},
+    .extra_names = {"within_10cm_percent", "worst_joint_mm", "segment_ms", "evidence_ms", "fit_ms", "search_ms"},
     .run = run,
 };
