@@ -32,7 +32,7 @@ static const struct argp_option options[] = {
     {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
     {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
     {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
-    {"stats", KEY_STATS, NULL, 0, "say at the end how long each stage took", 0},
+    {"stats", KEY_STATS, NULL, 0, "say what the screen shows, and at the end how long each stage took", 0},
     {0},
 };
 
@@ -97,6 +97,8 @@ struct watch {
     struct tablet tablet;
     bool fullscreen, hidden;
     int64_t slept_ns, shown_ns, until_ns;
+    char said[512];         // the sentence that the screen shows
+    int64_t placed_before;  // pictures with the actor in his place when it began to show that
 };
 
 static void wake(void *self) { screen_wake(((struct watch *)self)->screen); }
@@ -163,6 +165,21 @@ static void hear(struct watch *w, int wait_ms)
     }
 }
 
+// What is new on the screen, in words, for who cannot see it.
+static void say_news(struct watch *w)
+{
+    const struct tablet *t = &w->tablet;
+    const char *hint = show_hint(&t->show), *shown = hint                             ? hint
+                                                     : t->placed > w->placed_before ? "the actor in his place"
+                                                                                    : w->said;
+    if (strcmp(shown, w->said))
+        printf("shows     %s\n", shown);
+    fflush(stdout);
+    snprintf(w->said, sizeof w->said, "%s", shown);
+    if (hint)
+        w->placed_before = t->placed;
+}
+
 static enum status draw(struct watch *w, int64_t now_ns)
 {
     struct tablet_glass glass = {.quarter_turns = screen_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
@@ -175,6 +192,8 @@ static enum status draw(struct watch *w, int64_t now_ns)
     screen_show(w->screen);
     w->shown_ns = clock_now_ns();
     tablet_shown(&w->tablet, w->shown_ns);
+    if (w->arguments->stats)
+        say_news(w);
     return OK;
 }
 

@@ -76,7 +76,7 @@ static void expect_screen(bool turned)
 {
     const int top = turned ? 20 : HEIGHT - 120;
     int accent = 0, other = 0, colors = 0;
-    for (int i = 0; i < 300 && (accent < 1500 || colors < 100); i++) {
+    for (int i = 0; i < 300 * PROCESS_PATIENCE && (accent < 1500 || colors < 100); i++) {
         clock_sleep_until_ns(clock_now_ns() + 100000000);
         if (!read_display())
             continue;
@@ -147,14 +147,36 @@ static void test_on_wayland(void **state)
     end(&weston);
 }
 
+// It says one sentence, and that is all.
+static void expect_refusal(const struct said *said, const char *word)
+{
+    const char *end = strchr(said->err, '\n');
+    print_message("%s", said->err);
+    EXPECT_INT(said->exit_code, 1);
+    EXPECT_TRUE(strstr(said->err, word));
+    EXPECT_TRUE(end && !end[1]);
+}
+
 static void test_without_a_display_it_says_so(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "wayland", 1);
     setenv("WAYLAND_DISPLAY", "nowhere", 1);
     struct said said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
-    EXPECT_INT(said.exit_code, 1);
-    EXPECT_TRUE(strstr(said.err, "display"));
+    expect_refusal(&said, "display");
+}
+
+static void test_without_a_graphics_driver_it_says_so(void **state)
+{
+    (void)state;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null", 1); // no EGL at all
+    struct said watched = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
+    struct said rendered = PROCESS(PROGRAM_DIR "/reenact", "render", rehearsal.file, "--take", "turn", "--camera",
+                                   rehearsal.camera, "--out", scratch_file(&rehearsal.scratch, "out"));
+    unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
+    expect_refusal(&watched, "OpenGL ES 3");
+    expect_refusal(&rendered, "graphics driver");
 }
 
 static int set_up(void **state)
@@ -192,6 +214,7 @@ int main(void)
         cmocka_unit_test(test_on_x11),
         cmocka_unit_test(test_on_wayland),
         cmocka_unit_test(test_without_a_display_it_says_so),
+        cmocka_unit_test(test_without_a_graphics_driver_it_says_so),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
