@@ -90,6 +90,8 @@ static const char *find_camera(void)
     return "";
 }
 
+enum { LASTING_PICTURES = 5 };
+
 struct watch {
     const struct arguments *arguments;
     struct screen *screen;
@@ -130,6 +132,28 @@ static void watch_close(struct watch *w)
     tablet_close(&w->tablet);
     gpu_close(&w->gpu);
     screen_close(&w->screen);
+}
+
+// The graphics were lost: a driver was reset, a card slept. What lived in them is made anew, and the take begins again.
+static enum status watch_reopen(struct watch *w)
+{
+    const struct tablet *t = &w->tablet;
+    struct arguments again = *w->arguments;
+    char *take = t->stage ? strdup(t->library.cards[t->show.take].name) : NULL;
+    again.take = take ? take : again.take;
+    again.light = !t->show.dark;
+    again.fullscreen = w->fullscreen;
+    watch_close(w);
+    w->said[0] = 0;
+    w->placed_before = 0;
+    w->hidden = false;
+    const struct arguments *given = w->arguments;
+    w->arguments = &again;
+    enum status status = watch_open(w);
+    w->arguments = given;
+    w->tablet.options.take = given->take; // chosen by now
+    free(take);
+    return status;
 }
 
 // ---------------------------------------------------------------- the loop
@@ -259,6 +283,12 @@ int reenact_watch(int argc, char **argv)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)
         status = watch_loop(&watch);
+    // Graphics that do not even last for a few pictures are not worth trying again.
+    while (status == ERR_DEVICE && watch.tablet.times.frames >= LASTING_PICTURES) {
+        status = watch_reopen(&watch);
+        if (status == OK)
+            status = watch_loop(&watch);
+    }
     if (status == OK && given.stats)
         say_stats(&watch);
     watch_close(&watch);

@@ -76,7 +76,7 @@ static void expect_screen(bool turned)
 {
     const int top = turned ? 20 : HEIGHT - 120;
     int accent = 0, other = 0, colors = 0;
-    for (int i = 0; i < 300 * PROCESS_PATIENCE && (accent < 1500 || colors < 100); i++) {
+    for (int i = 0; i < 1200 * PROCESS_PATIENCE && (accent < 1500 || colors < 100); i++) {
         clock_sleep_until_ns(clock_now_ns() + 100000000);
         if (!read_display())
             continue;
@@ -179,12 +179,35 @@ static void test_without_a_graphics_driver_it_says_so(void **state)
     expect_refusal(&rendered, "graphics driver");
 }
 
+static int times_said(const char *text, const char *what)
+{
+    int times = 0;
+    while ((text = strstr(text, what))) {
+        text++;
+        times++;
+    }
+    return times;
+}
+
+static void test_lost_graphics_are_made_anew(void **state)
+{
+    (void)state;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    setenv("LD_PRELOAD", LOSE_CONTEXT, 1);
+    struct said said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--take", "turn", "--camera", rehearsal.camera,
+                               "--stats");
+    unsetenv("LD_PRELOAD");
+    print_message("%s%s", said.out, said.err);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_INT(times_said(said.out, "shows     the actor in his place"), 2);
+}
+
 static int set_up(void **state)
 {
     (void)state;
     static char folder[300], display[16];
     // Drivers and the desktop's bus, loaded and unloaded by SDL, leave crumbs; our own are looked for in test_screens.
-    setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
+    setenv("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0", 1);
     rehearsal = rehearsal_make();
     snprintf(folder, sizeof folder, "%s", rehearsal.scratch.path);
     // A display of its own, whatever others there are.
@@ -213,6 +236,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_on_x11),
         cmocka_unit_test(test_on_wayland),
+        cmocka_unit_test(test_lost_graphics_are_made_anew),
         cmocka_unit_test(test_without_a_display_it_says_so),
         cmocka_unit_test(test_without_a_graphics_driver_it_says_so),
     };
