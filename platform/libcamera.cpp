@@ -249,7 +249,7 @@ class Source
             return OK;
         }
         enum status status = camera_lens_read(camera_->id().c_str(), &c.color);
-        return status == OK ? camera_lens_scale(&c.color, width_, height_, camera_->id().c_str()) : status;
+        return status == OK ? camera_lens_scale(&c.color, width_, height_, name_.c_str()) : status;
     }
 
     enum status start()
