@@ -32,7 +32,7 @@ static const struct argp_option options[] = {
     {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
     {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
     {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
-    {"stats", KEY_STATS, NULL, 0, "say at the end how long each stage took", 0},
+    {"stats", KEY_STATS, NULL, 0, "say what the screen shows, and at the end how long each stage took", 0},
     {0},
 };
 
@@ -90,6 +90,8 @@ static const char *find_camera(void)
     return "";
 }
 
+enum { LASTING_PICTURES = 5 };
+
 struct watch {
     const struct arguments *arguments;
     struct screen *screen;
@@ -97,6 +99,8 @@ struct watch {
     struct tablet tablet;
     bool fullscreen, hidden;
     int64_t slept_ns, shown_ns, until_ns;
+    char said[512];         // the sentence that the screen shows
+    int64_t placed_before;  // pictures with the actor in his place when it began to show that
 };
 
 static void wake(void *self) { screen_wake(((struct watch *)self)->screen); }
@@ -128,6 +132,28 @@ static void watch_close(struct watch *w)
     tablet_close(&w->tablet);
     gpu_close(&w->gpu);
     screen_close(&w->screen);
+}
+
+// The graphics were lost: a driver was reset, a card slept. What lived in them is made anew, and the take begins again.
+static enum status watch_reopen(struct watch *w)
+{
+    const struct tablet *t = &w->tablet;
+    struct arguments again = *w->arguments;
+    char *take = t->stage ? strdup(t->library.cards[t->show.take].name) : NULL;
+    again.take = take ? take : again.take;
+    again.light = !t->show.dark;
+    again.fullscreen = w->fullscreen;
+    watch_close(w);
+    w->said[0] = 0;
+    w->placed_before = 0;
+    w->hidden = false;
+    const struct arguments *given = w->arguments;
+    w->arguments = &again;
+    enum status status = watch_open(w);
+    w->arguments = given;
+    w->tablet.options.take = given->take; // chosen by now
+    free(take);
+    return status;
 }
 
 // ---------------------------------------------------------------- the loop
@@ -163,6 +189,21 @@ static void hear(struct watch *w, int wait_ms)
     }
 }
 
+// What is new on the screen, in words, for who cannot see it.
+static void say_news(struct watch *w)
+{
+    const struct tablet *t = &w->tablet;
+    const char *hint = show_hint(&t->show), *shown = hint                             ? hint
+                                                     : t->placed > w->placed_before ? "the actor in his place"
+                                                                                    : w->said;
+    if (strcmp(shown, w->said))
+        printf("shows     %s\n", shown);
+    fflush(stdout);
+    snprintf(w->said, sizeof w->said, "%s", shown);
+    if (hint)
+        w->placed_before = t->placed;
+}
+
 static enum status draw(struct watch *w, int64_t now_ns)
 {
     struct tablet_glass glass = {.quarter_turns = screen_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
@@ -175,6 +216,8 @@ static enum status draw(struct watch *w, int64_t now_ns)
     screen_show(w->screen);
     w->shown_ns = clock_now_ns();
     tablet_shown(&w->tablet, w->shown_ns);
+    if (w->arguments->stats)
+        say_news(w);
     return OK;
 }
 
@@ -240,6 +283,12 @@ int reenact_watch(int argc, char **argv)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)
         status = watch_loop(&watch);
+    // Graphics that do not even last for a few pictures are not worth trying again.
+    while (status == ERR_DEVICE && watch.tablet.times.frames >= LASTING_PICTURES) {
+        status = watch_reopen(&watch);
+        if (status == OK)
+            status = watch_loop(&watch);
+    }
     if (status == OK && given.stats)
         say_stats(&watch);
     watch_close(&watch);

@@ -251,9 +251,11 @@ void show_wheel(struct show *s, double notches, int64_t now_ns)
 void show_hear(struct show *s, const struct show_camera *camera, int64_t now_ns)
 {
     const bool sight_is_new = camera->sight != s->camera.sight;
-    if (sight_is_new || camera->seeing != s->camera.seeing || strcmp(camera->trouble, s->camera.trouble ? s->camera.trouble : ""))
+    if (sight_is_new || camera->seeing != s->camera.seeing || strcmp(camera->trouble, s->camera_trouble))
         s->changed = true;
     s->camera = *camera;
+    s->camera.trouble = NULL;
+    snprintf(s->camera_trouble, sizeof s->camera_trouble, "%s", camera->trouble);
     if (camera->placed && sight_is_new) {
         s->placed_ns = now_ns;
         s->ever_placed = true;
@@ -317,8 +319,8 @@ const char *show_hint(const struct show *s)
         return s->ailing;
     if (!s->camera.there || s->orbit_wished)
         return NULL;
-    if (s->camera.trouble && *s->camera.trouble)
-        return s->camera.trouble;
+    if (*s->camera_trouble)
+        return s->camera_trouble;
     if (!s->camera.seeing)
         return "Waiting for the camera";
     if (s->frozen)

@@ -39,7 +39,7 @@ struct show_camera {
     int64_t came_ns;     // the last one
     int64_t sight;       // number of the newest located picture; 0: none
     bool placed;         // it was located
-    const char *trouble; // the camera's own sentence; "" none
+    const char *trouble; // the camera's own sentence; "" none; borrowed for the call
 };
 
 // Where the actor stands: moved over the floor from where he was filmed, and turned about himself.
@@ -67,6 +67,7 @@ struct show {
     bool photo_wanted, quit;
 
     struct show_camera camera;
+    char camera_trouble[512]; // its sentence, kept: the camera's may be another by now
     const char *ailing;  // what is amiss with the recording while it plays; NULL nothing; borrowed
     bool frozen;         // the camera is open and sends nothing
     double presence;     // of the actor, 0..1: fades while it is not known where he stands

@@ -225,7 +225,8 @@ class Source
         width_ = int(stream.size.width);
         height_ = int(stream.size.height);
         stride_ = stream.stride;
-        if (width_ < 2 || height_ < 2 || width_ > 16384 || height_ > 16384 || width_ % 2 || height_ % 2)
+        const bool halved = format_ == NV12 || format_ == YUYV || format_ == UYVY; // colour for every second pixel
+        if (width_ < 2 || height_ < 2 || width_ > 16384 || height_ > 16384 || (halved && (width_ % 2 || height_ % 2)))
             return fail(ERR_DEVICE, "the camera %s gives pictures of %d x %d pixels, which cannot be used",
                         name_.c_str(), width_, height_);
         if (stream.colorSpace) {
@@ -248,7 +249,7 @@ class Source
             return OK;
         }
         enum status status = camera_lens_read(camera_->id().c_str(), &c.color);
-        return status == OK ? camera_lens_scale(&c.color, width_, height_, camera_->id().c_str()) : status;
+        return status == OK ? camera_lens_scale(&c.color, width_, height_, name_.c_str()) : status;
     }
 
     enum status start()

@@ -27,7 +27,6 @@ static enum status refused(struct screen **s, const char *what)
 
 static bool make_window(struct screen *s, const struct screen_options *o)
 {
-    SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL
     SDL_SetHint(SDL_HINT_TOUCH_MOUSE_EVENTS, "0");  // a finger is a finger and no mouse besides
     SDL_SetHint(SDL_HINT_MOUSE_TOUCH_EVENTS, "0");
     SDL_GL_SetAttribute(SDL_GL_CONTEXT_PROFILE_MASK, SDL_GL_CONTEXT_PROFILE_ES);
@@ -51,10 +50,11 @@ enum status screen_open(struct screen **out, const struct screen_options *option
     s->quarter_turns = options->quarter_turns & 3;
     s->dpi_wished = options->dpi;
     SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1"); // Ctrl-C is the program's
+    SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL; without this, X11 tries GLX first
     if (SDL_Init(SDL_INIT_VIDEO))
         return refused(&s, "no window can be opened; is there a display?");
     if (!make_window(s, options))
-        return refused(&s, "the display has no OpenGL ES 3");
+        return refused(&s, "the display has no OpenGL ES 3; is its graphics driver, or Mesa's, installed?");
     SDL_GL_SetSwapInterval(1); // not every display can wait; then the loop's own pace holds
     // A tablet without a game pad is no fault.
     if (!SDL_InitSubSystem(SDL_INIT_GAMECONTROLLER))

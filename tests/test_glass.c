@@ -76,7 +76,7 @@ static void expect_screen(bool turned)
 {
     const int top = turned ? 20 : HEIGHT - 120;
     int accent = 0, other = 0, colors = 0;
-    for (int i = 0; i < 300 && (accent < 1500 || colors < 100); i++) {
+    for (int i = 0; i < 1200 * PROCESS_PATIENCE && (accent < 1500 || colors < 100); i++) {
         clock_sleep_until_ns(clock_now_ns() + 100000000);
         if (!read_display())
             continue;
@@ -147,14 +147,59 @@ static void test_on_wayland(void **state)
     end(&weston);
 }
 
+// It says one sentence, and that is all.
+static void expect_refusal(const struct said *said, const char *word)
+{
+    const char *end = strchr(said->err, '\n');
+    print_message("%s", said->err);
+    EXPECT_INT(said->exit_code, 1);
+    EXPECT_TRUE(strstr(said->err, word));
+    EXPECT_TRUE(end && !end[1]);
+}
+
 static void test_without_a_display_it_says_so(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "wayland", 1);
     setenv("WAYLAND_DISPLAY", "nowhere", 1);
     struct said said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
-    EXPECT_INT(said.exit_code, 1);
-    EXPECT_TRUE(strstr(said.err, "display"));
+    expect_refusal(&said, "display");
+}
+
+static void test_without_a_graphics_driver_it_says_so(void **state)
+{
+    (void)state;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null", 1); // no EGL at all
+    struct said watched = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
+    struct said rendered = PROCESS(PROGRAM_DIR "/reenact", "render", rehearsal.file, "--take", "turn", "--camera",
+                                   rehearsal.camera, "--out", scratch_file(&rehearsal.scratch, "out"));
+    unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
+    expect_refusal(&watched, "OpenGL ES 3");
+    expect_refusal(&rendered, "graphics driver");
+}
+
+static int times_said(const char *text, const char *what)
+{
+    int times = 0;
+    while ((text = strstr(text, what))) {
+        text++;
+        times++;
+    }
+    return times;
+}
+
+static void test_lost_graphics_are_made_anew(void **state)
+{
+    (void)state;
+    setenv("SDL_VIDEODRIVER", "x11", 1);
+    setenv("LD_PRELOAD", LOSE_CONTEXT, 1);
+    struct said said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--take", "turn", "--camera", rehearsal.camera,
+                               "--stats");
+    unsetenv("LD_PRELOAD");
+    print_message("%s%s", said.out, said.err);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_INT(times_said(said.out, "shows     the actor in his place"), 2);
 }
 
 static int set_up(void **state)
@@ -162,7 +207,7 @@ static int set_up(void **state)
     (void)state;
     static char folder[300], display[16];
     // Drivers and the desktop's bus, loaded and unloaded by SDL, leave crumbs; our own are looked for in test_screens.
-    setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
+    setenv("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0", 1);
     rehearsal = rehearsal_make();
     snprintf(folder, sizeof folder, "%s", rehearsal.scratch.path);
     // A display of its own, whatever others there are.
@@ -191,7 +236,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_on_x11),
         cmocka_unit_test(test_on_wayland),
+        cmocka_unit_test(test_lost_graphics_are_made_anew),
         cmocka_unit_test(test_without_a_display_it_says_so),
+        cmocka_unit_test(test_without_a_graphics_driver_it_says_so),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -206,9 +206,14 @@ static void test_a_camera_that_freezes_or_goes_is_named(void **state)
     EXPECT_TRUE(s.changed && strstr(show_hint(&s), "stopped"));
     struct show_camera gone = seeing(1, true, S);
     gone.seeing = false;
-    gone.trouble = "the camera was unplugged";
+    char trouble[40] = "the camera was unplugged"; // one place for every sentence, as the camera's thread has it
+    gone.trouble = trouble;
     hear(&s, gone, 4 * S);
     EXPECT_TRUE(!strcmp(show_hint(&s), "the camera was unplugged"));
+    strcpy(trouble, "no camera is there");
+    s.changed = false;
+    show_hear(&s, &gone, 4 * S);
+    EXPECT_TRUE(s.changed && !strcmp(show_hint(&s), "no camera is there"));
     hear(&s, seeing(2, true, 5 * S), 5 * S);
     EXPECT_TRUE(!show_hint(&s));
     show_do(&s, DO_ORBIT, 5 * S);

@@ -19,7 +19,8 @@ static void become(const char *const *argv, int out, int err)
     dup2(err < 0 ? nothing : err, STDERR_FILENO);
     const char *words[64] = {0};
     size_t count = 0;
-    for (const char *const *word = emulator; *word && count < COUNT_OF(words) - 1; word++)
+    const bool ours = strncmp(argv[0], "/usr/", 5);
+    for (const char *const *word = emulator; ours && *word && count < COUNT_OF(words) - 1; word++)
         words[count++] = *word;
     while (*argv && count < COUNT_OF(words) - 1)
         words[count++] = *argv++;

@@ -9,7 +9,14 @@ struct said {
     char out[16384], err[16384]; // the first bytes of each stream, ended by 0
 };
 
-// argv[0] is the path; the list ends with NULL. Standard input is empty.
+// How many times as long as here a program of ours may take: cross-built ones run under an emulator.
+#ifdef EMULATED
+enum { PROCESS_PATIENCE = 20 };
+#else
+enum { PROCESS_PATIENCE = 1 };
+#endif
+
+// argv[0] is the path, one below /usr that of a program of this machine and not of ours; the list ends with NULL. Standard input is empty.
 struct said process_run(const char *const *argv);
 
 // PROGRAM(…): process_run with the arguments listed.

@@ -6,20 +6,21 @@
 #include "platform/source.h"
 #include "tests/usb_camera/uvc.h"
 
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 enum { MOST_WAITING = 32, QUALITY = 95 };
-enum { KEY_FORMAT = COMMAND_KEY, KEY_RATE, KEY_UNPLUG, KEY_FREEZE, KEY_BT709 };
+enum { KEY_FORMAT = COMMAND_KEY, KEY_RATE, KEY_BT709, KEY_CROP };
 
 struct arguments {
     const char *pictures;
     enum uvc_format format;
     double rate_hz;
-    int unplug_after, freeze_after; // pictures; 0 never
     bool bt709;
+    int crop_width, crop_height; // 0: all
 };
 
 struct picture {
@@ -44,8 +45,7 @@ static const struct argp_option options[] = {
     {"format", KEY_FORMAT, "mjpeg|yuyv", 0, "how the pictures are coded (default mjpeg)", 0},
     {"rate", KEY_RATE, "HZ", 0, "pictures a second (default 10)", 0},
     {"bt709", KEY_BT709, NULL, 0, "yuyv by the matrix of BT.709, not BT.601", 0},
-    {"unplug-after", KEY_UNPLUG, "N", 0, "pull the plug after N pictures", 0},
-    {"freeze-after", KEY_FREEZE, "N", 0, "send no more after N pictures, but stay", 0},
+    {"crop", KEY_CROP, "WxH", 0, "only so much of each picture, from its top left corner", 0},
     {0},
 };
 
@@ -64,8 +64,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
             argp_error(state, "--rate takes 0.1 to 200, not '%s'", value);
         return 0;
     case KEY_BT709: a->bt709 = true; return 0;
-    case KEY_UNPLUG: a->unplug_after = atoi(value); return 0;
-    case KEY_FREEZE: a->freeze_after = atoi(value); return 0;
+    case KEY_CROP:
+        if (sscanf(value, "%dx%d", &a->crop_width, &a->crop_height) != 2 || a->crop_width < 2 || a->crop_height < 2)
+            argp_error(state, "--crop takes a size like 321x251, not '%s'", value);
+        return 0;
     case ARGP_KEY_ARG: a->pictures = value; return 0;
     case ARGP_KEY_END: command_need(state, a->pictures, "folder:DIR"); return 0;
     default: return ARGP_ERR_UNKNOWN;
@@ -93,23 +95,37 @@ static void to_yuyv(const uint8_t *rgb, size_t pixels, bool bt709, uint8_t *out)
     }
 }
 
-static enum status keep(struct camera *c, const struct frame *frame, const struct lens *lens)
+static enum status code(const struct camera *c, const uint8_t *rgb, struct picture *p)
 {
-    size_t pixels = (size_t)lens->width * (size_t)lens->height;
-    struct picture *more = realloc(c->pictures, sizeof *more * (size_t)(c->picture_count + 1));
-    if (!more)
-        return fail(ERR_MEMORY, "out of memory");
-    c->pictures = more;
-    struct picture *p = &more[c->picture_count++];
-    *p = (struct picture){0};
+    const int width = c->uvc.width, height = c->uvc.height;
     if (c->arguments->format == UVC_MJPEG)
-        return jpeg_encode(frame->color, lens->width, lens->height, QUALITY, &p->bytes, &p->count);
+        return jpeg_encode(rgb, width, height, QUALITY, &p->bytes, &p->count);
+    size_t pixels = (size_t)width * (size_t)height;
     p->count = 2 * pixels;
     p->bytes = malloc(p->count);
     if (!p->bytes)
         return fail(ERR_MEMORY, "out of memory");
-    to_yuyv(frame->color, pixels, c->arguments->bt709, p->bytes);
+    to_yuyv(rgb, pixels, c->arguments->bt709, p->bytes);
     return OK;
+}
+
+// Keeps as much of the picture, from its top left corner, as the camera shows.
+static enum status keep(struct camera *c, const uint8_t *rgb, int from_width)
+{
+    const size_t row = 3 * (size_t)c->uvc.width, rows = (size_t)c->uvc.height;
+    struct picture *more = realloc(c->pictures, sizeof *more * (size_t)(c->picture_count + 1));
+    if (more)
+        c->pictures = more;
+    uint8_t *part = more ? malloc(row * rows) : NULL;
+    if (!part)
+        return fail(ERR_MEMORY, "out of memory");
+    for (size_t y = 0; y < rows; y++)
+        memcpy(part + y * row, rgb + y * 3 * (size_t)from_width, row);
+    struct picture *p = &more[c->picture_count++];
+    *p = (struct picture){0};
+    enum status status = code(c, part, p);
+    free(part);
+    return status;
 }
 
 static enum status load(struct camera *c)
@@ -118,15 +134,17 @@ static enum status load(struct camera *c)
     enum status status = source_open(&source, c->arguments->pictures, SOURCE_CAMERA);
     if (status != OK)
         return status;
+    const struct arguments *a = c->arguments;
     const struct lens *lens = &source_calibration(source)->color;
-    c->uvc = (struct uvc_camera){.format = c->arguments->format,
-                                 .width = lens->width,
-                                 .height = lens->height,
-                                 .frame_ns = (int)(1e9 / c->arguments->rate_hz),
-                                 .bt709 = c->arguments->bt709};
+    const bool cropped = a->crop_width && a->crop_width <= lens->width && a->crop_height <= lens->height;
+    c->uvc = (struct uvc_camera){.format = a->format,
+                                 .width = cropped ? a->crop_width : lens->width,
+                                 .height = cropped ? a->crop_height : lens->height,
+                                 .frame_ns = (int)(1e9 / a->rate_hz),
+                                 .bt709 = a->bt709};
     struct frame frame;
     while ((status = source_next(source, &frame)) == OK)
-        if (frame.color && (status = keep(c, &frame, lens)) != OK)
+        if (frame.color && (status = keep(c, frame.color, lens->width)) != OK)
             break;
     source_close(&source);
     if (status == NOTHING && !c->picture_count)
@@ -136,16 +154,19 @@ static enum status load(struct camera *c)
 
 // ---------------------------------------------------------------- serving
 
-static bool frozen(const struct camera *c)
+static volatile sig_atomic_t frozen;
+
+static void freeze(int signal)
 {
-    return c->arguments->freeze_after > 0 && c->sent >= c->arguments->freeze_after;
+    (void)signal;
+    frozen = 1;
 }
 
 // Gives the waiting requests what there is of pictures by now. False: the host is gone.
 static bool feed(struct camera *c)
 {
     uint8_t payload[UVC_PAYLOAD_BYTES];
-    while (c->waiting_count > 0 && clock_now_ns() >= c->due_ns && !frozen(c)) {
+    while (c->waiting_count > 0 && clock_now_ns() >= c->due_ns && !frozen) {
         const struct picture *p = &c->pictures[c->sent % c->picture_count];
         int count = uvc_payload(p->bytes, p->count, &c->at, c->sent & 1, payload);
         if (!usbip_answer(c->socket, &c->waiting[0], 0, payload, count))
@@ -178,7 +199,7 @@ static bool cancel(struct camera *c, const struct usb_request *r)
 
 static bool serve_one(struct camera *c, struct usb_request *r)
 {
-    int64_t left = c->waiting_count > 0 && !frozen(c) ? (c->due_ns - clock_now_ns()) / 1000000 + 1 : 100;
+    int64_t left = c->waiting_count > 0 && !frozen ? (c->due_ns - clock_now_ns()) / 1000000 + 1 : 100;
     switch (usbip_hear(c->socket, left < 0 ? 0 : (int)left, r)) {
     case USB_GONE: return false;
     case USB_CANCELLED: return cancel(c, r);
@@ -203,8 +224,7 @@ static enum status serve(struct camera *c)
         printf("plugged in: %d pictures of %d x %d\n", c->picture_count, c->uvc.width, c->uvc.height);
         fflush(stdout);
         while (!command_stopped() && serve_one(c, heard) && feed(c))
-            if (c->arguments->unplug_after > 0 && c->sent >= c->arguments->unplug_after)
-                break;
+            ;
         close(c->socket); // which pulls the plug
         printf("unplugged after %ld pictures\n", c->sent);
     }
@@ -218,10 +238,12 @@ int main(int argc, char **argv)
     static const struct argp argp = {
         options, parse, "folder:DIR",
         "Plugs a USB camera into this machine's own kernel that shows the pictures of a folder. Needs root and the "
-        "kernel's modules vhci-hcd and uvcvideo.", 0, 0, 0};
+        "kernel's modules vhci-hcd and uvcvideo. Ctrl-C pulls the plug; after SIGUSR1 it sends no more, but stays.",
+        0, 0, 0};
     struct arguments arguments = {.format = UVC_MJPEG, .rate_hz = 10};
     argp_parse(&argp, argc, argv, 0, NULL, &arguments);
     command_catch_stop();
+    signal(SIGUSR1, freeze);
     struct camera camera = {.arguments = &arguments};
     enum status status = load(&camera);
     if (status == OK)

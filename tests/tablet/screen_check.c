@@ -1,0 +1,128 @@
+// screen-check SCREEN.png CAMERA DRAWN: is the actor on the screen, in one of the camera's
+// pictures? CAMERA: the folder the camera showed. DRAWN: what `reenact render --layers`
+// made of it. Finds which picture the screen shows and compares where the actor should
+// stand with what `render` draws and with the picture without him.
+#include "app/scene.h"
+#include "platform/png.h"
+#include "platform/source.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+struct rgb_picture {
+    uint8_t *rgb;
+    int width, height;
+};
+
+// Mean squared differences from the screen, in grey values.
+struct difference {
+    double room;            // outside the actor, to the camera's picture
+    double drawn, without;  // within him, to what `render` draws and to the camera's picture
+    long actor_pixels;
+};
+
+// The middle of the screen, where no controls lie; from the screen's pixels to the picture's.
+static struct difference compare(const struct rgb_picture *screen, const uint8_t *camera, const uint8_t *drawn,
+                                 const uint8_t *actor, const struct lens *lens)
+{
+    struct cover cover = cover_of(lens, (struct ui_box){0, 0, screen->width, screen->height});
+    struct difference d = {0};
+    long room_pixels = 0;
+    for (int y = screen->height / 5; y < screen->height * 7 / 10; y++)
+        for (int x = screen->width / 8; x < screen->width * 7 / 8; x++) {
+            int px = (int)((x - cover.x) / cover.scale), py = (int)((y - cover.y) / cover.scale);
+            size_t at = (size_t)py * (size_t)lens->width + (size_t)px;
+            double with = 0, bare = 0;
+            for (size_t c = 0; c < 3; c++) {
+                double seen = screen->rgb[3 * ((size_t)y * (size_t)screen->width + (size_t)x) + c];
+                with += pow(seen - drawn[3 * at + c], 2) / 3;
+                bare += pow(seen - camera[3 * at + c], 2) / 3;
+            }
+            if (actor[4 * at + 3] == 255) {
+                d.drawn += with;
+                d.without += bare;
+                d.actor_pixels++;
+            } else if (actor[4 * at + 3] == 0) {
+                d.room += bare;
+                room_pixels++;
+            }
+        }
+    d.room /= fmax(1, (double)room_pixels);
+    d.drawn /= fmax(1, (double)d.actor_pixels);
+    d.without /= fmax(1, (double)d.actor_pixels);
+    return d;
+}
+
+// What `render` made of the picture of that name; compared with the screen.
+static enum status look(const struct rgb_picture *screen, const char *folder, const struct frame *frame,
+                        const struct lens *lens, struct difference *out)
+{
+    char path[4096];
+    void *drawn = NULL, *actor = NULL;
+    int width, height;
+    snprintf(path, sizeof path, "%s/%s.png", folder, frame->name);
+    enum status status = png_read(path, PNG_RGB8, &drawn, &width, &height);
+    if (status == OK && (width != lens->width || height != lens->height))
+        status = fail(ERR_INPUT, "%s is not of the camera's size", path);
+    snprintf(path, sizeof path, "%s/%s_actor.png", folder, frame->name);
+    if (status == OK)
+        status = png_read(path, PNG_RGBA8, &actor, &width, &height);
+    if (status == OK)
+        *out = compare(screen, frame->color, drawn, actor, lens);
+    free(drawn);
+    free(actor);
+    return status;
+}
+
+static enum status find(const struct rgb_picture *screen, const char *camera_uri, const char *folder, char name[32],
+                        struct difference *best)
+{
+    struct source *camera;
+    enum status status = source_open(&camera, camera_uri, SOURCE_CAMERA);
+    if (status != OK)
+        return status;
+    struct frame frame;
+    best->room = INFINITY;
+    while ((status = source_next(camera, &frame)) == OK) {
+        struct difference d;
+        status = look(screen, folder, &frame, &source_calibration(camera)->color, &d);
+        if (status != OK)
+            break;
+        if (d.room < best->room) {
+            *best = d;
+            snprintf(name, 32, "%s", frame.name);
+        }
+    }
+    source_close(&camera);
+    return status == NOTHING ? OK : status;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc != 4) {
+        fprintf(stderr, "usage: screen-check SCREEN.png CAMERA_FOLDER DRAWN_FOLDER\n");
+        return 2;
+    }
+    struct rgb_picture screen = {0};
+    struct difference d = {0};
+    char name[32] = "", uri[4096];
+    void *pixels = NULL;
+    snprintf(uri, sizeof uri, "folder:%s", argv[2]);
+    enum status status = png_read(argv[1], PNG_RGB8, &pixels, &screen.width, &screen.height);
+    screen.rgb = pixels;
+    if (status == OK)
+        status = find(&screen, uri, argv[3], name, &d);
+    free(pixels);
+    if (status != OK) {
+        fprintf(stderr, "screen-check: %s\n", status_sentence());
+        return 1;
+    }
+    printf("%s: the camera's picture %s, %.1f grey values off; where the actor should be, %.1f off with him, %.1f "
+           "without (%ld pixels)\n",
+           argv[1], name, sqrt(d.room), sqrt(d.drawn), sqrt(d.without), d.actor_pixels);
+    const bool shown = sqrt(d.room) < 15 && d.actor_pixels > 500 && d.drawn < d.without / 2;
+    if (!shown)
+        fprintf(stderr, "screen-check: %s does not show the actor in the camera's picture\n", argv[1]);
+    return shown ? 0 : 1;
+}
