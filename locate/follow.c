@@ -263,30 +263,64 @@ static int part_of(const struct lens *lens, struct pixel at)
     return at.x < 0 || at.y < 0 || x >= LOCATOR_ACROSS || y >= LOCATOR_DOWN ? -1 : y * LOCATOR_ACROSS + x;
 }
 
-// By how many more points should be seen in each part of the picture than are followed.
-static void count_missing(const struct locator *l, const struct pose *camera_from_world, int missing[LOCATOR_PARTS])
+// The points of the place that should be seen, by the part of the picture in which they lie.
+static void sort_into_parts(struct locator *l, const struct pose *camera_from_world)
 {
-    memset(missing, 0, LOCATOR_PARTS * sizeof *missing);
+    double turn[3][3];
+    const struct vec3 *shift = &camera_from_world->translation;
+    int32_t in_part[LOCATOR_PARTS + 1] = {0};
+    quat_to_matrix(camera_from_world->rotation, turn);
     for (int32_t i = 0; i < l->point_count; i++) {
-        struct vec3 p = pose_apply(*camera_from_world, l->points[i].world);
-        int part = in_picture(&l->lens, p) ? part_of(&l->lens, lens_project(&l->lens, p)) : -1;
-        if (part >= 0)
-            missing[part]++;
+        const struct vec3 w = l->points[i].world;
+        struct vec3 p = {turn[0][0] * w.x + turn[0][1] * w.y + turn[0][2] * w.z + shift->x,
+                         turn[1][0] * w.x + turn[1][1] * w.y + turn[1][2] * w.z + shift->y,
+                         turn[2][0] * w.x + turn[2][1] * w.y + turn[2][2] * w.z + shift->z};
+        l->part_of[i] = in_picture(&l->lens, p) ? part_of(&l->lens, lens_project(&l->lens, p)) : -1;
+        if (l->part_of[i] >= 0)
+            in_part[l->part_of[i] + 1]++;
+    }
+    for (int i = 0; i < LOCATOR_PARTS; i++)
+        in_part[i + 1] += in_part[i];
+    memcpy(l->part_start, in_part, sizeof l->part_start);
+    for (int32_t i = 0; i < l->point_count; i++)
+        if (l->part_of[i] >= 0)
+            l->in_parts[in_part[l->part_of[i]]++] = i;
+}
+
+// New points in one part of the picture.
+static enum status look_in(struct locator *l, int part, const uint16_t *depth, const struct pose *camera_from_world)
+{
+    const int32_t *which = l->in_parts + l->part_start[part];
+    int32_t count = l->part_start[part + 1] - l->part_start[part];
+    enum status status = locator_find_features_in(l, part, depth);
+    if (status != OK)
+        return status;
+    for (int32_t i = 0; i < count; i++)
+        l->some_points[i] = l->points[which[i]];
+    int found = points_match(l->some_points, count, &l->index, &l->lens, camera_from_world, NEAR_PX, l->matches,
+                             FEATURES_MAX);
+    for (int i = 0; i < found; i++)
+        l->matches[i].point = which[l->matches[i].point];
+    add_points(l, found, camera_from_world);
+    return OK;
+}
+
+// New points, first where most should be seen that are not followed, and for longest nobody looked.
+static enum status look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
+{
+    int missing[LOCATOR_PARTS], parts = (ENOUGH_TRACKS - l->track_count + NEW_IN_A_PART - 1) / NEW_IN_A_PART;
+    if (parts <= 0 || !l->point_count)
+        return OK;
+    sort_into_parts(l, camera_from_world);
+    for (int i = 0; i < LOCATOR_PARTS; i++) {
+        missing[i] = l->part_start[i + 1] - l->part_start[i];
+        l->unsearched[i]++;
     }
     for (int i = 0; i < l->track_count; i++) {
         int part = part_of(&l->lens, l->tracks[i].at);
         if (part >= 0)
             missing[part]--;
     }
-}
-
-// New points, first where most are missing and for longest nobody looked.
-static enum status look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
-{
-    int missing[LOCATOR_PARTS], parts = (ENOUGH_TRACKS - l->track_count + NEW_IN_A_PART - 1) / NEW_IN_A_PART;
-    count_missing(l, camera_from_world, missing);
-    for (int i = 0; i < LOCATOR_PARTS; i++)
-        l->unsearched[i]++;
     while (parts-- > 0) {
         int best = 0;
         for (int i = 1; i < LOCATOR_PARTS; i++)
@@ -295,12 +329,9 @@ static enum status look_for_new(struct locator *l, const uint16_t *depth, const 
         if (missing[best] <= 0)
             break;
         missing[best] = l->unsearched[best] = 0;
-        enum status status = locator_find_features_in(l, best, depth);
+        enum status status = look_in(l, best, depth, camera_from_world);
         if (status != OK)
             return status;
-        int count = points_match(l->points, l->point_count, &l->index, &l->lens, camera_from_world, NEAR_PX,
-                                 l->matches, FEATURES_MAX);
-        add_points(l, count, camera_from_world);
     }
     return OK;
 }

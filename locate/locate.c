@@ -54,10 +54,14 @@ static enum status fill(struct locator *l, const struct place *place)
     if (!l->gray || !l->tags || !l->patterns || !l->tag_tracks)
         return fail(ERR_MEMORY, "no memory to find a camera in the place");
     if (place->point_count > 0) {
-        l->points = malloc((size_t)place->point_count * sizeof *l->points);
-        if (!l->points)
+        size_t points = (size_t)place->point_count;
+        l->points = malloc(points * sizeof *l->points);
+        l->some_points = malloc(points * sizeof *l->some_points);
+        l->part_of = malloc(points * sizeof *l->part_of);
+        l->in_parts = malloc(points * sizeof *l->in_parts);
+        if (!l->points || !l->some_points || !l->part_of || !l->in_parts)
             return fail(ERR_MEMORY, "no memory to find a camera in the place");
-        memcpy(l->points, place->points, (size_t)place->point_count * sizeof *l->points);
+        memcpy(l->points, place->points, points * sizeof *l->points);
         l->point_count = place->point_count;
     }
     l->tag_count = place->tag_count;
@@ -106,6 +110,9 @@ void locator_close(struct locator **out)
     free(l->patterns);
     free(l->tag_tracks);
     free(l->points);
+    free(l->some_points);
+    free(l->part_of);
+    free(l->in_parts);
     free(l);
     *out = NULL;
 }

@@ -59,6 +59,8 @@ struct locator {
     struct tag_track *tag_tracks;            // of each tag
     struct sighting corrected[FIT_MAX_TAGS]; // the tags in sight less what is known of their errors
     struct anchor anchor;
+    int32_t *part_of, *in_parts, part_start[LOCATOR_PARTS + 1]; // points by the part they should be seen in
+    struct place_point *some_points;                             // of one part
     int unsearched[LOCATOR_PARTS]; // for how many pictures no new points were looked for in each part
     struct pose last; // camera_from_world of the last picture that was placed
 };
