@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Uncertainty added to every corner: the map's own, in pixels.
-static const double MAP_PX = 0.1;
 // The fit begins with corners this uncertain and tightens, so that tags far from
 // the one that gave the start can pull although they are pixels off.
 static const double STAGES_PX[] = {8, 2, 0.5, 0};
@@ -139,13 +137,13 @@ struct weights {
     double a[64];
 };
 
-static void stage_information(const struct sighting *seen, double extra_px, double out[64])
+static void stage_information(const struct fit_tag *tag, double extra_px, double out[64])
 {
     memset(out, 0, 64 * sizeof *out);
     double covariance[64], variance = extra_px * extra_px;
-    if (extra_px < 1 && invert_symmetric(&seen->information[0][0], 8, covariance)) {
+    if (extra_px < 1 && invert_symmetric(&tag->seen->information[0][0], 8, covariance)) {
         for (int i = 0; i < 8; i++)
-            covariance[i * 8 + i] += variance + MAP_PX * MAP_PX;
+            covariance[i * 8 + i] += variance + tag->map_px * tag->map_px;
         if (invert_symmetric(covariance, 8, out))
             return;
     }
@@ -263,7 +261,7 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
     struct normal6 n, after;
     double damping = 1e-6;
     for (int i = 0; i < count; i++)
-        stage_information(tags[i].seen, tag_px, all.information[i].a);
+        stage_information(&tags[i], tag_px, all.information[i].a);
     normal_equations(&all, pose, &n);
     for (int round = 0; round < 20; round++) {
         double a[36], d[6];
@@ -302,7 +300,7 @@ static void look_closely(const struct fit_tag *tags, int count, const struct fit
     struct evidence all = {
         .tags = tags, .tag_count = count, .points = points, .point_count = point_count, .fx = fx, .fy = fy, .depth = true};
     for (int i = 0; i < count; i++)
-        stage_information(tags[i].seen, 0, all.information[i].a);
+        stage_information(&tags[i], 0, all.information[i].a);
     normal_equations(&all, camera_from_world, n);
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < i; j++)
@@ -332,7 +330,9 @@ bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_poin
     look_closely(tags, count, points, point_count, fx, fy, camera_from_world, &n);
     if (!invert_symmetric(n.a, 6, covariance))
         return false;
-    double grow = fmax(1, n.cost / fmax(1, numbers));
+    // Larger than chance makes it in one case of six.
+    numbers = fmax(1, numbers);
+    double grow = fmax(1, n.cost / (numbers + sqrt(2 * numbers)));
     for (int i = 0; i < 36; i++)
         covariance[i] *= grow;
     return true;
@@ -343,7 +343,7 @@ double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_wo
 {
     struct normal6 n = {0};
     struct weights w;
-    stage_information(tag->seen, extra_px, w.a);
+    stage_information(tag, extra_px, w.a);
     return add_tag(&n, tag, w.a, camera_from_world, true, fx, fy);
 }
 

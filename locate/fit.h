@@ -34,6 +34,7 @@ struct fit_tag {
     const struct tag_depth *depth; // or NULL
     struct pose world_from_tag;
     double side_m;
+    double map_px; // how well the map has its corners, beside the picture's noise: standard deviation
     bool used;     // out: in agreement with the pose
     double rms_px; // out: reprojection error of its corners
 };
