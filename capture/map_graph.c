@@ -2,6 +2,8 @@
 
 #include <stdlib.h>
 
+static const double UNFINISHED_PX = 0.1; // how well a growing map has a tag's corners
+
 int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag *out)
 {
     int count = 0;
@@ -13,6 +15,7 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
                 .depth = f->depths[i].count ? &f->depths[i] : NULL,
                 .world_from_tag = tag->world_from_tag,
                 .side_m = tag->side_m,
+                .map_px = UNFINISHED_PX,
                 .used = true,
             };
     }
@@ -57,7 +60,7 @@ static double cost_of(const struct map *m, int32_t tag, const struct pose *world
             if (f->which[k] != tag)
                 continue;
             struct fit_tag t = {
-                &f->seen[k], f->depths[k].count ? &f->depths[k] : NULL, *world_from_tag, m->tags[tag].side_m, true, 0};
+                &f->seen[k], f->depths[k].count ? &f->depths[k] : NULL, *world_from_tag, m->tags[tag].side_m, UNFINISHED_PX, true, 0};
             cost += fit_tag_cost(&t, &f->camera_from_world, GUESS_PX, m->calibration.color.fx, m->calibration.color.fy);
         }
     }

@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Uncertainty added to every corner: the map's own, in pixels.
-static const double MAP_PX = 0.1;
 // The fit begins with corners this uncertain and tightens, so that tags far from
 // the one that gave the start can pull although they are pixels off.
 static const double STAGES_PX[] = {8, 2, 0.5, 0};
@@ -139,13 +137,13 @@ struct weights {
     double a[64];
 };
 
-static void stage_information(const struct sighting *seen, double extra_px, double out[64])
+static void stage_information(const struct fit_tag *tag, double extra_px, double out[64])
 {
     memset(out, 0, 64 * sizeof *out);
     double covariance[64], variance = extra_px * extra_px;
-    if (extra_px < 1 && invert_symmetric(&seen->information[0][0], 8, covariance)) {
+    if (extra_px < 1 && invert_symmetric(&tag->seen->information[0][0], 8, covariance)) {
         for (int i = 0; i < 8; i++)
-            covariance[i * 8 + i] += variance + MAP_PX * MAP_PX;
+            covariance[i * 8 + i] += variance + tag->map_px * tag->map_px;
         if (invert_symmetric(covariance, 8, out))
             return;
     }
@@ -191,11 +189,19 @@ static double add_point(struct normal6 *n, const struct fit_point *point, double
     struct vec3 p = pose_apply(*camera_from_world, point->world);
     if (!(p.z > 1e-2))
         return 100;
-    double sigma = sqrt(point->sigma_px * point->sigma_px + extra_px * extra_px);
-    double x = p.x / p.z, y = p.y / p.z, ux = fx / (p.z * sigma), uy = fy / (p.z * sigma);
-    double ex = fx * (x - point->x) / sigma, ey = fy * (y - point->y) / sigma;
-    const double row0[6] = {ux * -x * p.y, ux * (p.z + x * p.x), ux * -p.y, ux, 0, -ux * x};
-    const double row1[6] = {uy * (-p.z - y * p.y), uy * y * p.x, uy * p.x, 0, uy, -uy * y};
+    // [a 0; b c] times an error in pixels has unit covariance
+    double variance = point->sigma_px * point->sigma_px + extra_px * extra_px, xx = variance + point->own[0];
+    double a = 1 / sqrt(xx), c = 1 / sqrt(variance + point->own[2] - point->own[1] * point->own[1] / xx);
+    double b = -c * point->own[1] / xx;
+    double x = p.x / p.z, y = p.y / p.z, ux = fx / p.z, uy = fy / p.z;
+    double off_x = fx * (x - point->x), off_y = fy * (y - point->y), ex = a * off_x, ey = b * off_x + c * off_y;
+    const double by_x[6] = {ux * -x * p.y, ux * (p.z + x * p.x), ux * -p.y, ux, 0, -ux * x};
+    const double by_y[6] = {uy * (-p.z - y * p.y), uy * y * p.x, uy * p.x, 0, uy, -uy * y};
+    double row0[6], row1[6];
+    for (int i = 0; i < 6; i++) {
+        row0[i] = a * by_x[i];
+        row1[i] = b * by_x[i] + c * by_y[i];
+    }
     double bound = ROBUST * ROBUST, chi2 = ex * ex + ey * ey, ez = 0, depth = 0;
     if (point->z > 0) {
         depth = 1 / (depth_sigma(point->z) + extra_px * p.z / fx);
@@ -255,7 +261,7 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
     struct normal6 n, after;
     double damping = 1e-6;
     for (int i = 0; i < count; i++)
-        stage_information(tags[i].seen, tag_px, all.information[i].a);
+        stage_information(&tags[i], tag_px, all.information[i].a);
     normal_equations(&all, pose, &n);
     for (int round = 0; round < 20; round++) {
         double a[36], d[6];
@@ -287,28 +293,46 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
     return n.cost;
 }
 
-bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
-                    double fy, const struct pose *camera_from_world, double covariance[36])
+// The normal equations in the end, both halves of them.
+static void look_closely(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count,
+                         double fx, double fy, const struct pose *camera_from_world, struct normal6 *n)
 {
     struct evidence all = {
         .tags = tags, .tag_count = count, .points = points, .point_count = point_count, .fx = fx, .fy = fy, .depth = true};
+    for (int i = 0; i < count; i++)
+        stage_information(&tags[i], 0, all.information[i].a);
+    normal_equations(&all, camera_from_world, n);
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < i; j++)
+            n->a[j * 6 + i] = n->a[i * 6 + j];
+}
+
+void fit_information(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+                     double fy, const struct pose *camera_from_world, double information[36])
+{
+    struct normal6 n;
+    look_closely(tags, count, points, point_count, fx, fy, camera_from_world, &n);
+    memcpy(information, n.a, sizeof n.a);
+}
+
+bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+                    double fy, const struct pose *camera_from_world, double covariance[36])
+{
     struct normal6 n;
     double numbers = -6; // observed, beyond those that the pose itself takes
     for (int i = 0; i < count; i++) {
-        stage_information(tags[i].seen, 0, all.information[i].a);
         numbers += tags[i].used ? 8 : 0;
         if (tags[i].used && tags[i].depth)
             numbers += tags[i].depth->share * tags[i].depth->count;
     }
     for (int i = 0; i < point_count; i++)
         numbers += points[i].z > 0 ? 3 : 2;
-    normal_equations(&all, camera_from_world, &n);
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < i; j++)
-            n.a[j * 6 + i] = n.a[i * 6 + j];
+    look_closely(tags, count, points, point_count, fx, fy, camera_from_world, &n);
     if (!invert_symmetric(n.a, 6, covariance))
         return false;
-    double grow = fmax(1, n.cost / fmax(1, numbers));
+    // Larger than chance makes it in one case of six.
+    numbers = fmax(1, numbers);
+    double grow = fmax(1, n.cost / (numbers + sqrt(2 * numbers)));
     for (int i = 0; i < 36; i++)
         covariance[i] *= grow;
     return true;
@@ -319,7 +343,7 @@ double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_wo
 {
     struct normal6 n = {0};
     struct weights w;
-    stage_information(tag->seen, extra_px, w.a);
+    stage_information(tag, extra_px, w.a);
     return add_tag(&n, tag, w.a, camera_from_world, true, fx, fy);
 }
 

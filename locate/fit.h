@@ -34,6 +34,7 @@ struct fit_tag {
     const struct tag_depth *depth; // or NULL
     struct pose world_from_tag;
     double side_m;
+    double map_px; // how well the map has its corners, beside the picture's noise: standard deviation
     bool used;     // out: in agreement with the pose
     double rms_px; // out: reprojection error of its corners
 };
@@ -44,6 +45,7 @@ struct fit_point {
     double x, y;
     double sigma_px; // of the sighting and of the map together
     double z;        // depth read there, metres; 0: none
+    double own[3];   // covariance of the sighting beside sigma_px: xx, xy, yy, pixels^2
 };
 
 struct camera_fit {
@@ -74,6 +76,10 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
 // motion open; *covariance untouched.
 bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
                     double fy, const struct pose *camera_from_world, double covariance[36]);
+
+// The same, not yet inverted and as if errors were as large as the evidence owns to.
+void fit_information(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+                     double fy, const struct pose *camera_from_world, double information[36]);
 
 // Reprojection error of one tag; 1e9 behind the camera or from its back.
 double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy);

@@ -5,6 +5,8 @@
 static const double STEP = 0.01, FURTHEST = 0.4, SETTLED = 0.001;
 // A printed tag's side and a map's scale are seldom surer than this.
 static const double TOLERATED = 0.02, SURE_SIGMA = 4;
+// Corners are as loose as this: far from the right focal length they must still pull.
+static const double LOOSE_PX = 0.1;
 // A picture that knows it worse says nothing.
 static const double WORST_SIGMA = 0.05;
 
@@ -30,6 +32,7 @@ static double cost_at(const struct fit_tag *tags, int count, const struct fit_po
         }
         e.tags[i] = tags[i];
         e.tags[i].seen = &e.seen[i];
+        e.tags[i].map_px = fmax(tags[i].map_px, LOOSE_PX);
         e.tags[i].depth = NULL;
         e.tags[i].used = true; // a wrong focal length is what makes good tags disagree
     }

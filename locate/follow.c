@@ -1,18 +1,22 @@
 #include "locate/locator_internal.h"
 
+#include "locate/linear.h"
+
 #include <string.h>
 
 // Tags are read by this many pixels, all of them together.
 enum { TAG_PIXELS = 1600, LEAST_TAG_PIXELS = 400 };
-// So many points are enough, and with fewer than half of that new ones are looked for.
-enum { ENOUGH_TRACKS = 160, FEW_TRACKS = 100 };
+// So many points are enough; with fewer, new ones are looked for in parts of each picture, so many
+// parts as give what is missing: each picture costs about the same.
+enum { ENOUGH_TRACKS = 140, NEW_IN_A_PART = 20 };
 // Fewer say nothing, without a tag and with one.
 enum { LEAST_TRACKS = 15 };
 static const double FAR_SIGMA = 4;    // a track further off is lost
 static const double CORNER_PX = 1;    // how sure a tag's corner is by brightness alone
-static const double FOLLOW_PX = 0.25; // how exactly a patch is found again
+static const double FOLLOW_PX = 0.25; // how exactly a patch is found again, as long as nothing else is known
+static const double LEAST_FOLLOW_PX = 0.05;
+enum { MEMORY = 10 }; // pictures that say how exactly
 static const double CHANGE_PX = 0.05; // by how much more a track errs in the next picture
-static const double LEAK = 0.1;   // the share of what was learnt of a track's error that is forgotten with each picture
 static const double NEAR_PX = 4;  // how near a point is looked for around a pose that is known
 static const double APART_PX = 8; // tracks nearer to each other tell the same
 static const double NEW_LOOK = 0.08; // a patch seen from this much aside (radians), nearer or further is cut anew
@@ -37,8 +41,12 @@ static void add_track(struct locator *l, int32_t point, struct vec3 world, doubl
     if (l->track_count == LOCATOR_MOST_TRACKS)
         return;
     struct point_track *t = &l->tracks[l->track_count];
-    *t = (struct point_track){.point = point, .world = world, .sigma_px = sigma_px, .at = at};
-    t->off_variance = sigma_px * sigma_px;
+    struct vec3 p = pose_apply(*camera_from_world, world), ray = lens_ray(&l->lens, at);
+    *t = (struct point_track){.point = point, .world = world, .sigma_px = sigma_px, .at = at, .ray = ray};
+    t->off[0] = point < 0 ? 0 : l->lens.fx * (ray.x - p.x / p.z);
+    t->off[1] = point < 0 ? 0 : l->lens.fy * (ray.y - p.y / p.z);
+    t->off_variance = point < 0 ? sigma_px * sigma_px : FOLLOW_PX * FOLLOW_PX;
+    t->noise[0] = t->noise[2] = FOLLOW_PX * FOLLOW_PX;
     t->cut_from = v3_sub(pose_inverse(*camera_from_world).translation, world);
     l->track_count += patch_cut(&l->picture, at, &t->patch);
 }
@@ -65,13 +73,64 @@ static void add_points(struct locator *l, int agree, const struct pose *camera_f
     }
 }
 
-void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, const struct pose *camera_from_world)
+// By how much the corners of a tag are off where the pose has them, ideal pixels.
+static void corner_errors(const struct locator *l, int i, const struct pose *camera_from_world, double out[8])
 {
+    struct vec3 world[4];
+    place_tag_corners(&l->tags[l->which[i]], world);
+    for (int k = 0; k < 4; k++) {
+        struct vec3 p = pose_apply(*camera_from_world, world[k]);
+        out[2 * k] = l->lens.fx * (l->sightings[i].ray[k].x - p.x / p.z);
+        out[2 * k + 1] = l->lens.fy * (l->sightings[i].ray[k].y - p.y / p.z);
+    }
+}
+
+// What the pose that was followed says of each tag's error. best: the pose in the end.
+static void learn_tags(struct locator *l, const struct fit_tag *tags, const struct pose *followed,
+                       const struct pose *best)
+{
+    bool seen[FIT_MAX_TAGS] = {false};
+    for (int32_t k = 0; k < l->tag_count; k++) {
+        int i = 0;
+        while (i < l->count && (l->which[i] != k || !tags[i].used))
+            i++;
+        if (i == l->count)
+            l->tag_tracks[k].known = false;
+        else
+            seen[i] = true;
+    }
+    for (int i = 0; i < l->count; i++) {
+        struct tag_track *t = &l->tag_tracks[l->which[i]];
+        double at[8], then[8], variance = t->known ? t->off_variance + CHANGE_PX * CHANGE_PX : 1e6;
+        double gain = variance / (variance + FOLLOW_PX * FOLLOW_PX);
+        if (!seen[i])
+            continue;
+        corner_errors(l, i, followed, at);
+        corner_errors(l, i, best, then);
+        for (int k = 0; k < 8; k++) {
+            t->off[k] = t->known ? t->off[k] : at[k];
+            t->off[k] += gain * (at[k] - t->off[k]) + then[k] - at[k];
+        }
+        t->off_variance = (1 - gain) * variance;
+        t->known = true;
+    }
+}
+
+void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, const struct pose *camera_from_world,
+                      const double covariance[36])
+{
+    static const double none[36];
     patch_picture_fill(&l->picture, l->gray);
     l->track_count = 0;
     l->last = *camera_from_world;
+    for (int32_t k = 0; k < l->tag_count; k++)
+        l->tag_tracks[k].known = false;
+    learn_tags(l, tags, camera_from_world, camera_from_world);
+    anchor_start(&l->anchor, covariance, none);
     add_corners(l, tags, camera_from_world);
     add_points(l, agree, camera_from_world);
+    for (int i = 0; i < l->track_count; i++)
+        l->tracks[i].weighed = true;
 }
 
 // Finds the tracks in the new picture; those not found are dropped.
@@ -89,6 +148,7 @@ static void find_tracks(struct locator *l, const struct pose *guess)
         if (!patch_follow(&l->picture, &t->patch, &at))
             continue;
         t->at = at;
+        t->ray = lens_ray(&l->lens, at);
         if (kept != i)
             l->tracks[kept] = *t;
         kept++;
@@ -96,23 +156,49 @@ static void find_tracks(struct locator *l, const struct pose *guess)
     l->track_count = kept;
 }
 
-// What the tracks say, for a fit. corners: those of tags too. learnt: less what is known of
-// their errors. Returns how many.
-static int gather(const struct locator *l, const uint16_t *depth, bool corners, bool learnt, struct fit_point *out)
+enum what {
+    CORNERS = 1, // of tags, too
+    LEARNT = 2,  // less what is known of their errors
+    WEIGHED = 4, // only those of which the map's last pose knows
+    NOISE = 8,   // as sure as they are followed, whatever is wrong with them
+    DRIFT = 16,  // as sure as it is that what is wrong with them stays
+};
+
+// By how much more a point errs in the next picture: the map has its distance about as exactly
+// as a sensor reads it, and it is now seen from elsewhere.
+static double change_px(const struct locator *l, const struct point_track *t, const struct pose *camera_from_world)
+{
+    struct vec3 from = v3_sub(pose_inverse(*camera_from_world).translation, t->world),
+                before = v3_sub(pose_inverse(l->last).translation, t->world);
+    double z = v3_length(from), aside = v3_length(v3_cross(from, before)) / (z * v3_length(before));
+    return hypot(CHANGE_PX, l->lens.fx / z * depth_sigma(z) * aside);
+}
+
+// What the tracks say, for a fit. Returns how many.
+static int gather(const struct locator *l, const uint16_t *depth, enum what what, const struct pose *camera_from_world,
+                  struct fit_point *out)
 {
     int count = 0;
     for (int i = 0; i < l->track_count; i++) {
         const struct point_track *t = &l->tracks[i];
-        if (t->point < 0 && !corners)
+        if ((t->point < 0 && !(what & CORNERS)) || ((what & WEIGHED) && !t->weighed))
             continue;
-        struct vec3 ray = lens_ray(&l->lens, t->at);
         struct fit_point *p = &out[count++];
-        *p = (struct fit_point){t->world, ray.x, ray.y, t->sigma_px,
-                                depth && t->point >= 0 ? feature_depth(&l->lens, depth, t->at) : 0};
-        if (learnt) {
+        *p = (struct fit_point){t->world, t->ray.x, t->ray.y, t->sigma_px,
+                                depth && t->point >= 0 ? feature_depth(&l->lens, depth, t->at) : 0, {0}};
+        if (what & LEARNT) {
             p->x -= t->off[0] / l->lens.fx;
             p->y -= t->off[1] / l->lens.fy;
-            p->sigma_px = sqrt(t->off_variance + FOLLOW_PX * FOLLOW_PX);
+            p->sigma_px = sqrt(t->off_variance);
+            memcpy(p->own, t->noise, sizeof p->own);
+        }
+        if (what & (NOISE | DRIFT)) {
+            struct vec3 at = pose_apply(*camera_from_world, t->world);
+            p->x = at.x / at.z;
+            p->y = at.y / at.z;
+            p->sigma_px = what & NOISE ? 0 : change_px(l, t, camera_from_world);
+            if (what & NOISE)
+                memcpy(p->own, t->noise, sizeof p->own);
         }
     }
     return count;
@@ -124,8 +210,7 @@ static int drop_bad(struct locator *l, const struct pose *camera_from_world)
     int kept = 0, points = 0;
     for (int i = 0; i < l->track_count; i++) {
         struct point_track *t = &l->tracks[i];
-        struct vec3 ray = lens_ray(&l->lens, t->at);
-        struct fit_point p = {t->world, ray.x, ray.y, t->sigma_px, 0};
+        struct fit_point p = {t->world, t->ray.x, t->ray.y, t->sigma_px, 0, {0}};
         if (!(fit_point_error(&p, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA))
             continue;
         points += t->point >= 0;
@@ -137,17 +222,26 @@ static int drop_bad(struct locator *l, const struct pose *camera_from_world)
     return points;
 }
 
-// What the pose says of each track's error.
-static void learn(struct locator *l, const struct pose *camera_from_world)
+// What the pose that was followed says of each track's error. best: the pose in the end.
+static void learn(struct locator *l, const struct pose *followed, const struct pose *best)
 {
     for (int i = 0; i < l->track_count; i++) {
         struct point_track *t = &l->tracks[i];
-        struct vec3 ray = lens_ray(&l->lens, t->at), p = pose_apply(*camera_from_world, t->world);
-        double variance = t->off_variance + CHANGE_PX * CHANGE_PX, gain = variance / (variance + FOLLOW_PX * FOLLOW_PX);
-        const double now[2] = {l->lens.fx * (ray.x - p.x / p.z), l->lens.fy * (ray.y - p.y / p.z)};
-        for (int k = 0; k < 2; k++)
-            t->off[k] = (1 - LEAK) * (t->off[k] + gain * (now[k] - t->off[k]));
+        struct vec3 p = pose_apply(*followed, t->world), q = pose_apply(*best, t->world);
+        double change = change_px(l, t, followed), variance = t->off_variance + change * change;
+        double gain = variance / (variance + (t->noise[0] + t->noise[2]) / 2);
+        double off_x = l->lens.fx * (t->ray.x - p.x / p.z) - t->off[0],
+               off_y = l->lens.fy * (t->ray.y - p.y / p.z) - t->off[1];
+        // of the difference, what the offset does not explain by its own uncertainty
+        const double now[3] = {fmax(off_x * off_x * (1 - gain), LEAST_FOLLOW_PX * LEAST_FOLLOW_PX),
+                               off_x * off_y * (1 - gain),
+                               fmax(off_y * off_y * (1 - gain), LEAST_FOLLOW_PX * LEAST_FOLLOW_PX)};
+        for (int k = 0; k < 3; k++)
+            t->noise[k] += (now[k] - t->noise[k]) / MEMORY;
+        t->off[0] += gain * off_x + l->lens.fx * (p.x / p.z - q.x / q.z);
+        t->off[1] += gain * off_y + l->lens.fy * (p.y / p.z - q.y / q.z);
         t->off_variance = (1 - gain) * variance;
+        t->weighed = true;
     }
 }
 
@@ -161,6 +255,85 @@ static int use_tags(struct locator *l, struct fit_tag *tags, const struct pose *
         used += tags[i].used;
     }
     return used;
+}
+
+static int part_of(const struct lens *lens, struct pixel at)
+{
+    int x = (int)(at.x * LOCATOR_ACROSS / lens->width), y = (int)(at.y * LOCATOR_DOWN / lens->height);
+    return at.x < 0 || at.y < 0 || x >= LOCATOR_ACROSS || y >= LOCATOR_DOWN ? -1 : y * LOCATOR_ACROSS + x;
+}
+
+// The points of the place that should be seen, by the part of the picture in which they lie.
+static void sort_into_parts(struct locator *l, const struct pose *camera_from_world)
+{
+    double turn[3][3];
+    const struct vec3 *shift = &camera_from_world->translation;
+    int32_t in_part[LOCATOR_PARTS + 1] = {0};
+    quat_to_matrix(camera_from_world->rotation, turn);
+    for (int32_t i = 0; i < l->point_count; i++) {
+        const struct vec3 w = l->points[i].world;
+        struct vec3 p = {turn[0][0] * w.x + turn[0][1] * w.y + turn[0][2] * w.z + shift->x,
+                         turn[1][0] * w.x + turn[1][1] * w.y + turn[1][2] * w.z + shift->y,
+                         turn[2][0] * w.x + turn[2][1] * w.y + turn[2][2] * w.z + shift->z};
+        l->part_of[i] = in_picture(&l->lens, p) ? part_of(&l->lens, lens_project(&l->lens, p)) : -1;
+        if (l->part_of[i] >= 0)
+            in_part[l->part_of[i] + 1]++;
+    }
+    for (int i = 0; i < LOCATOR_PARTS; i++)
+        in_part[i + 1] += in_part[i];
+    memcpy(l->part_start, in_part, sizeof l->part_start);
+    for (int32_t i = 0; i < l->point_count; i++)
+        if (l->part_of[i] >= 0)
+            l->in_parts[in_part[l->part_of[i]]++] = i;
+}
+
+// New points in one part of the picture.
+static enum status look_in(struct locator *l, int part, const uint16_t *depth, const struct pose *camera_from_world)
+{
+    const int32_t *which = l->in_parts + l->part_start[part];
+    int32_t count = l->part_start[part + 1] - l->part_start[part];
+    enum status status = locator_find_features_in(l, part, depth);
+    if (status != OK)
+        return status;
+    for (int32_t i = 0; i < count; i++)
+        l->some_points[i] = l->points[which[i]];
+    int found = points_match(l->some_points, count, &l->index, &l->lens, camera_from_world, NEAR_PX, l->matches,
+                             FEATURES_MAX);
+    for (int i = 0; i < found; i++)
+        l->matches[i].point = which[l->matches[i].point];
+    add_points(l, found, camera_from_world);
+    return OK;
+}
+
+// New points, first where most should be seen that are not followed, and for longest nobody looked.
+static enum status look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
+{
+    int missing[LOCATOR_PARTS], parts = (ENOUGH_TRACKS - l->track_count + NEW_IN_A_PART - 1) / NEW_IN_A_PART;
+    if (parts <= 0 || !l->point_count)
+        return OK;
+    sort_into_parts(l, camera_from_world);
+    for (int i = 0; i < LOCATOR_PARTS; i++) {
+        missing[i] = l->part_start[i + 1] - l->part_start[i];
+        l->unsearched[i]++;
+    }
+    for (int i = 0; i < l->track_count; i++) {
+        int part = part_of(&l->lens, l->tracks[i].at);
+        if (part >= 0)
+            missing[part]--;
+    }
+    while (parts-- > 0) {
+        int best = 0;
+        for (int i = 1; i < LOCATOR_PARTS; i++)
+            if (missing[i] * l->unsearched[i] > missing[best] * l->unsearched[best])
+                best = i;
+        if (missing[best] <= 0)
+            break;
+        missing[best] = l->unsearched[best] = 0;
+        enum status status = look_in(l, best, depth, camera_from_world);
+        if (status != OK)
+            return status;
+    }
+    return OK;
 }
 
 // Gets ready for the next picture: corners of the tags, patches as they look from here, and
@@ -186,55 +359,167 @@ static enum status look_ahead(struct locator *l, const struct fit_tag *tags, con
     }
     l->track_count = kept;
     l->last = *camera_from_world;
-    if (kept < FEW_TRACKS && l->point_count) {
-        enum status status = locator_find_features(l, depth);
-        if (status != OK)
-            return status;
-        int count = points_match(l->points, l->point_count, &l->index, &l->lens, camera_from_world, NEAR_PX, l->matches,
-                                 FEATURES_MAX);
-        add_points(l, count, camera_from_world);
-    }
+    enum status status = look_for_new(l, depth, camera_from_world);
     add_corners(l, tags, camera_from_world);
-    return OK;
+    return status;
+}
+
+// The tags that were in the last picture too, less what is known of their errors.
+static int correct_tags(struct locator *l, const struct fit_tag *tags, struct fit_tag *out)
+{
+    int count = 0;
+    for (int i = 0; i < l->count; i++) {
+        const struct tag_track *t = &l->tag_tracks[l->which[i]];
+        if (!t->known || !tags[i].used)
+            continue;
+        l->corrected[count] = l->sightings[i];
+        for (int k = 0; k < 4; k++) {
+            l->corrected[count].ray[k].x -= t->off[2 * k] / l->lens.fx;
+            l->corrected[count].ray[k].y -= t->off[2 * k + 1] / l->lens.fy;
+        }
+        out[count] = tags[i];
+        out[count].depth = NULL;
+        out[count].seen = &l->corrected[count];
+        count++;
+    }
+    return count;
+}
+
+// The small motion from one camera_from_world to another.
+static void small_motion(const struct pose *from, const struct pose *to, double out[6])
+{
+    struct pose by = pose_multiply(*to, pose_inverse(*from));
+    struct vec3 turn = quat_to_rotation_vector(by.rotation);
+    const double d[6] = {turn.x, turn.y, turn.z, by.translation.x, by.translation.y, by.translation.z};
+    memcpy(out, d, sizeof d);
+}
+
+// How much the map's pose rests on what the last picture showed too.
+static void look_back(const struct locator *l, const uint16_t *depth, const struct fit_tag *tags,
+                      const struct pose *map, struct anchor_look *look)
+{
+    struct fit_point points[LOCATOR_MOST_TRACKS];
+    struct fit_tag old[FIT_MAX_TAGS];
+    const struct lens *lens = &l->lens;
+    double all[36], inverse[36];
+    memset(look->map_information, 0, sizeof look->map_information);
+    int count = gather(l, depth, 0, map, points);
+    fit_information(tags, l->count, points, count, lens->fx, lens->fy, map, all);
+    if (!invert_symmetric(all, 6, inverse))
+        return;
+    for (int i = 0; i < l->count; i++) {
+        old[i] = tags[i];
+        old[i].used = tags[i].used && l->tag_tracks[l->which[i]].known;
+    }
+    count = gather(l, depth, WEIGHED, map, points);
+    fit_information(old, l->count, points, count, lens->fx, lens->fy, map, look->map_information);
+    for (int i = 0; i < 36; i++) // errors that are larger than expected are so in both
+        look->map_information[i] *= inverse[0] / look->map_covariance[0];
+}
+
+// How far the pose may be off by following alone: what of it is another in each picture, and
+// what adds up.
+static bool look_around(const struct locator *l, const struct fit_tag *known, int known_count, double new_share,
+                        const struct pose *followed, struct anchor_look *look)
+{
+    struct fit_point points[LOCATOR_MOST_TRACKS];
+    const struct lens *lens = &l->lens;
+    double information[36];
+    int count = gather(l, NULL, NOISE, followed, points);
+    fit_information(known, known_count, points, count, lens->fx, lens->fy, followed, information);
+    if (!invert_symmetric(information, 6, look->noise))
+        return false;
+    count = gather(l, NULL, DRIFT, followed, points);
+    fit_information(known, known_count, points, count, lens->fx, lens->fy, followed, information);
+    if (!invert_symmetric(information, 6, look->drift))
+        return false;
+    // What is new was placed by one picture, and errs as that one did.
+    for (int i = 0; i < 36; i++)
+        look->drift[i] += new_share * new_share * look->noise[i];
+    return true;
+}
+
+// From the pose that was followed towards the one that the map gives by itself, as far as
+// that is worth. False: what is in sight leaves a motion open.
+static bool settle_on(struct locator *l, const uint16_t *depth, const struct fit_tag *tags,
+                      const struct pose *followed, struct anchor_look *look, struct pose *best)
+{
+    struct fit_point points[LOCATOR_MOST_TRACKS];
+    const struct lens *lens = &l->lens;
+    double by[6];
+    struct pose map = *followed;
+    int count = gather(l, depth, 0, followed, points);
+    fit_refine(tags, l->count, 0, points, count, 0, lens->fx, lens->fy, &map);
+    if (!pose_finite(map) ||
+        !fit_covariance(tags, l->count, points, count, lens->fx, lens->fy, &map, look->map_covariance))
+        return false;
+    look_back(l, depth, tags, &map, look);
+    small_motion(followed, &map, look->off);
+    if (!anchor_move(&l->anchor, look, by))
+        return false;
+    struct pose small = {quat_from_rotation_vector(v3(by[0], by[1], by[2])), {by[3], by[4], by[5]}};
+    *best = pose_multiply(small, *followed);
+    return pose_finite(*best);
+}
+
+bool locator_find_tracks(struct locator *l, const struct pose *camera_from_world)
+{
+    int before = l->track_count;
+    if (!before)
+        return false;
+    patch_picture_fill(&l->picture, l->gray);
+    find_tracks(l, camera_from_world);
+    return l->track_count >= 4 && 3 * l->track_count >= before;
+}
+
+enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose pose,
+                               struct location *out)
+{
+    struct fit_point points[LOCATOR_MOST_TRACKS];
+    struct fit_tag tags[FIT_MAX_TAGS], known[FIT_MAX_TAGS];
+    const struct lens *lens = &l->lens;
+    int count = gather(l, depth, CORNERS | LEARNT, &pose, points), corners = 0;
+    for (double loose = 8; loose > 0.4; loose /= 4)
+        fit_refine(NULL, 0, 0, points, count, loose, lens->fx, lens->fy, &pose);
+    for (int i = 0; i < l->track_count; i++)
+        corners += l->tracks[i].point < 0;
+    int each = TAG_PIXELS / (corners / 4 + 1);
+    l->count = 0;
+    locator_look_where_predicted(l, color, depth, &pose, each > LEAST_TAG_PIXELS ? each : LEAST_TAG_PIXELS);
+    locator_fit_tags(l, tags);
+    drop_bad(l, &pose);
+    use_tags(l, tags, &pose);
+    int known_count = correct_tags(l, tags, known);
+    count = gather(l, NULL, LEARNT, &pose, points);
+    fit_refine(known, known_count, 0, points, count, 0, lens->fx, lens->fy, &pose);
+    int agree = drop_bad(l, &pose);
+    if (!pose_finite(pose) || agree < LEAST_TRACKS || 2 * agree < count)
+        return NOTHING;
+    struct camera_fit found = {.used = use_tags(l, tags, &pose)};
+    struct anchor_look seen;
+    double covariance[36], weighed = 0;
+    for (int i = 0; i < l->track_count; i++)
+        weighed += l->tracks[i].point >= 0 && l->tracks[i].weighed;
+    if (!look_around(l, known, known_count, 1 - weighed / agree, &pose, &seen) ||
+        !settle_on(l, depth, tags, &pose, &seen, &found.camera_from_world))
+        return NOTHING;
+    found.other = found.camera_from_world;
+    found.rms_px = locator_rms(l, tags, &found.camera_from_world);
+    for (int i = 0; i < 36; i++)
+        covariance[i] = l->anchor.covariance[i / 6][i % 6];
+    if (!locator_describe(l, &found, agree, covariance, seen.noise, out))
+        return NOTHING;
+    learn(l, &pose, &found.camera_from_world);
+    learn_tags(l, tags, &pose, &found.camera_from_world);
+    return look_ahead(l, tags, depth, &found.camera_from_world);
 }
 
 enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose guess,
                            struct location *out)
 {
-    struct fit_point points[LOCATOR_MOST_TRACKS];
-    struct fit_tag tags[FIT_MAX_TAGS];
-    const struct lens *lens = &l->lens;
     struct pose pose = pose_inverse(guess);
-    l->count = 0;
     if (!l->track_count || !pose_finite(guess))
         return NOTHING;
-    int before = l->track_count;
-    gray_from_rgb(color, (size_t)lens->width * (size_t)lens->height, l->gray);
-    patch_picture_fill(&l->picture, l->gray);
-    find_tracks(l, &pose);
-    if (l->track_count < 4 || 3 * l->track_count < before)
-        return NOTHING;
-    int count = gather(l, depth, true, true, points);
-    for (double loose = 8; loose > 0.4; loose /= 4)
-        fit_refine(NULL, 0, 0, points, count, loose, lens->fx, lens->fy, &pose);
-    int tag_count = 0;
-    for (int i = 0; i < l->track_count; i++)
-        tag_count += l->tracks[i].point < 0;
-    int each = TAG_PIXELS / (tag_count / 4 + 1);
-    locator_look_where_predicted(l, color, depth, &pose, each > LEAST_TAG_PIXELS ? each : LEAST_TAG_PIXELS);
-    locator_fit_tags(l, tags);
-    drop_bad(l, &pose);
-    use_tags(l, tags, &pose);
-    count = gather(l, depth, false, true, points);
-    fit_refine(tags, l->count, 0, points, count, 0, lens->fx, lens->fy, &pose);
-    int agree = drop_bad(l, &pose);
-    struct camera_fit found = {.camera_from_world = pose, .other = pose, .used = use_tags(l, tags, &pose)};
-    if (!pose_finite(pose) || agree < LEAST_TRACKS || 2 * agree < count)
-        return NOTHING;
-    found.rms_px = locator_rms(l, tags, &pose);
-    count = gather(l, depth, false, false, points);
-    if (!locator_describe(l, tags, points, count, &found, out))
-        return NOTHING;
-    learn(l, &pose);
-    return look_ahead(l, tags, depth, &pose);
+    gray_from_rgb(color, (size_t)l->lens.width * (size_t)l->lens.height, l->gray);
+    return locator_find_tracks(l, &pose) ? locator_fit_tracks(l, color, depth, pose, out) : NOTHING;
 }

@@ -50,13 +50,18 @@ static enum status fill(struct locator *l, const struct place *place)
     l->gray = malloc(pixels);
     l->tags = malloc(n * sizeof *l->tags);
     l->patterns = malloc(n * sizeof *l->patterns);
-    if (!l->gray || !l->tags || !l->patterns)
+    l->tag_tracks = calloc(n, sizeof *l->tag_tracks);
+    if (!l->gray || !l->tags || !l->patterns || !l->tag_tracks)
         return fail(ERR_MEMORY, "no memory to find a camera in the place");
     if (place->point_count > 0) {
-        l->points = malloc((size_t)place->point_count * sizeof *l->points);
-        if (!l->points)
+        size_t points = (size_t)place->point_count;
+        l->points = malloc(points * sizeof *l->points);
+        l->some_points = malloc(points * sizeof *l->some_points);
+        l->part_of = malloc(points * sizeof *l->part_of);
+        l->in_parts = malloc(points * sizeof *l->in_parts);
+        if (!l->points || !l->some_points || !l->part_of || !l->in_parts)
             return fail(ERR_MEMORY, "no memory to find a camera in the place");
-        memcpy(l->points, place->points, (size_t)place->point_count * sizeof *l->points);
+        memcpy(l->points, place->points, points * sizeof *l->points);
         l->point_count = place->point_count;
     }
     l->tag_count = place->tag_count;
@@ -103,7 +108,11 @@ void locator_close(struct locator **out)
     free(l->gray);
     free(l->tags);
     free(l->patterns);
+    free(l->tag_tracks);
     free(l->points);
+    free(l->some_points);
+    free(l->part_of);
+    free(l->in_parts);
     free(l);
     *out = NULL;
 }
@@ -147,6 +156,7 @@ void locator_fit_tags(const struct locator *l, struct fit_tag *tags)
             .depth = l->depths[i].count ? &l->depths[i] : NULL,
             .world_from_tag = tag->world_from_tag,
             .side_m = tag->side_m,
+            .map_px = tag->rms_px / sqrt(2), // of a corner's x or y
         };
     }
 }
@@ -246,16 +256,35 @@ double locator_rms(const struct locator *l, const struct fit_tag *tags, const st
     return used ? sqrt(sum / used) : 0;
 }
 
-enum status locator_find_features(struct locator *l, const uint16_t *depth)
+static enum status index_features(struct locator *l, enum status status, int count, const uint16_t *depth)
 {
-    int count;
-    enum status status = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
     if (status != OK)
         return status;
     feature_index_build(&l->index, l->features, count, &l->lens);
     for (int i = 0; i < count && depth; i++)
         l->feature_depths[i] = feature_depth(&l->lens, depth, l->features[i].at);
     return OK;
+}
+
+enum status locator_find_features(struct locator *l, const uint16_t *depth)
+{
+    int count;
+    enum status status = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
+    return index_features(l, status, count, depth);
+}
+
+enum status locator_find_features_in(struct locator *l, int part, const uint16_t *depth)
+{
+    enum { BEYOND_PX = 24 }; // what the finder leaves out at edges, and more
+    int width = l->lens.width, height = l->lens.height, count;
+    int column = part % LOCATOR_ACROSS, row = part / LOCATOR_ACROSS;
+    int left = column * width / LOCATOR_ACROSS - BEYOND_PX, right = (column + 1) * width / LOCATOR_ACROSS + BEYOND_PX;
+    int top = row * height / LOCATOR_DOWN - BEYOND_PX, bottom = (row + 1) * height / LOCATOR_DOWN + BEYOND_PX;
+    left = left > 0 ? left : 0, right = right < width ? right : width;
+    top = top > 0 ? top : 0, bottom = bottom < height ? bottom : height;
+    enum status status = features_find_in(l->gray, width, left, top, right - left, bottom - top, l->features,
+                                          2 * FEATURES_MAX / LOCATOR_PARTS, &count);
+    return index_features(l, status, count, depth);
 }
 
 // Where no tag says anything. How many points agree; 0: no place.
@@ -292,38 +321,36 @@ static enum status join_predicted(struct locator *l, struct fit_tag *tags, bool 
     return more;
 }
 
-bool locator_describe(const struct locator *l, const struct fit_tag *tags, const struct fit_point *points,
-                      int point_count, const struct camera_fit *found, struct location *out)
+bool locator_describe(const struct locator *l, const struct camera_fit *found, int point_count,
+                      const double covariance[36], const double noise[36], struct location *out)
 {
-    struct location at = {
+    double sigma_m = sqrt(covariance[21] + covariance[28] + covariance[35]);
+    if (!(sigma_m <= l->options.max_position_sigma_m))
+        return false;
+    *out = (struct location){
         .world_from_camera = pose_inverse(found->camera_from_world),
         .rms_px = found->rms_px,
         .tags_used = found->used,
         .tags_rejected = l->count - found->used,
         .points_used = point_count,
+        .position_sigma_m = sigma_m,
         .other = pose_inverse(found->other),
         .other_worse = found->other_worse,
     };
-    if (!fit_covariance(tags, l->count, points, point_count, l->lens.fx, l->lens.fy, &found->camera_from_world,
-                        at.covariance))
-        return false;
-    at.position_sigma_m = sqrt(at.covariance[21] + at.covariance[28] + at.covariance[35]);
-    if (!(at.position_sigma_m <= l->options.max_position_sigma_m))
-        return false;
-    *out = at;
+    memcpy(out->covariance, covariance, sizeof out->covariance);
+    memcpy(out->noise, noise, sizeof out->noise);
     return true;
 }
 
-enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
+// From tags and points alone, whatever was seen before. *agree: how many of l->matches do.
+static enum status find_anew(struct locator *l, const uint8_t *color, const uint16_t *depth, struct fit_tag *tags,
+                             struct camera_fit *found, int *agree)
 {
-    struct fit_tag tags[FIT_MAX_TAGS];
-    struct camera_fit found = {.used = 0};
-    int agree = 0;
-    l->track_count = 0;
+    *agree = 0;
     enum status status = look(l, color, depth);
     if (status != OK)
         return status;
-    status = fit(l, tags, &found);
+    status = fit(l, tags, found);
     if (l->point_count) {
         enum status seen = locator_find_features(l, depth);
         if (seen != OK)
@@ -331,25 +358,58 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
     }
     if (status != NOTHING) {
         if (l->point_count)
-            agree = sharpen(l, tags, depth != NULL, &status, &found);
+            *agree = sharpen(l, tags, depth != NULL, &status, found);
     } else {
         l->count = 0; // tags that fit nothing
-        agree = l->point_count ? from_points(l, depth != NULL, &found) : 0;
-        if (!agree)
+        *agree = l->point_count ? from_points(l, depth != NULL, found) : 0;
+        if (!*agree)
             return NOTHING;
         status = OK;
     }
-    if (locator_look_where_predicted(l, color, depth, &found.camera_from_world, INT_MAX))
-        status = join_predicted(l, tags, depth != NULL, status, &agree, &found);
-    found.rms_px = locator_rms(l, tags, &found.camera_from_world);
-    struct fit_point points[FEATURES_MAX];
-    points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, &l->lens, l->matches, agree, points);
-    if (!locator_describe(l, tags, points, agree, &found, out))
-        return NOTHING;
-    if (status == OK)
-        focal_add(&l->focal, tags, l->count, points, agree, l->lens.fx, l->lens.fy, &found.camera_from_world);
-    locator_remember(l, tags, agree, &found.camera_from_world);
+    if (locator_look_where_predicted(l, color, depth, &found->camera_from_world, INT_MAX))
+        status = join_predicted(l, tags, depth != NULL, status, agree, found);
+    found->rms_px = locator_rms(l, tags, &found->camera_from_world);
     return status;
+}
+
+static enum status find(struct locator *l, const uint8_t *color, const uint16_t *depth, bool again,
+                        struct location *out)
+{
+    struct fit_tag tags[FIT_MAX_TAGS];
+    struct fit_point points[FEATURES_MAX];
+    struct camera_fit found = {.used = 0};
+    const struct lens *lens = &l->lens;
+    double covariance[36];
+    int agree;
+    enum status status = find_anew(l, color, depth, tags, &found, &agree);
+    if (status == OK || status == AMBIGUOUS) {
+        points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, l->matches, agree, points);
+        if (!fit_covariance(tags, l->count, points, agree, lens->fx, lens->fy, &found.camera_from_world, covariance) ||
+            !locator_describe(l, &found, agree, covariance, covariance, out))
+            status = NOTHING;
+    }
+    if (status == OK)
+        focal_add(&l->focal, tags, l->count, points, agree, lens->fx, lens->fy, &found.camera_from_world);
+    if (again && status == OK && locator_find_tracks(l, &found.camera_from_world)) {
+        enum status followed = locator_fit_tracks(l, color, depth, found.camera_from_world, out);
+        if (followed == NOTHING)
+            l->track_count = 0;
+        return followed == NOTHING ? OK : followed;
+    }
+    l->track_count = 0;
+    if (status == OK || status == AMBIGUOUS)
+        locator_remember(l, tags, agree, &found.camera_from_world, covariance);
+    return status;
+}
+
+enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
+{
+    return find(l, color, depth, false, out);
+}
+
+enum status locator_refind(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
+{
+    return find(l, color, depth, true, out);
 }
 
 bool locator_doubts_focal(const struct locator *l, double *scale)

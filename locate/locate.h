@@ -23,6 +23,8 @@ struct location {
     // The shift's part is that of the camera's position. It knows the noise of this picture
     // and the errors seen, not what the map as a whole is off by.
     double covariance[36]; // row-major
+    // The part of it that is another in each picture. Where a camera is found anew, all.
+    double noise[36];
     double position_sigma_m; // root of the trace of the shift's part
     // With AMBIGUOUS: the second best world_from_camera, and by how much worse it fits (chi squared).
     struct pose other;
@@ -49,6 +51,11 @@ MUST_CHECK enum status locator_find(struct locator *l, const uint8_t *color, con
 // OK; NOTHING: too little of it is there, *out untouched: find the camera anew.
 MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                       struct pose guess, struct location *out);
+
+// locator_find for a picture that locator_follow had no good guess for: what was seen in the last
+// one is looked for where the camera is found, so that it is followed on without a jump.
+MUST_CHECK enum status locator_refind(struct locator *l, const uint8_t *color, const uint16_t *depth,
+                                      struct location *out);
 
 // True: the pictures in which locator_find found the camera so far do not fit the lens's focal
 // length. *scale: the one that fits them, over the lens's.

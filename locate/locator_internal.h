@@ -1,12 +1,13 @@
 // What the locator's files share: the place, the picture in hand, and what of it will
 // be looked for in the next one.
 #pragma once
+#include "locate/anchor.h"
 #include "locate/focal.h"
 #include "locate/locate.h"
 #include "locate/patch.h"
 #include "locate/points.h"
 
-enum { LOCATOR_MOST_TRACKS = 160 };
+enum { LOCATOR_MOST_TRACKS = 160, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
 
 // Something of known place that the last picture showed: a natural point, or a tag's corner.
 struct point_track {
@@ -14,11 +15,20 @@ struct point_track {
     struct vec3 world;
     double sigma_px;
     struct pixel at; // in the last picture
+    struct vec3 ray; // of that, on the plane z = 1
     // Of point, map and feature each errs by some pixels, and the same in each picture that
     // follows. That is learnt, so that new points and old ones do not make the pose jump.
     double off[2], off_variance; // ideal pixels
+    double noise[3]; // how exactly it is found again: covariance as it has been so far; xx, xy, yy
+    bool weighed;                // the map's pose of the last picture knows of it
     struct patch patch;          // what it looks like ...
     struct vec3 cut_from;        // ... seen from here: the camera less the point, world axes
+};
+
+// The same of a tag's corners, one after the other.
+struct tag_track {
+    bool known; // in the last picture; else the rest is not
+    double off[8], off_variance;
 };
 
 struct locator {
@@ -46,6 +56,12 @@ struct locator {
     struct patch_picture picture;
     struct point_track tracks[LOCATOR_MOST_TRACKS];
     int track_count;
+    struct tag_track *tag_tracks;            // of each tag
+    struct sighting corrected[FIT_MAX_TAGS]; // the tags in sight less what is known of their errors
+    struct anchor anchor;
+    int32_t *part_of, *in_parts, part_start[LOCATOR_PARTS + 1]; // points by the part they should be seen in
+    struct place_point *some_points;                             // of one part
+    int unsearched[LOCATOR_PARTS]; // for how many pictures no new points were looked for in each part
     struct pose last; // camera_from_world of the last picture that was placed
 };
 
@@ -55,14 +71,24 @@ int locator_look_where_predicted(struct locator *l, const uint8_t *color, const 
                                  const struct pose *camera_from_world, int most_pixels);
 // The picture's natural features into the index; l->gray holds the picture.
 MUST_CHECK enum status locator_find_features(struct locator *l, const uint16_t *depth);
+// The same of one part of it, 0 .. LOCATOR_PARTS - 1, and a little beyond.
+MUST_CHECK enum status locator_find_features_in(struct locator *l, int part, const uint16_t *depth);
 // The tags in sight, for a fit.
 void locator_fit_tags(const struct locator *l, struct fit_tag *tags);
 // Over the corners of the tags used.
 double locator_rms(const struct locator *l, const struct fit_tag *tags, const struct pose *camera_from_world);
 // Fills *out. False: the pose is not sure enough to be given.
-bool locator_describe(const struct locator *l, const struct fit_tag *tags, const struct fit_point *points,
-                      int point_count, const struct camera_fit *found, struct location *out);
+bool locator_describe(const struct locator *l, const struct camera_fit *found, int point_count,
+                      const double covariance[36], const double noise[36], struct location *out);
 
 // ---- follow.c
-// After locator_find: keeps what the picture showed for the next one. agree: of l->matches.
-void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, const struct pose *camera_from_world);
+// After locator_find: keeps what the picture showed for the next one. agree: of l->matches;
+// covariance: of the pose.
+void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, const struct pose *camera_from_world,
+                      const double covariance[36]);
+// What the last picture showed is looked for in l->gray, near where the pose puts it. False: too
+// little of it is there.
+bool locator_find_tracks(struct locator *l, const struct pose *camera_from_world);
+// Then, the pose by it. As locator_follow.
+MUST_CHECK enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const uint16_t *depth,
+                                          struct pose camera_from_world, struct location *out);

@@ -134,7 +134,7 @@ int points_gather(const struct place_point *points, const struct feature_index *
         const struct feature *f = &index->features[matches[i].feature];
         struct vec3 ray = lens_ray(lens, f->at);
         out[i] = (struct fit_point){points[matches[i].point].world, ray.x, ray.y, feature_sigma(f),
-                                    depth ? depth[matches[i].feature] : 0};
+                                    depth ? depth[matches[i].feature] : 0, {0}};
     }
     return count;
 }

@@ -25,7 +25,7 @@ static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
 static const double SETTLED = 5e-4; // a step in (u, v); what is left after it is ten times less
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
-static const double LEAST_NOISE = 0.006, CORNER_FLOOR_PX = 0.03;
+static const double LEAST_NOISE = 0.006, CORNER_FLOOR_PX = 0.002;
 
 struct sample {
     double x, y;  // on the plane z = 1
@@ -509,7 +509,7 @@ bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const stru
     double vv = g.sum_vv - g.sum_v * g.sum_v / n, mm = g.sum_mm - g.sum_m * g.sum_m / n;
     struct sighting s = {.id = id, .likeness = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
     if (!(s.likeness > LEAST_LIKENESS) || !(m.white - m.black > LEAST_CONTRAST) ||
-        !inform(r, &m, &g, noise, s.information))
+        !inform(r, &m, &g, fmax(LEAST_NOISE, sqrt(g.cost / fmax(1, g.weight - PARAMETERS))), s.information))
         return false;
     double cell_px = 1e9, moved_px = 0; // the tag's shortest side / 8, and how far its corners went
     for (int k = 0; k < 4; k++) {

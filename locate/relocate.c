@@ -215,7 +215,7 @@ bool relocate(const struct place_point *points, const struct feature_index *inde
     for (int i = 0; i < count; i++) {
         const struct feature *f = &index->features[matches[i].feature];
         struct vec3 r = lens_ray(lens, f->at);
-        seen[i] = (struct fit_point){points[matches[i].point].world, r.x, r.y, feature_sigma(f), 0};
+        seen[i] = (struct fit_point){points[matches[i].point].world, r.x, r.y, feature_sigma(f), 0, {0}};
         ray[i] = v3_unit(r);
     }
     for (int round = 0; round < rounds; round++) {

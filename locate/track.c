@@ -69,8 +69,8 @@ static bool take_in(struct camera_track *t, const struct location *found, bool a
     for (int i = 0; i < t->count; i++) {
         struct kalman with[2] = {t->of[i], t->of[i]};
         double off[2];
-        off[0] = kalman_measure(&with[0], found->world_from_camera, found->covariance, ELSEWHERE);
-        off[1] = ambiguous ? kalman_measure(&with[1], found->other, found->covariance, ELSEWHERE) : INFINITY;
+        off[0] = kalman_measure(&with[0], found->world_from_camera, found->noise, ELSEWHERE);
+        off[1] = ambiguous ? kalman_measure(&with[1], found->other, found->noise, ELSEWHERE) : INFINITY;
         int which = off[1] < off[0];
         if (off[which] <= ELSEWHERE) {
             t->of[i] = with[which];
@@ -103,7 +103,7 @@ static void tell(const struct camera_track *t, const struct location *found, str
     out->world_from_camera = k->world_from_camera;
     out->other = t->of[t->count == 2].world_from_camera;
     for (int i = 0; i < 36; i++)
-        out->covariance[i] = k->covariance[i / 6][i % 6];
+        out->covariance[i] = k->covariance[i / 6][i % 6] + found->covariance[i] - found->noise[i];
     out->position_sigma_m = sqrt(out->covariance[21] + out->covariance[28] + out->covariance[35]);
     *motion = (struct camera_motion){t->time_ns, k->world_from_camera, v3(k->speed[3], k->speed[4], k->speed[5]),
                                      v3(k->speed[0], k->speed[1], k->speed[2])};
@@ -127,7 +127,8 @@ enum status camera_track_look(struct camera_track *t, const uint8_t *color, cons
     if (t->count == 1)
         status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
     if (status == NOTHING)
-        status = locator_find(t->locator, color, depth, &found);
+        status = t->count == 1 ? locator_refind(t->locator, color, depth, &found)
+                               : locator_find(t->locator, color, depth, &found);
     if (status < 0 || status == NOTHING)
         return status;
     t->unseen_s = 0;

@@ -42,11 +42,18 @@ std::vector<cv::KeyPoint> spread(std::vector<cv::KeyPoint> &all, int width, int 
 
 enum status features_find(const uint8_t *gray, int width, int height, struct feature *out, int capacity, int *count)
 {
+    return features_find_in(gray, width, 0, 0, width, height, out, capacity, count);
+}
+
+enum status features_find_in(const uint8_t *gray, int stride, int left, int top, int width, int height,
+                             struct feature *out, int capacity, int *count)
+{
     *count = 0;
     if (width < 4 * EDGE_PX || height < 4 * EDGE_PX || capacity <= 0)
         return OK;
     try {
-        const cv::Mat picture(height, width, CV_8UC1, const_cast<uint8_t *>(gray));
+        const uint8_t *first = gray + (size_t)top * (size_t)stride + (size_t)left;
+        const cv::Mat picture(height, width, CV_8UC1, const_cast<uint8_t *>(first), (size_t)stride);
         auto orb = cv::ORB::create(capacity * 4, 1.2f, 6, EDGE_PX, 0, 2, cv::ORB::FAST_SCORE, 31, FAST_STEP);
         std::vector<cv::KeyPoint> all;
         orb->detect(picture, all);
@@ -55,7 +62,7 @@ enum status features_find(const uint8_t *gray, int width, int height, struct fea
         orb->compute(picture, kept, descriptors);
         for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
             struct feature &f = out[(*count)++];
-            f.at = {kept[i].pt.x, kept[i].pt.y};
+            f.at = {kept[i].pt.x + (float)left, kept[i].pt.y + (float)top};
             f.scale = std::pow(1.2f, (float)kept[i].octave);
             std::memcpy(f.descriptor, descriptors.ptr((int)i), sizeof f.descriptor);
         }

@@ -138,7 +138,7 @@ static int sight_points(const struct vec3 *world, int count, const struct pose *
     for (int i = 0; i < count; i++) {
         struct vec3 p = pose_apply(pose_inverse(*world_from_camera), world[i]);
         out[i] = (struct fit_point){world[i], p.x / p.z + 0.5 * dice_normal(dice) / F_PX,
-                                    p.y / p.z + 0.5 * dice_normal(dice) / F_PX, 0.5, 0};
+                                    p.y / p.z + 0.5 * dice_normal(dice) / F_PX, 0.5, 0, {0}};
     }
     return count;
 }

@@ -11,7 +11,7 @@ struct place_tag {
     int32_t id;                   // of family tag36h11
     double side_m;                // outer edge of the black square
     struct pose world_from_tag;
-    double rms_px;                // reprojection error over its sightings in the map
+    double rms_px;                // reprojection error of a corner over its sightings in the map; 0: exact
     int32_t sightings;
 };
 

@@ -1,0 +1,113 @@
+// What locate says of its errors must be true of them: of cameras whose place is known, as
+// many lie inside the 95 % ellipsoid as should.
+//
+//     test_covariance [PICTURES]      of each kind; default 40
+#include "locate/locate.h"
+#include "locate/linear.h"
+#include "tests/tag_picture.h"
+#include "tests/test.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { WIDTH = 320, HEIGHT = 240 };
+static const double F_PX = 300;
+// The chi squared distribution of six numbers: 95 % and 50 % lie below.
+static const double WITHIN_95 = 12.592, WITHIN_50 = 5.348;
+
+static uint8_t rgb[WIDTH * HEIGHT * 3];
+static int pictures = 40;
+
+// Squared error of a pose in standard deviations: six numbers, six in the mean.
+static double error_squared(struct pose found, const double covariance[36], struct pose truth)
+{
+    struct pose off = pose_multiply(pose_inverse(found), truth);
+    struct vec3 turn = quat_to_rotation_vector(off.rotation);
+    const double d[6] = {turn.x, turn.y, turn.z, off.translation.x, off.translation.y, off.translation.z};
+    double inverse[36], sum = 0;
+    EXPECT_TRUE(invert_symmetric(covariance, 6, inverse));
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++)
+            sum += d[i] * inverse[i * 6 + j] * d[j];
+    return sum;
+}
+
+struct tally {
+    int found, within_95, within_50;
+    double sum; // of squared errors
+};
+
+static void tell(const struct tally *t)
+{
+    printf("of %d cameras %.1f %% within 95 %%, %.1f %% within 50 %%, %.2f instead of 6\n", t->found,
+           100.0 * t->within_95 / t->found, 100.0 * t->within_50 / t->found, t->sum / t->found);
+}
+
+// Pictures with `noise` grey levels of the first `count` tags from near and far, steep and straight.
+static void look_at_tags(int count, double noise, struct tally *all)
+{
+    struct place_tag tags[3] = {
+        {.id = 3, .side_m = 0.16, .world_from_tag = {{0, 0, 0, 1}, {-0.15, 0.1, 0}}},
+        {.id = 58, .side_m = 0.16, .world_from_tag = {{0, 0, 0, 1}, {0.15, 0.05, 0}}},
+        {.id = 201, .side_m = 0.16, .world_from_tag = {{0, 0.2588, 0, 0.9659}, {0, -0.15, 0.05}}},
+    };
+    const struct place place = {.tags = tags, .tag_count = count};
+    struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
+    struct locator_options options = locator_default_options();
+    struct locator *l;
+    uint64_t dice = 77 + (uint64_t)count;
+    struct tally t = {0};
+    options.max_position_sigma_m = 10;
+    EXPECT_STATUS(locator_open(&l, &place, &lens, &options), OK);
+    for (int i = 0; i < pictures; i++) {
+        double distance = 0.7 + 0.8 * tag_picture_uniform(&dice), yaw = 1.6 * tag_picture_uniform(&dice) - 0.8,
+               pitch = 1 * tag_picture_uniform(&dice) - 0.5, roll = 6.28 * tag_picture_uniform(&dice);
+        struct tag_picture p = {.lens = lens,
+                                .tags = tags,
+                                .tag_count = count,
+                                .noise = noise,
+                                .seed = 5000 + (uint64_t)i,
+                                .rgb = rgb,
+                                .world_from_camera = tag_picture_view(distance, yaw, pitch, roll)};
+        struct location at;
+        EXPECT_TRUE(tag_picture_draw(&p));
+        enum status status = locator_find(l, rgb, NULL, &at);
+        if (status != OK || at.tags_used < count)
+            continue;
+        double e = error_squared(at.world_from_camera, at.covariance, p.world_from_camera);
+        t.found++;
+        t.sum += e;
+        t.within_95 += e < WITHIN_95;
+        t.within_50 += e < WITHIN_50;
+    }
+    locator_close(&l);
+    printf("%d tags, noise %.0f: ", count, noise);
+    tell(&t);
+    EXPECT_AT_LEAST(t.found, 0.9 * pictures);
+    all->found += t.found;
+    all->sum += t.sum;
+    all->within_95 += t.within_95;
+    all->within_50 += t.within_50;
+}
+
+static void tags_are_as_sure_as_they_say(void **state)
+{
+    (void)state;
+    struct tally all = {0};
+    look_at_tags(1, 4, &all);
+    look_at_tags(2, 2, &all);
+    look_at_tags(2, 4, &all);
+    look_at_tags(3, 4, &all);
+    printf("together: ");
+    tell(&all);
+    EXPECT_NEAR((double)all.within_95 / all.found, 0.95, 0.03);
+    EXPECT_NEAR((double)all.within_50 / all.found, 0.5, 0.15);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(tags_are_as_sure_as_they_say)};
+    if (argc > 1)
+        pictures = atoi(argv[1]);
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
