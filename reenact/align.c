@@ -13,6 +13,7 @@ static const double JOINTS_M = 0.06, JOINTS_RAD = 0.5;  // the joints are known 
 static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from the start to that.
 static const double HEAD_RAD = 1.2;                     // joints do not tell how a head is turned
 static const double OUTLIER_M = 0.025;
+static const double SURELY_SEEN = 1; // frames; a surface that is only guessed holds nothing
 
 struct adjustment adjustment_none(void)
 {
@@ -132,13 +133,13 @@ static void add_readings(const struct state *s, struct system *system)
             if (p >= PART_COUNT || !s->rest->known[p])
                 continue;
             struct vec3 at = source_rays_point(s->sight->rays, i, s->sight->depth[i]), gradient;
-            double distance;
-            if (!volume_at(s->volume, pose_apply(rest_from_camera[p], at), &distance, &gradient) ||
+            double distance, seen;
+            if (!volume_at(s->volume, pose_apply(rest_from_camera[p], at), &distance, &gradient, &seen) ||
                 v3_length(gradient) < 0.3)
                 continue;
             struct vec3 normal = quat_rotate(s->now.part[p].rotation, v3_unit(gradient));
             double robust = OUTLIER_M * OUTLIER_M / (OUTLIER_M * OUTLIER_M + distance * distance);
-            double share = fmin(1, PART_READINGS / count[p]);
+            double share = fmin(1, PART_READINGS / count[p]) * seen / (seen + SURELY_SEEN);
             int index[6];
             double j[6];
             part_row(s, p, at, normal, index, j);

@@ -43,13 +43,13 @@ static enum status one_frame(struct likeness *f, struct take *take, enum pass pa
         status = posture_of(&f->rest, &e->skeleton, &joints);
     if (status != OK)
         return status;
-    if (pass != PASS_COLOR) {
+    if (pass == PASS_SHAPE) {
         struct adjustment none = adjustment_none(), start = none;
-        if (pass == PASS_SHAPE)
-            start = f->adjustments[i];
-        else if (i > 0)
+        if (i > 0)
             start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
-        f->adjustments[i] = pass == PASS_FIRST && i == 0 ? none : align(f->volume, &f->rest, sight, &joints, &start);
+        f->adjustments[i] = align(f->volume, &f->rest, sight, &joints, &start);
+    } else if (pass == PASS_FIRST) {
+        f->adjustments[i] = adjustment_none(); // joints are wrong, but not all the same way
     }
     struct posture posture = posture_adjusted(&joints, &f->adjustments[i]);
     struct skeleton better = posture_skeleton(&f->rest, &posture);

@@ -5,7 +5,7 @@
 #include "capture/recording/recording.h"
 #include "reenact/part_frame.h"
 
-// Metres; axes: x to the person's left, y down, z to the front; 0 is the neck.
+// Metres; axes: x to the person's left, y down, z to the back; 0 is the neck.
 struct rest {
     struct skeleton skeleton;
     bool known[PART_COUNT];

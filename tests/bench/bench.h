@@ -60,3 +60,13 @@ const char *bench_data(const struct bench *b);
 // At most once in a stage. Names must live until the program ends. Errors:
 // those of the contenders; ERR_MEMORY.
 MUST_CHECK enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items);
+
+// The items sorted into groups, for which the table has lines of their own.
+struct bench_groups {
+    const char *const *names; // of each group
+    int count;
+    const int *of_item; // the group of each item
+};
+// The same, with groups.
+MUST_CHECK enum status bench_run_grouped(struct bench *b, const struct bench_contender *contenders, size_t count,
+                                         int items, const struct bench_groups *groups);
