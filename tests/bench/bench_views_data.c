@@ -14,7 +14,7 @@
 #include <string.h>
 
 enum { FILMED = 240, LOOKED = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
-static const double FILMED_SCALE = 0.5, SAME_S = 0.002;
+static const double FILMED_SCALE = 0.5, LOOKED_SCALE = 1, SAME_S = 0.002;
 
 // The true joints of each frame of the take, in its colour camera's axes; and in truth's own world, who stands where.
 struct truth {
@@ -189,7 +189,7 @@ static enum status find_pictures(struct views_data *data, const struct place *pl
 
 static enum status film_pictures(struct views_data *data, const struct world *world, double seconds)
 {
-    data->lens = world_viewer_calibration(FILMED_SCALE).color;
+    data->lens = world_viewer_calibration(LOOKED_SCALE).color;
     size_t pixels = pixels_of(&data->lens);
     uint8_t *room = malloc(3 * pixels), *with = malloc(3 * pixels), *mask = malloc(pixels);
     enum status status = room && with && mask ? OK : fail(ERR_MEMORY, "no memory for a picture");
