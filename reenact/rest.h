@@ -45,5 +45,9 @@ struct skin {
 };
 struct skin rest_skin(const struct rest *rest, struct vec3 point);
 
+// Where a point of the rest pose and its normal are in `posture`.
+void skin_place(const struct skin *skin, const struct posture *posture, struct vec3 point, struct vec3 normal,
+                struct vec3 *p, struct vec3 *n);
+
 // Distance of a point from the nearest part's cylinder with round ends; negative inside.
 double rest_distance(const struct rest *rest, struct vec3 point);

@@ -8,7 +8,6 @@ static const double REACH_M = 0.12;       // about the parts' cylinders
 static const double END_REACH_M = 0.2;    // about hands and feet, which lie beyond the last joint
 static const float OUTSIDE_M = 0.045F;    // distances are kept up to here
 static const float INSIDE_M = 0.04F;      // and so far behind what was seen
-static const float RIM_PX = 0.75F;        // of the person's outermost pixels, which are no reading
 static const float THICK = 1.15F;         // parts, against their cylinders' radius
 static const float CYLINDER_TRUST = 0.5F; // in frames
 static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
@@ -213,18 +212,18 @@ static bool witness(const struct sight *s, double fx, int i, float z, enum part 
         return false;
     float before = d - z;
     // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
-    float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - RIM_PX : 0.5F + RIM_PX; // half of the rim is still the person
+    float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - (float)SIGHT_RIM_PX
+                                            : 0.5F + (float)SIGHT_RIM_PX; // half of the rim is still the person
     float aside = ((float)s->edge[i] + beyond) * z / (float)fx;
     aside = aside < OUTSIDE_M ? aside : OUTSIDE_M;
+    *trust = EMPTY_TRUST;
     if (s->part[i] == SIGHT_ROOM) {
         *distance = aside;
-        *trust = EMPTY_TRUST;
         return before > ROOM_SLACK_M;
     }
     if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
         *distance = -fminf(aside, INSIDE_M);
-        *trust = EMPTY_TRUST;
-        return before > -THICK * thick && s->part[i] == part;
+        return before > -THICK * fminf(thick, (float)s->half[i] * z / (float)fx) && s->part[i] == part;
     }
     *reading = before < OUTSIDE_M;
     *distance = *reading ? before : aside;
@@ -259,6 +258,15 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
         *t += trust;
         if (reading)
             v->seen[cell->at] += trust;
+    }
+}
+
+void volume_grow(struct volume *v, const double out_m[PART_COUNT])
+{
+    for (int c = 0; c < v->cell_count; c++) {
+        const struct skin *skin = &v->cells[c].skin;
+        for (int i = 0; i < SKIN_PARTS; i++)
+            v->distance[v->cells[c].at] -= skin->weight[i] * (float)out_m[skin->part[i]];
     }
 }
 

@@ -21,6 +21,9 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
 
+// Moves the surface out by out_m of each part, in between where parts meet.
+void volume_grow(struct volume *v, const double out_m[PART_COUNT]);
+
 // Signed distance, metres, negative inside, and its gradient at a point of the
 // rest pose. *seen: how many frames' readings speak for it; where it is 0 the surface is
 // guessed. False: too far from the bones, or deeper than distances are kept.
