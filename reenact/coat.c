@@ -95,26 +95,12 @@ static bool read_color(const struct coat_maker *m, const uint8_t *rgb, struct ve
     return true;
 }
 
-static void skinned(const struct skin *skin, const struct posture *posture, struct vec3 point, struct vec3 normal,
-                    struct vec3 *p, struct vec3 *n)
-{
-    *p = *n = v3(0, 0, 0);
-    for (int i = 0; i < SKIN_PARTS; i++) {
-        if (!(skin->weight[i] > 0))
-            continue;
-        const struct pose *t = &posture->part[skin->part[i]];
-        *p = v3_add(*p, v3_scale(pose_apply(*t, point), (double)skin->weight[i]));
-        *n = v3_add(*n, v3_scale(quat_rotate(t->rotation, normal), (double)skin->weight[i]));
-    }
-    *n = v3_unit(*n);
-}
-
 void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
               struct pose world_from_camera, double time_s)
 {
     for (int i = 0; i < m->surface->point_count; i++) {
         struct vec3 p, n;
-        skinned(&m->skins[i], posture, m->surface->points[i], m->surface->normals[i], &p, &n);
+        skin_place(&m->skins[i], posture, m->surface->points[i], m->surface->normals[i], &p, &n);
         double facing = -v3_dot(n, v3_unit(p));
         struct word word = {.time_s = (float)time_s};
         if (!(p.z > 0.05) || facing < LEAST_FACING ||
@@ -138,12 +124,12 @@ static void harmonics(const float n[3], float y[LIGHT_TERMS])
     y[7] = n[0] * n[0] - n[1] * n[1], y[8] = 3 * n[2] * n[2] - 1;
 }
 
-static float lit(const float term[LIGHT_TERMS], const float n[3])
+float coat_lit(const struct light *light, const float n[3])
 {
     float y[LIGHT_TERMS], sum = 0;
     harmonics(n, y);
     for (int i = 0; i < LIGHT_TERMS; i++)
-        sum += term[i] * y[i];
+        sum += light->term[i] * y[i];
     return fminf(fmaxf(sum, LIGHT_LEAST), LIGHT_MOST);
 }
 
@@ -157,7 +143,7 @@ static bool own_color(const struct word words[KEPT], const struct light *light, 
         float sum[3] = {0}, total[3] = {0};
         for (int k = 0; k < KEPT; k++)
             for (int c = 0; c < 3 && words[k].weight > 0; c++) {
-                float s = lit(light->term, words[k].normal), w = words[k].weight * odd[k];
+                float s = coat_lit(light, words[k].normal), w = words[k].weight * odd[k];
                 sum[c] += w * s * words[k].rgb[c];
                 total[c] += w * s * s;
             }
@@ -168,7 +154,7 @@ static bool own_color(const struct word words[KEPT], const struct light *light, 
         for (int k = 0; k < KEPT; k++) {
             float off = 0;
             for (int c = 0; c < 3; c++)
-                off += fabsf(sqrtf(words[k].rgb[c] / lit(light->term, words[k].normal)) - sqrtf(color[c]));
+                off += fabsf(sqrtf(words[k].rgb[c] / coat_lit(light, words[k].normal)) - sqrtf(color[c]));
             odd[k] = 1 / (1 + off * off / (ODD * ODD));
             odd[k] *= odd[k];
         }
@@ -203,7 +189,7 @@ static void fit_light(const struct coat_maker *m, float (*colors)[3], struct lig
             continue;
         float y[LIGHT_TERMS], color = colors[point][c];
         harmonics(w->normal, y);
-        float off = w->rgb[c] - color * lit(light->term, w->normal);
+        float off = w->rgb[c] - color * coat_lit(light, w->normal);
         double weight = (double)(w->weight / (1 + off * off / (ODD * ODD)));
         for (int r = 0; r < LIGHT_TERMS; r++) {
             for (int q = 0; q < LIGHT_TERMS; q++)

@@ -23,5 +23,9 @@ MUST_CHECK enum status likeness_make(struct likeness *out, struct take *take, co
                                      int max_frames);
 void likeness_free(struct likeness *f);
 
+// The likeness's colours beside those of a frame (rgb, sight) that stood at world_from_camera; borrows them all.
+struct tint likeness_tint(const struct likeness *f, const struct calibration *calibration, const struct sight *sight,
+                          const uint8_t *rgb, struct pose world_from_camera);
+
 // How the joints' posture of `frame` is to be adjusted, by the known frames about it.
 struct adjustment likeness_adjustment(const struct likeness *f, int64_t frame);

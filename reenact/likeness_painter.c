@@ -215,19 +215,20 @@ static enum status load_frame(struct likeness_painter *p, int64_t frame)
     if (status < 0)
         return status;
     if (status == OK) {
-        p->adjustment = align(p->likeness.volume, &p->likeness.rest, &p->sight, &joints, &p->adjustment);
-        write_depth(p);
+        const struct calibration *calibration = take_calibration(p->take);
         struct take_pictures seen;
         status = take_read(p->take, frame, TAKE_COLOR, &seen);
+        p->has_now = status == OK && seen.color;
+        if (p->has_now)
+            status = sight_colors(&p->sight, calibration, seen.color, p->color);
         if (status < 0)
             return status;
-        if (status == OK && seen.color) {
-            status = sight_colors(&p->sight, take_calibration(p->take), seen.color, p->color);
-            if (status != OK)
-                return status;
+        struct tint tint = likeness_tint(&p->likeness, calibration, &p->sight, p->color, e->world_from_camera);
+        p->adjustment =
+            align(p->likeness.volume, &p->likeness.rest, &p->sight, &joints, &p->adjustment, p->has_now ? &tint : NULL);
+        write_depth(p);
+        if (p->has_now)
             gpu_texture_write(p->now_picture, p->color);
-            p->has_now = true;
-        }
     }
     p->frame = frame;
     return OK;

@@ -216,3 +216,17 @@ struct skin rest_skin(const struct rest *rest, struct vec3 point)
         s.weight[i] = (float)((double)s.weight[i] / total);
     return s;
 }
+
+void skin_place(const struct skin *skin, const struct posture *posture, struct vec3 point, struct vec3 normal,
+                struct vec3 *p, struct vec3 *n)
+{
+    *p = *n = v3(0, 0, 0);
+    for (int i = 0; i < SKIN_PARTS; i++) {
+        if (!(skin->weight[i] > 0))
+            continue;
+        const struct pose *t = &posture->part[skin->part[i]];
+        *p = v3_add(*p, v3_scale(pose_apply(*t, point), (double)skin->weight[i]));
+        *n = v3_add(*n, v3_scale(quat_rotate(t->rotation, normal), (double)skin->weight[i]));
+    }
+    *n = v3_unit(*n);
+}

@@ -5,7 +5,7 @@
 #include "capture/recording/recording.h"
 #include "reenact/part_frame.h"
 
-// Metres; axes: x to the person's left, y down, z to the front; 0 is the neck.
+// Metres; axes: x to the person's left, y down, z to the back; 0 is the neck.
 struct rest {
     struct skeleton skeleton;
     bool known[PART_COUNT];
@@ -44,6 +44,10 @@ struct skin {
     float weight[SKIN_PARTS];
 };
 struct skin rest_skin(const struct rest *rest, struct vec3 point);
+
+// Where a point of the rest pose and its normal are in `posture`.
+void skin_place(const struct skin *skin, const struct posture *posture, struct vec3 point, struct vec3 normal,
+                struct vec3 *p, struct vec3 *n);
 
 // Distance of a point from the nearest part's cylinder with round ends; negative inside.
 double rest_distance(const struct rest *rest, struct vec3 point);

@@ -13,7 +13,8 @@ enum status sight_open(struct sight *out, const struct take *take, const struct 
     out->depth = malloc(sizeof(uint16_t) * pixels);
     out->part = malloc(pixels);
     out->edge = malloc(pixels);
-    if (out->depth && out->part && out->edge)
+    out->half = malloc(pixels);
+    if (out->depth && out->part && out->edge && out->half)
         return OK;
     sight_close(out);
     return fail(ERR_MEMORY, "out of memory");
@@ -24,6 +25,7 @@ void sight_close(struct sight *s)
     free(s->depth);
     free(s->part);
     free(s->edge);
+    free(s->half);
     *s = (struct sight){0};
 }
 
@@ -67,6 +69,28 @@ static void find_edges(struct sight *s)
         }
 }
 
+// Runs of one surface along a line of pixels `step` apart.
+static void find_runs(struct sight *s, int first, int step, int count)
+{
+    for (int from = 0, to; from < count; from = to) {
+        for (to = from + 1; to < count && same_surface(s, first + (to - 1) * step, first + to * step);)
+            to++;
+        int half = (to - from) / 2;
+        for (int i = from; i < to; i++)
+            if (half < s->half[first + i * step])
+                s->half[first + i * step] = (uint8_t)half;
+    }
+}
+
+static void find_widths(struct sight *s)
+{
+    memset(s->half, UINT8_MAX, (size_t)s->width * (size_t)s->height);
+    for (int y = 0; y < s->height; y++)
+        find_runs(s, y * s->width, 1, s->width);
+    for (int x = 0; x < s->width; x++)
+        find_runs(s, x, s->width, s->height);
+}
+
 enum status sight_read(struct sight *s, struct take *take, int64_t frame)
 {
     const struct take_entry *e = take_entry(take, frame);
@@ -87,6 +111,7 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
     sight_label(s, &e->skeleton);
     find_bounds(s);
     find_edges(s);
+    find_widths(s);
     return OK;
 }
 

@@ -8,7 +8,6 @@ static const double REACH_M = 0.12;       // about the parts' cylinders
 static const double END_REACH_M = 0.2;    // about hands and feet, which lie beyond the last joint
 static const float OUTSIDE_M = 0.045F;    // distances are kept up to here
 static const float INSIDE_M = 0.04F;      // and so far behind what was seen
-static const float RIM_PX = 0.75F;        // of the person's outermost pixels, which are no reading
 static const float THICK = 1.15F;         // parts, against their cylinders' radius
 static const float CYLINDER_TRUST = 0.5F; // in frames
 static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
@@ -31,6 +30,7 @@ struct volume {
     struct cell *cells;
     int cell_count;
     float *distance, *trust; // of every point of the grid; trust 0: not kept
+    float *seen;             // the part of its trust that readings of a surface near it gave
 };
 
 static struct vec3 point_at(const struct volume *v, int at)
@@ -136,7 +136,8 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
     if (status == OK) {
         v->distance = malloc(sizeof *v->distance * (size_t)count);
         v->trust = calloc((size_t)count, sizeof *v->trust);
-        status = v->distance && v->trust ? open_cells(v, count) : fail(ERR_MEMORY, "out of memory");
+        v->seen = calloc((size_t)count, sizeof *v->seen);
+        status = v->distance && v->trust && v->seen ? open_cells(v, count) : fail(ERR_MEMORY, "out of memory");
     }
     if (status != OK) {
         volume_close(&v);
@@ -154,6 +155,7 @@ void volume_close(struct volume **v)
     free((*v)->cells);
     free((*v)->distance);
     free((*v)->trust);
+    free((*v)->seen);
     free(*v);
     *v = NULL;
 }
@@ -163,6 +165,7 @@ void volume_clear(struct volume *v)
     for (int c = 0; c < v->cell_count; c++) {
         v->distance[v->cells[c].at] = v->cells[c].cylinder;
         v->trust[v->cells[c].at] = CYLINDER_TRUST;
+        v->seen[v->cells[c].at] = 0;
     }
 }
 
@@ -198,32 +201,34 @@ static void blend(const struct part_map maps[PART_COUNT], const struct skin *ski
         }
 }
 
-// How far a place of `part`, which is `thick`, at depth z is before (+) what pixel i shows; false: it says nothing of
-// this place.
+// How far a place of `part`, which is `thick`, at depth z is before (+) what pixel i shows (*reading: that very
+// surface); false: it says nothing of this place.
 static bool witness(const struct sight *s, double fx, int i, float z, enum part part, float thick, float *distance,
-                    float *trust)
+                    float *trust, bool *reading)
 {
+    *reading = false;
     float d = (float)s->depth[i] * 1e-3F;
     if (!s->depth[i] || s->part[i] == SIGHT_RIM)
         return false;
     float before = d - z;
     // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
-    float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - RIM_PX : 0.5F + RIM_PX; // half of the rim is still the person
+    float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - (float)SIGHT_RIM_PX
+                                            : 0.5F + (float)SIGHT_RIM_PX; // half of the rim is still the person
     float aside = ((float)s->edge[i] + beyond) * z / (float)fx;
     aside = aside < OUTSIDE_M ? aside : OUTSIDE_M;
+    *trust = EMPTY_TRUST;
     if (s->part[i] == SIGHT_ROOM) {
         *distance = aside;
-        *trust = EMPTY_TRUST;
         return before > ROOM_SLACK_M;
     }
     if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
         *distance = -fminf(aside, INSIDE_M);
-        *trust = EMPTY_TRUST;
-        return before > -THICK * thick && s->part[i] == part;
+        return before > -THICK * fminf(thick, (float)s->half[i] * z / (float)fx) && s->part[i] == part;
     }
-    *distance = before < OUTSIDE_M ? before : aside;
-    *trust = before < OUTSIDE_M ? fminf(1, 0.1F + 0.3F * (float)s->edge[i]) : EMPTY_TRUST;
-    return before >= OUTSIDE_M || parts_meet(part, (enum part)s->part[i]);
+    *reading = before < OUTSIDE_M;
+    *distance = *reading ? before : aside;
+    *trust = *reading ? fminf(1, 0.1F + 0.3F * (float)s->edge[i]) : EMPTY_TRUST;
+    return !*reading || parts_meet(part, (enum part)s->part[i]);
 }
 
 void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
@@ -243,32 +248,45 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
         blend(maps, &cell->skin, &m);
         for (int r = 0; r < 3; r++)
             p[r] = m.row[r][0] * h[0] + m.row[r][1] * h[1] + m.row[r][2] * h[2] + m.row[r][3];
-        float distance, trust;
+        float *d = &v->distance[cell->at], *t = &v->trust[cell->at], distance, trust;
+        bool reading;
         if (!find_pixel(lens, ideal, p, &x, &y) ||
             !witness(sight, lens->fx, y * sight->width + x, p[2], (enum part)cell->skin.part[0],
-                     (float)v->rest.radius[cell->skin.part[0]], &distance, &trust))
+                     (float)v->rest.radius[cell->skin.part[0]], &distance, &trust, &reading))
             continue;
-        float *d = &v->distance[cell->at], *t = &v->trust[cell->at];
         *d = (*d * *t + distance * trust) / (*t + trust);
         *t += trust;
+        if (reading)
+            v->seen[cell->at] += trust;
+    }
+}
+
+void volume_grow(struct volume *v, const double out_m[PART_COUNT])
+{
+    for (int c = 0; c < v->cell_count; c++) {
+        const struct skin *skin = &v->cells[c].skin;
+        for (int i = 0; i < SKIN_PARTS; i++)
+            v->distance[v->cells[c].at] -= skin->weight[i] * (float)out_m[skin->part[i]];
     }
 }
 
 // ---------------------------------------------------------------- looking up
 
-bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient)
+bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen)
 {
     struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / STEP_M);
     int x = (int)floor(g.x), y = (int)floor(g.y), z = (int)floor(g.z);
     if (x < 0 || y < 0 || z < 0 || x + 1 >= v->size[0] || y + 1 >= v->size[1] || z + 1 >= v->size[2])
         return false;
-    double f[2][2][2], u = g.x - x, w = g.y - y, t = g.z - z;
+    double f[2][2][2], least = INFINITY, u = g.x - x, w = g.y - y, t = g.z - z;
     for (int i = 0; i < 8; i++) {
         int at = ((z + (i >> 2)) * v->size[1] + y + (i >> 1 & 1)) * v->size[0] + x + (i & 1);
         if (!(v->trust[at] > 0))
             return false;
         f[i >> 2][i >> 1 & 1][i & 1] = (double)v->distance[at];
+        least = fmin(least, (double)v->seen[at]);
     }
+    *seen = least;
     double c[2][2], cx[2][2];
     for (int k = 0; k < 2; k++)
         for (int j = 0; j < 2; j++) {
@@ -399,10 +417,10 @@ enum status volume_surface(const struct volume *v, struct surface *out)
         int at = v->cells[c].at;
         if (number[at] < 0 || !cube_point(v, at, &p))
             continue;
-        double distance;
+        double distance, seen;
         struct vec3 *normal = &out->normals[out->point_count];
         *normal = v3(0, 0, 0);
-        volume_at(v, p, &distance, normal);
+        volume_at(v, p, &distance, normal, &seen);
         *normal = v3_unit(*normal);
         out->points[out->point_count++] = p;
     }

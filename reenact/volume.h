@@ -21,9 +21,13 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
 
+// Moves the surface out by out_m of each part, in between where parts meet.
+void volume_grow(struct volume *v, const double out_m[PART_COUNT]);
+
 // Signed distance, metres, negative inside, and its gradient at a point of the
-// rest pose. False: too far from the bones, or deeper than distances are kept.
-bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient);
+// rest pose. *seen: how many frames' readings speak for it; where it is 0 the surface is
+// guessed. False: too far from the bones, or deeper than distances are kept.
+bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen);
 
 // The surface as triangles, counter-clockwise from outside; rest axes, metres. The
 // caller frees both arrays. ERR_MEMORY; NOTHING: there is none.

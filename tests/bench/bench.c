@@ -44,35 +44,52 @@ double bench_percentile(double *values, int count, double share)
     return values[low] + (at - low) * (values[high] - values[low]);
 }
 
-// measures[(round * items + item) * count + contender]; error NaN: missed.
-static void sum_up(struct bench_row *row, const struct bench_measure *measures, int items, int rounds, size_t count,
-                   size_t contender, double *scratch)
+// measures[(round * items + item) * count + contender]; error NaN: missed. group: of which only; -1: of all.
+struct measures {
+    const struct bench_measure *all;
+    int items, rounds;
+    size_t count;
+    const struct bench_groups *groups;
+};
+
+static void sum_up(struct bench_row *row, const struct measures *m, size_t contender, int group, double *scratch)
 {
+    const struct bench_measure *measures = m->all;
+    int items = m->items, rounds = m->rounds, taken = 0, answered = 0;
+    size_t count = m->count;
     double *times = scratch, *errors = scratch + items, *of_item = scratch + 2 * items;
-    int answered = 0;
     for (int i = 0; i < items; i++) {
+        if (group >= 0 && m->groups->of_item[i] != group)
+            continue;
         for (int r = 0; r < rounds; r++)
             of_item[r] = measures[((size_t)r * (size_t)items + (size_t)i) * count + contender].time_ms;
-        times[i] = bench_percentile(of_item, rounds, 0.5);
+        times[taken++] = bench_percentile(of_item, rounds, 0.5);
         // Everything but time is the same in each round.
-        const struct bench_measure *m = &measures[(size_t)i * count + contender];
-        if (isnan(m->error)) {
+        const struct bench_measure *of = &measures[(size_t)i * count + contender];
+        if (isnan(of->error)) {
             row->missed++;
             continue;
         }
-        errors[answered++] = m->error;
+        errors[answered++] = of->error;
         for (int k = 0; k < BENCH_EXTRAS; k++)
-            row->extra[k] += m->extra[k];
+            row->extra[k] += of->extra[k];
     }
     for (int k = 0; k < BENCH_EXTRAS; k++)
         row->extra[k] = answered ? row->extra[k] / answered : NAN;
     row->error = bench_percentile(errors, answered, 0.5);
     row->error_p95 = bench_percentile(errors, answered, 0.95);
-    row->time_ms = bench_percentile(times, items, 0.5);
-    row->time_p95_ms = bench_percentile(times, items, 0.95);
+    row->time_ms = bench_percentile(times, taken, 0.5);
+    row->time_p95_ms = bench_percentile(times, taken, 0.95);
 }
 
 enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items)
+{
+    const struct bench_groups none = {0};
+    return bench_run_grouped(b, contenders, count, items, &none);
+}
+
+enum status bench_run_grouped(struct bench *b, const struct bench_contender *contenders, size_t count, int items,
+                              const struct bench_groups *groups)
 {
     struct bench_result *result = &b->result;
     assert(!result->rows && count > 0 && items > 0);
@@ -80,8 +97,8 @@ enum status bench_run(struct bench *b, const struct bench_contender *contenders,
     size_t all = (size_t)rounds * (size_t)items * count;
     struct bench_measure *measures = calloc(all, sizeof *measures);
     double *scratch = calloc((size_t)(2 * items + rounds), sizeof *scratch);
-    result->rows = calloc(count, sizeof *result->rows);
-    result->count = count;
+    result->count = count * (size_t)(1 + groups->count);
+    result->rows = calloc(result->count, sizeof *result->rows);
     result->items = items;
     enum status status = measures && scratch && result->rows ? OK : fail(ERR_MEMORY, "no memory for the bench");
     bool shown = isatty(STDERR_FILENO);
@@ -95,10 +112,15 @@ enum status bench_run(struct bench *b, const struct bench_contender *contenders,
     }
     if (shown)
         fprintf(stderr, "\r\033[K");
-    for (size_t k = 0; status >= 0 && k < count; k++) {
-        result->rows[k].name = contenders[k].name;
-        result->rows[k].baseline = contenders[k].baseline;
-        sum_up(&result->rows[k], measures, items, rounds, count, k, scratch);
+    const struct measures done = {measures, items, rounds, count, groups};
+    for (size_t k = 0; status >= 0 && k < result->count; k++) {
+        struct bench_row *row = &result->rows[k];
+        size_t contender = k / (size_t)(1 + groups->count);
+        int group = (int)(k % (size_t)(1 + groups->count)) - 1;
+        row->name = contenders[contender].name;
+        row->group = group < 0 ? NULL : groups->names[group];
+        row->baseline = contenders[contender].baseline && group < 0;
+        sum_up(row, &done, contender, group, scratch);
     }
     free(measures);
     free(scratch);

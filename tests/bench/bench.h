@@ -70,6 +70,16 @@ const struct bench_inputs *bench_inputs(const struct bench *b);
 // those of the contenders; ERR_MEMORY.
 MUST_CHECK enum status bench_run(struct bench *b, const struct bench_contender *contenders, size_t count, int items);
 
+// The items sorted into groups, for which the table has lines of their own.
+struct bench_groups {
+    const char *const *names; // of each group
+    int count;
+    const int *of_item; // the group of each item
+};
+// The same, with groups.
+MUST_CHECK enum status bench_run_grouped(struct bench *b, const struct bench_contender *contenders, size_t count,
+                                         int items, const struct bench_groups *groups);
+
 // Instead of bench_run, where there is nothing to compare with: a plain table,
 // its columns first. The names must live until the program ends; `name` is copied.
 enum { BENCH_COLUMNS = 16 };

@@ -9,6 +9,7 @@
 //
 // The stage `still` is the same with a tablet on a table: jumps are jitter.
 #include "tests/bench/bench.h"
+#include "tests/bench/bench_folder.h"
 
 #include "capture/mapper.h"
 #include "locate/refine.h"
@@ -23,7 +24,7 @@
 #include <string.h>
 
 enum { MOST = 200, MOST_TAGS = 64, SWEEP = 40, WALK = 90 };
-static const double WALK_HZ = 30, SAME_S = 0.02, STILL_AT_S = 1;
+static const double WALK_HZ = 30, STILL_AT_S = 1;
 
 struct walk {
     struct place place;
@@ -177,60 +178,15 @@ static enum status make(struct walk *w, bool still)
 
 // ---------------------------------------------------------------- a folder's walk
 
-static enum status map_folder(const char *data, struct walk *w)
-{
-    char path[4096];
-    struct mapper_tag *tags = NULL;
-    struct mapper *m = NULL;
-    struct source *sensor = NULL;
-    struct mapper_report report;
-    struct frame frame;
-    int32_t count;
-    snprintf(path, sizeof path, "%s/tags.json", data);
-    enum status status = mapper_read_tags(path, &tags, &count);
-    snprintf(path, sizeof path, "folder:%s/place", data);
-    if (status == OK)
-        status = source_open(&sensor, path, SOURCE_SENSOR);
-    if (status == OK)
-        status = mapper_open(&m, source_calibration(sensor), tags, count, NULL);
-    while (status == OK && (status = source_next(sensor, &frame)) == OK)
-        status = mapper_add(m, &frame);
-    if (status == NOTHING)
-        status = mapper_finish(m, &w->place, &report);
-    mapper_close(&m);
-    source_close(&sensor);
-    free(tags);
-    return status;
-}
-
-// The line of the trajectory at that time. False: none.
-static bool truth_at(FILE *file, double seconds, struct pose *out)
-{
-    char line[512];
-    rewind(file);
-    while (fgets(line, sizeof line, file)) {
-        double t;
-        struct pose p;
-        if (sscanf(line, "%lf %lf %lf %lf %lf %lf %lf %lf", &t, &p.translation.x, &p.translation.y, &p.translation.z,
-                   &p.rotation.x, &p.rotation.y, &p.rotation.z, &p.rotation.w) == 8 &&
-            fabs(t - seconds) < SAME_S) {
-            *out = (struct pose){quat_unit(p.rotation), p.translation};
-            return true;
-        }
-    }
-    return false;
-}
-
 static enum status read_folder(const char *data, struct walk *w)
 {
     char path[4096];
     struct source *camera = NULL;
     struct frame frame;
-    enum status status = map_folder(data, w);
-    snprintf(path, sizeof path, "%s/truth/viewer_truth.txt", data);
-    FILE *truth = status == OK ? fopen(path, "r") : NULL;
-    if (status == OK && !truth)
-        status = fail(ERR_MISSING, "%s is missing", path);
+    enum status status = bench_map_folder(data, &w->place);
+    FILE *truth = NULL;
+    if (status == OK)
+        status = bench_open_truth(data, "viewer_truth.txt", &truth);
     snprintf(path, sizeof path, "folder:%s/viewer", data);
     if (status == OK)
         status = source_open(&camera, path, SOURCE_CAMERA);
@@ -238,7 +194,7 @@ static enum status read_folder(const char *data, struct walk *w)
         w->lens = source_calibration(camera)->color;
     while (status == OK && w->count < MOST && (status = source_next(camera, &frame)) == OK) {
         struct pose pose;
-        if (frame.color && truth_at(truth, (double)frame.time_ns * 1e-9, &pose))
+        if (frame.color && bench_truth_at(truth, (double)frame.time_ns * 1e-9, &pose))
             status = keep(w, frame.color, frame.time_ns, pose);
     }
     if (truth)

@@ -36,7 +36,8 @@ void bench_print_table(const struct bench_result *r)
     printf(" %7s\n", "missed");
     for (size_t i = 0; i < r->count; i++) {
         const struct bench_row *row = &r->rows[i];
-        printf("%c %-22.22s      ", row->baseline ? '*' : ' ', row->name);
+        printf("%c %s%-*.22s      ", row->baseline ? '*' : ' ', row->group ? "  " : "", row->group ? 20 : 22,
+               row->group ? row->group : row->name);
         print_cell(row->error);
         print_cell(row->error_p95);
         printf(" %8.2f    ", row->error / baseline->error);
@@ -70,6 +71,8 @@ void bench_add_json(struct json *stages, const struct bench_result *r)
         const struct bench_row *row = &r->rows[i];
         struct json *object = json_add_object(rows, NULL);
         json_add_string(object, "name", row->name);
+        if (row->group)
+            json_add_string(object, "group", row->group);
         json_add_number(object, "error", row->error);
         json_add_number(object, "error_p95", row->error_p95);
         json_add_number(object, "error_of_baseline", row->error / baseline->error);
@@ -200,7 +203,7 @@ static void put_plot(FILE *file, const struct bench_result *r)
     fprintf(file, "</text>\n");
     for (size_t i = 0; i < r->count; i++) {
         const struct bench_row *row = &r->rows[i];
-        if (isnan(row->error))
+        if (isnan(row->error) || row->group)
             continue;
         double x = place_on(&time, row->time_ms), y = place_on(&error, row->error);
         fprintf(file, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\" fill=\"%s\"/><text x=\"%.1f\" y=\"%.1f\"%s>", x, y,
@@ -228,7 +231,7 @@ void bench_print_html(FILE *file, const struct bench_result *r)
     for (size_t i = 0; i < r->count; i++) {
         const struct bench_row *row = &r->rows[i];
         fprintf(file, "<tr%s><td>", row->baseline ? " class=\"b\"" : "");
-        put_text(file, row->name);
+        put_text(file, row->group ? row->group : row->name);
         fprintf(file, "</td><td>%.4g</td><td>%.4g</td><td>%.2f</td><td>%.4g</td><td>%.4g</td><td>%.2f</td>",
                 row->error, row->error_p95, row->error / baseline->error, row->time_ms, row->time_p95_ms,
                 row->time_ms / baseline->time_ms);

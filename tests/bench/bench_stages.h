@@ -9,6 +9,7 @@ extern const struct bench_stage bench_stage_tags;
 extern const struct bench_stage bench_stage_tag_distance;
 extern const struct bench_stage bench_stage_place;
 extern const struct bench_stage bench_stage_still;
+extern const struct bench_stage bench_stage_views;
 
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,
@@ -18,4 +19,5 @@ static const struct bench_stage *const bench_stages[] = {
     &bench_stage_tag_distance,
     &bench_stage_place,
     &bench_stage_still,
+    &bench_stage_views,
 };

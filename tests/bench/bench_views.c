@@ -1,0 +1,165 @@
+// Pictures of the take seen from all round: how far they are from the truth, by the angle between the sensor's and
+// the viewer's view of the person; what each cause costs, joints and camera poses being replaced by the true ones;
+// and next to it the method of 2014, and the shown frame's own depth as a mesh.
+//
+// The error is the share of the two outlines' union that only one of them covers (1 - intersection over union). The
+// psnr is over that union; "inside" over what both cover, where only colours can be wrong.
+#include "tests/bench/bench.h"
+#include "tests/bench/bench_views_data.h"
+#include "tests/bench/bench_views_mesh.h"
+
+#include "reenact/painter.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { BINS = 5 };
+static const double bin_ends_deg[BINS] = {15, 45, 90, 135, 180};
+static const char *const bin_names[BINS] = {"0-15 degrees", "15-45", "45-90", "90-135", "135-180"};
+
+struct viewer {
+    const struct views_data *data;
+    struct painter *painter; // NULL: the mesh
+    bool true_poses;
+    uint8_t *rgb, *rgba, *alpha;
+};
+
+static double decibels(double squares, double count)
+{
+    return count > 0 ? 10 * log10(65025 / fmax(squares / (3 * count), 1e-6)) : NAN;
+}
+
+static void judge(const struct viewer *v, const struct views_picture *p, struct bench_measure *out)
+{
+    double both = 0, missing = 0, extra = 0, squares = 0, inside = 0;
+    for (int i = 0; i < v->data->lens.width * v->data->lens.height; i++) {
+        bool there = p->mask[i] != 0, drawn = v->alpha[i] >= 128;
+        if (!there && !drawn)
+            continue;
+        double off = 0;
+        for (int c = 0; c < 3; c++) {
+            double d = (double)v->rgb[3 * i + c] - (double)p->expected[3 * i + c];
+            off += d * d;
+        }
+        squares += off;
+        inside += there && drawn ? off : 0;
+        both += there && drawn;
+        missing += there && !drawn;
+        extra += drawn && !there;
+    }
+    double all = both + missing + extra;
+    out->error = 100 * (missing + extra) / all;
+    out->extra[0] = decibels(squares, all);
+    out->extra[1] = decibels(inside, both);
+    out->extra[2] = 100 * missing / all;
+    out->extra[3] = 100 * extra / all;
+}
+
+static int64_t nearest_frame(const struct take *take, int64_t since_ns)
+{
+    int64_t best = 0, at_ns = take_entry(take, 0)->time_ns + since_ns;
+    for (int64_t i = 1; i < take_frame_count(take); i++)
+        if (llabs(take_entry(take, i)->time_ns - at_ns) < llabs(take_entry(take, best)->time_ns - at_ns))
+            best = i;
+    return best;
+}
+
+static enum status measure(void *self, int item, struct bench_measure *out)
+{
+    struct viewer *v = self;
+    const struct views_picture *p = &v->data->picture[item];
+    size_t pixels = (size_t)v->data->lens.width * (size_t)v->data->lens.height;
+    if (!v->true_poses && !p->placed)
+        return NOTHING;
+    struct pose pose = v->true_poses ? p->truth : p->found;
+    double started_ms = bench_clock_ms();
+    enum status status;
+    if (v->painter) {
+        struct painter_view view = {pose, p->since_ns, p->room};
+        struct painter_result result;
+        status = painter_draw(v->painter, &view, &result);
+        if (status == OK)
+            status = painter_read(v->painter, v->rgb);
+    } else {
+        memcpy(v->rgb, p->room, 3 * pixels);
+        status = views_mesh_draw(v->data->own, nearest_frame(v->data->own, p->since_ns), &v->data->lens, pose, v->rgb,
+                                 v->alpha);
+    }
+    out->time_ms = bench_clock_ms() - started_ms;
+    if (status == OK && v->painter) {
+        status = painter_read_actor(v->painter, v->rgba);
+        for (size_t i = 0; i < pixels; i++)
+            v->alpha[i] = v->rgba[4 * i + 3];
+    }
+    if (status == OK)
+        judge(v, p, out);
+    return status;
+}
+
+static enum status run_viewers(struct bench *b, const struct views_data *data, struct gpu *gpu)
+{
+    struct painter *own = NULL, *told = NULL, *paper = NULL;
+    struct painter_options options = painter_default_options();
+    size_t pixels = (size_t)data->lens.width * (size_t)data->lens.height;
+    uint8_t *rgb = malloc(3 * pixels), *rgba = malloc(4 * pixels), *alpha = malloc(pixels);
+    enum status status = rgb && rgba && alpha ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    if (status == OK)
+        status = painter_open(&own, gpu, data->own, &data->lens, &options);
+    if (status == OK)
+        status = painter_open(&told, gpu, data->told, &data->lens, &options);
+    options.detail = DETAIL_PAPER;
+    if (status == OK)
+        status = painter_open(&paper, gpu, data->own, &data->lens, &options);
+    if (status == OK) {
+        struct viewer full = {data, own, false, rgb, rgba, alpha}, poses = full, joints = full, both = full, old = full,
+                      mesh = full;
+        poses.true_poses = both.true_poses = true;
+        joints.painter = both.painter = told;
+        old.painter = paper;
+        mesh.painter = NULL;
+        const struct bench_contender contenders[] = {
+            {"full", measure, &full, false},
+            {"full, true poses", measure, &poses, false},
+            {"full, true joints", measure, &joints, false},
+            {"full, both true", measure, &both, false},
+            {"paper", measure, &old, true},
+            {"the depth as a mesh", measure, &mesh, false},
+        };
+        int bin_of[VIEWS_MOST];
+        for (int i = 0; i < data->count; i++) {
+            bin_of[i] = 0;
+            while (bin_of[i] < BINS - 1 && data->picture[i].angle_deg >= bin_ends_deg[bin_of[i]])
+                bin_of[i]++;
+        }
+        const struct bench_groups bins = {bin_names, BINS, bin_of};
+        status = bench_run_grouped(b, contenders, COUNT_OF(contenders), data->count, &bins);
+    }
+    painter_close(&own);
+    painter_close(&told);
+    painter_close(&paper);
+    free(rgb);
+    free(rgba);
+    free(alpha);
+    return status;
+}
+
+static enum status run(struct bench *b)
+{
+    static struct views_data data;
+    struct gpu *gpu = NULL;
+    enum status status = views_data_open(&data, bench_inputs(b)->data);
+    if (status == OK)
+        status = gpu_open(&gpu);
+    if (status == OK)
+        status = run_viewers(b, &data, gpu);
+    gpu_close(&gpu);
+    views_data_close(&data);
+    return status;
+}
+
+const struct bench_stage bench_stage_views = {"views",
+                                              "the person seen from all round",
+                                              "outline_pct",
+                                              "draw_ms",
+                                              {"psnr_db", "inside_db", "missing_pct", "extra_pct"},
+                                              run};

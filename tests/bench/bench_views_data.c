@@ -1,0 +1,379 @@
+#include "tests/bench/bench_views_data.h"
+
+#include "capture/recorder.h"
+#include "locate/refine.h"
+#include "locate/track.h"
+#include "platform/file.h"
+#include "platform/jpeg.h"
+#include "platform/png.h"
+#include "tests/bench/bench_folder.h"
+#include "tests/support/align.h"
+#include "tests/support/film.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { FILMED = 240, LOOKED = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
+static const double FILMED_SCALE = 0.5, LOOKED_SCALE = 1, SAME_S = 0.002;
+
+// The true joints of each frame of the take, in its colour camera's axes; and in truth's own world, who stands where.
+struct truth {
+    struct skeleton joints[MOST_FRAMES];
+    struct vec3 waist[MOST_FRAMES], sensor;
+};
+
+static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
+
+void views_data_close(struct views_data *data)
+{
+    for (int i = 0; i < data->count; i++) {
+        free(data->picture[i].room);
+        free(data->picture[i].expected);
+        free(data->picture[i].mask);
+    }
+    take_close(&data->own);
+    take_close(&data->told);
+    recording_free(&data->recording);
+    if (data->scratch.path[0])
+        scratch_remove(&data->scratch);
+    *data = (struct views_data){0};
+}
+
+// ------------------------------------------------------------- the takes
+
+static enum status record(struct views_data *data, const char *sensor, const struct place *place)
+{
+    struct recording_writer *writer = NULL;
+    struct source *source = NULL;
+    const struct recorder_options options = {0};
+    struct recorder_result result;
+    const char *path = scratch_file(&data->scratch, "views.reenact");
+    enum status status = recording_create(&writer, path);
+    if (status == OK)
+        status = recording_put_place(writer, place);
+    if (status == OK)
+        status = source_open(&source, sensor, SOURCE_SENSOR);
+    if (status == OK)
+        status = recorder_run(source, writer, "own", place, &options, &result);
+    source_close(&source);
+    enum status closed = recording_close(&writer);
+    status = status == OK ? closed : status;
+    if (status == OK)
+        status = recording_open(&data->recording, path);
+    if (status == OK)
+        status = take_open(&data->own, data->recording, "own");
+    if (status == OK && take_frame_count(data->own) > MOST_FRAMES)
+        status = fail(ERR_INPUT, "%s is too long for the bench", sensor);
+    return status;
+}
+
+static enum status tell_frame(struct recording_writer *writer, struct take *take, int64_t i,
+                              const struct skeleton *joints)
+{
+    const struct take_entry *e = take_entry(take, i);
+    const struct lens *lens = &take_calibration(take)->color;
+    struct take_pictures seen;
+    uint8_t *jpeg = NULL;
+    size_t bytes = 0;
+    enum status status = take_read(take, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &seen);
+    if (status == OK && seen.color)
+        status = jpeg_encode(seen.color, lens->width, lens->height, JPEG_QUALITY, &jpeg, &bytes);
+    const struct take_frame frame = {e->time_ns, e->world_from_camera, e->located, jpeg, bytes, seen.depth,
+                                     seen.mask,  e->has_skeleton,      *joints};
+    if (status == OK)
+        status = recording_add_frame(writer, &frame);
+    free(jpeg);
+    return status;
+}
+
+// The take once more, with the true joints.
+static enum status tell(struct views_data *data, const struct truth *truth)
+{
+    struct recording_writer *writer = NULL;
+    const char *path = scratch_file(&data->scratch, "views.reenact");
+    enum status status = recording_append(&writer, path);
+    if (status == OK)
+        status = recording_begin_take(writer, "told", take_calibration(data->own));
+    for (int64_t i = 0; i < take_frame_count(data->own) && status == OK; i++)
+        status = tell_frame(writer, data->own, i, &truth->joints[i]);
+    if (status == OK)
+        status = recording_put_body(writer, take_body(data->own));
+    if (status == OK)
+        status = recording_end_take(writer);
+    enum status closed = recording_close(&writer);
+    status = status == OK ? closed : status;
+    take_close(&data->own);
+    recording_free(&data->recording);
+    if (status == OK)
+        status = recording_open(&data->recording, path);
+    if (status == OK)
+        status = take_open(&data->own, data->recording, "own");
+    return status == OK ? take_open(&data->told, data->recording, "told") : status;
+}
+
+// ------------------------------------------------------------- the pictures
+
+static uint8_t *copy(const uint8_t *bytes, size_t count)
+{
+    uint8_t *out = malloc(count);
+    if (out)
+        memcpy(out, bytes, count);
+    return out;
+}
+
+// One more picture, of which it keeps copies.
+static enum status add_picture(struct views_data *data, int64_t since_ns, struct pose truth, const uint8_t *room,
+                               const uint8_t *expected, const uint8_t *mask)
+{
+    size_t pixels = pixels_of(&data->lens);
+    struct views_picture *p = &data->picture[data->count++];
+    *p = (struct views_picture){.since_ns = since_ns, .truth = truth};
+    p->room = copy(room, 3 * pixels);
+    p->expected = copy(expected, 3 * pixels);
+    p->mask = copy(mask, pixels);
+    return p->room && p->expected && p->mask ? OK : fail(ERR_MEMORY, "no memory for the pictures");
+}
+
+static double angle_deg(struct vec3 sensor, struct vec3 viewer, struct vec3 person)
+{
+    struct vec3 a = v3_sub(sensor, person), b = v3_sub(viewer, person);
+    a.z = b.z = 0;
+    return acos(fmax(-1, fmin(1, v3_dot(v3_unit(a), v3_unit(b))))) * 57.29577951308232;
+}
+
+static void set_angles(struct views_data *data, const struct truth *truth)
+{
+    int64_t frames = take_frame_count(data->own), start = take_entry(data->own, 0)->time_ns;
+    for (int i = 0; i < data->count; i++) {
+        struct views_picture *p = &data->picture[i];
+        int64_t best = 0;
+        for (int64_t f = 1; f < frames; f++)
+            if (llabs(take_entry(data->own, f)->time_ns - start - p->since_ns) <
+                llabs(take_entry(data->own, best)->time_ns - start - p->since_ns))
+                best = f;
+        p->angle_deg = angle_deg(truth->sensor, p->truth.translation, truth->waist[best]);
+    }
+}
+
+// Finds the cameras, and puts their truth into the place's axes.
+static enum status find_pictures(struct views_data *data, const struct place *place)
+{
+    struct vec3 ours[VIEWS_MOST], truth[VIEWS_MOST];
+    struct camera_track *track;
+    int n = 0;
+    enum status status = camera_track_open(&track, place, &data->lens, NULL);
+    for (int i = 0; i < data->count && status >= 0; i++) {
+        struct views_picture *p = &data->picture[i];
+        struct location at;
+        struct camera_motion motion;
+        status = camera_track_look(track, p->room, NULL, p->since_ns, &at, &motion);
+        p->placed = status == OK;
+        if (!p->placed)
+            continue;
+        p->found = at.world_from_camera;
+        ours[n] = p->found.translation;
+        truth[n++] = p->truth.translation;
+    }
+    camera_track_close(&track);
+    if (status < 0)
+        return status;
+    if (n < 10)
+        return fail(ERR_INPUT, "only %d of the pictures can be placed", n);
+    struct pose place_from_truth = align_points(truth, ours, n);
+    for (int i = 0; i < data->count; i++)
+        data->picture[i].truth = pose_multiply(place_from_truth, data->picture[i].truth);
+    return OK;
+}
+
+// ------------------------------------------------------------- the small world
+
+static enum status film_pictures(struct views_data *data, const struct world *world, double seconds)
+{
+    data->lens = world_viewer_calibration(LOOKED_SCALE).color;
+    size_t pixels = pixels_of(&data->lens);
+    uint8_t *room = malloc(3 * pixels), *with = malloc(3 * pixels), *mask = malloc(pixels);
+    enum status status = room && with && mask ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    for (int i = 0; i < LOOKED && status == OK; i++) {
+        double t = seconds * i / LOOKED;
+        struct world_shot shot = {data->lens, world_viewer_pose(world, t), t, false};
+        status = world_render(world, &shot, &(struct world_picture){.color = room});
+        shot.actor = true;
+        if (status == OK)
+            status = world_render(world, &shot, &(struct world_picture){.color = with, .mask = mask});
+        if (status == OK)
+            status = add_picture(data, (int64_t)llround(t * 1e9), shot.world_from_camera, room, with, mask);
+    }
+    free(room);
+    free(with);
+    free(mask);
+    return status;
+}
+
+static enum status film(struct views_data *data, struct truth *truth)
+{
+    struct world_options options = world_default_options();
+    struct world *world;
+    enum status status = world_open(&world, &options);
+    if (status != OK)
+        return status;
+    double seconds = fmin(world_seconds(world), FILMED / 30.0);
+    struct pose sensor = world_sensor_pose(world);
+    char uri[300];
+    film_sensor(world, &data->scratch, "sensor", FILMED_SCALE, 0, (int)(seconds * 30));
+    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&data->scratch, "sensor"));
+    struct place place = film_true_place(world, FILMED_SCALE);
+    status = record(data, uri, &place);
+    truth->sensor = sensor.translation;
+    for (int64_t i = 0; status == OK && i < take_frame_count(data->own); i++) {
+        double t = (double)(take_entry(data->own, i)->time_ns - take_entry(data->own, 0)->time_ns) * 1e-9;
+        truth->joints[i] = world_joints_in_camera(world, t, sensor);
+        truth->waist[i] = world_joints(world, t).joint[JOINT_WAIST];
+    }
+    if (status == OK)
+        status = tell(data, truth);
+    if (status == OK)
+        status = film_pictures(data, world, seconds);
+    if (status == OK)
+        set_angles(data, truth);
+    if (status == OK)
+        status = find_pictures(data, &place);
+    place_free(&place);
+    world_close(&world);
+    return status;
+}
+
+// ------------------------------------------------------------- a folder
+
+static int64_t frame_at(const struct take *take, double seconds)
+{
+    for (int64_t i = 0; i < take_frame_count(take); i++)
+        if (fabs((double)take_entry(take, i)->time_ns * 1e-9 - seconds) < SAME_S)
+            return i;
+    return -1;
+}
+
+static enum status read_truth(const struct views_data *data, const char *folder, struct truth *truth)
+{
+    FILE *joints = NULL, *poses = NULL;
+    char line[512], name[64];
+    double t;
+    struct vec3 p;
+    enum status status = bench_open_truth(folder, "joints_truth.csv", &joints);
+    if (status == OK)
+        status = bench_open_truth(folder, "sensor_truth.txt", &poses);
+    while (status == OK && fgets(line, sizeof line, joints)) {
+        enum joint j;
+        if (sscanf(line, "%lf,%63[^,],%lf,%lf,%lf", &t, name, &p.x, &p.y, &p.z) != 5 || !joint_from_name(name, &j))
+            continue;
+        int64_t i = frame_at(data->own, t);
+        if (i >= 0) {
+            truth->joints[i].joint[j] = p;
+            truth->joints[i].confidence[j] = 1;
+        }
+    }
+    for (int64_t i = 0; status == OK && i < take_frame_count(data->own); i++) {
+        struct pose sensor;
+        if (!bench_truth_at(poses, (double)take_entry(data->own, i)->time_ns * 1e-9, &sensor))
+            status = fail(ERR_INPUT, "%s: the sensor's truth lacks frame %d", folder, (int)i);
+        truth->waist[i] = truth->joints[i].joint[JOINT_WAIST];
+        truth->sensor = sensor.translation;
+        truth->joints[i] = skeleton_transform(pose_inverse(sensor), &truth->joints[i]);
+    }
+    if (joints)
+        fclose(joints);
+    if (poses)
+        fclose(poses);
+    return status;
+}
+
+// The picture of that name as it should be, and where the person is in it.
+static enum status read_expected(const struct views_data *data, const char *folder, const char *name, uint8_t *rgb,
+                                 uint8_t **mask)
+{
+    char path[4096];
+    uint8_t *bytes = NULL;
+    size_t count;
+    void *pixels = NULL;
+    int width, height;
+    snprintf(path, sizeof path, "%s/truth/expected/%s.jpg", folder, name);
+    enum status status = file_read(path, &bytes, &count);
+    if (status == OK)
+        status = jpeg_decode(bytes, count, rgb, data->lens.width, data->lens.height);
+    free(bytes);
+    snprintf(path, sizeof path, "%s/truth/mask/%s.png", folder, name);
+    if (status == OK)
+        status = png_read(path, PNG_GRAY8, &pixels, &width, &height);
+    if (status == OK && (width != data->lens.width || height != data->lens.height))
+        status = fail(ERR_INPUT, "%s is not of the pictures' size", path);
+    for (size_t i = 0; status == OK && i < pixels_of(&data->lens); i++)
+        ((uint8_t *)pixels)[i] = ((uint8_t *)pixels)[i] > 127;
+    *mask = pixels;
+    return status;
+}
+
+static enum status read_pictures(struct views_data *data, const char *folder)
+{
+    char uri[4096];
+    struct source *camera = NULL;
+    struct frame frame;
+    FILE *truth = NULL;
+    int64_t first_ns = -1;
+    enum status status = bench_open_truth(folder, "viewer_truth.txt", &truth);
+    snprintf(uri, sizeof uri, "folder:%s/viewer", folder);
+    if (status == OK)
+        status = source_open(&camera, uri, SOURCE_CAMERA);
+    if (status == OK)
+        data->lens = source_calibration(camera)->color;
+    uint8_t *expected = malloc(3 * pixels_of(&data->lens) + 1);
+    if (status == OK && !expected)
+        status = fail(ERR_MEMORY, "no memory for a picture");
+    while (status == OK && data->count < VIEWS_MOST && (status = source_next(camera, &frame)) == OK) {
+        struct pose pose;
+        uint8_t *mask = NULL;
+        first_ns = first_ns < 0 ? frame.time_ns : first_ns;
+        if (!bench_truth_at(truth, (double)frame.time_ns * 1e-9, &pose))
+            continue;
+        status = read_expected(data, folder, frame.name, expected, &mask);
+        if (status == OK)
+            status = add_picture(data, frame.time_ns - first_ns, pose, frame.color, expected, mask);
+        free(mask);
+    }
+    free(expected);
+    if (truth)
+        fclose(truth);
+    source_close(&camera);
+    return status == NOTHING ? OK : status;
+}
+
+static enum status read_folder(struct views_data *data, const char *folder, struct truth *truth)
+{
+    struct place place = {0};
+    char uri[4096];
+    snprintf(uri, sizeof uri, "folder:%s/sensor", folder);
+    enum status status = bench_map_folder(folder, &place);
+    if (status == OK)
+        status = record(data, uri, &place);
+    if (status == OK)
+        status = read_truth(data, folder, truth);
+    if (status == OK)
+        status = tell(data, truth);
+    if (status == OK)
+        status = read_pictures(data, folder);
+    if (status == OK)
+        set_angles(data, truth);
+    if (status == OK)
+        status = find_pictures(data, &place);
+    place_free(&place);
+    return status;
+}
+
+enum status views_data_open(struct views_data *data, const char *folder)
+{
+    *data = (struct views_data){.scratch = scratch_make()};
+    struct truth *truth = calloc(1, sizeof *truth);
+    if (!truth)
+        return fail(ERR_MEMORY, "no memory for the truth");
+    enum status status = folder ? read_folder(data, folder, truth) : film(data, truth);
+    free(truth);
+    return status;
+}

@@ -1,0 +1,30 @@
+// What the bench of pictures works on: a take with its own joints and the same take with the true ones, and pictures
+// of the room with and without the person, from known places.
+#pragma once
+#include "capture/recording/recording.h"
+#include "tests/support/scratch.h"
+
+enum { VIEWS_MOST = 128 };
+
+struct views_picture {
+    int64_t since_ns;         // of the take's first frame
+    uint8_t *room, *expected; // RGB: without the person, and with
+    uint8_t *mask;            // not 0: the person
+    struct pose found, truth; // world_from_camera in the place's axes: as we find it, and as it is
+    bool placed;              // found
+    double angle_deg;         // between the sensor's and this view of the person, from above
+};
+
+struct views_data {
+    struct scratch scratch;
+    struct recording *recording;
+    struct take *own, *told; // with our joints, with the true ones
+    struct lens lens;        // of the pictures
+    struct views_picture picture[VIEWS_MOST];
+    int count;
+};
+
+// folder NULL: films the small world, the sensor at half size. Else as bench_folder.h has it.
+// On error *data is to be closed all the same.
+MUST_CHECK enum status views_data_open(struct views_data *data, const char *folder);
+void views_data_close(struct views_data *data);
