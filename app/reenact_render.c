@@ -136,6 +136,28 @@ static enum status open_locator(struct run *r)
     return status;
 }
 
+static bool prepared(void *self, double share)
+{
+    struct progress *progress = self;
+    while (progress->done < (int64_t)(share * (double)progress->total))
+        progress_step(progress);
+    return !command_stopped();
+}
+
+static enum status open_painter(struct run *r)
+{
+    struct progress progress;
+    const struct likeness_watch watch = {prepared, &progress};
+    struct painter_options how = painter_default_options();
+    how.detail = r->arguments->detail;
+    how.sources = r->arguments->layers;
+    how.watch = &watch;
+    progress_start(&progress, "preparing", 100);
+    enum status status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
+    progress_end(&progress);
+    return status;
+}
+
 static enum status open_run(struct run *r)
 {
     const struct arguments *a = r->arguments;
@@ -150,11 +172,8 @@ static enum status open_run(struct run *r)
     status = open_locator(r);
     if (status == OK)
         status = gpu_open(&r->gpu);
-    struct painter_options how = painter_default_options();
-    how.detail = a->detail;
-    how.sources = a->layers;
     if (status == OK)
-        status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
+        status = open_painter(r);
     if (status == OK)
         status = folder_make(a->out);
     if (status != OK)
@@ -224,8 +243,9 @@ static enum status draw(struct run *r, const struct frame *frame)
     r->placed++;
     r->ambiguous += found == AMBIGUOUS;
     write_pose(r->trajectory, frame->time_ns, location.world_from_camera);
-    struct painter_view view = {location.world_from_camera,
-                                frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9), frame->color};
+    struct painter_view view = {.world_from_camera = location.world_from_camera,
+                                .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
+                                .color = frame->color};
     struct painter_result result;
     enum status status = painter_draw(r->painter, &view, &result);
     if (status != OK)

@@ -155,8 +155,12 @@ void scene_draw(const struct brush *b, struct ui_box box, const struct stage_pic
         if (show->moving)
             draw_ring(b, p, cover);
         uint32_t tint = faint(0xffffffff, show->presence);
-        if (p->actor)
-            ui_picture(b->ui, p->actor, all, p->turned_over ? over : upright, 0, tint);
+        // The new one comes in over the old, which then goes: nowhere is he thinner meanwhile.
+        double fresh = p->former ? show->freshness : 1;
+        if (p->former)
+            ui_picture(b->ui, p->former, all, p->turned_over ? over : upright, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
+        if (p->actor && fresh > 0)
+            ui_picture(b->ui, p->actor, all, p->turned_over ? over : upright, 0, faint(tint, fmin(1, 2 * fresh)));
         if (p->sources)
             ui_picture(b->ui, p->sources, all, p->turned_over ? over : upright, 0, tint);
         if (show->skeleton)

@@ -70,6 +70,9 @@ struct show {
     const char *ailing;  // what is amiss with the recording while it plays; NULL nothing; borrowed
     bool frozen;         // the camera is open and sends nothing
     double presence;     // of the actor, 0..1: fades while it is not known where he stands
+    double prepared;     // the share of the take's preparing that is done; 1: all
+    bool model_shown;    // what was prepared is being drawn
+    double freshness;    // 0..1: from the plain actor to the prepared one
     bool ever_placed;
     int64_t placed_ns;   // last time it was known
     int64_t stirred_ns;  // last touch, for hiding the controls while playing
@@ -103,6 +106,8 @@ void show_choose(struct show *s, int take);
 
 void show_hear(struct show *s, const struct show_camera *camera, int64_t now_ns);
 void show_ail(struct show *s, const char *sentence); // NULL: all is well again
+void show_prepare(struct show *s, double share);     // of the take's preparing
+void show_model(struct show *s, bool shown);         // the actor drawn last is the prepared one
 void show_say(struct show *s, const char *notice, int64_t now_ns);
 void show_stir(struct show *s, int64_t now_ns); // somebody touched the screen
 

@@ -368,6 +368,23 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
     return OK;
 }
 
+void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count)
+{
+    gpu_use(m->g);
+    glBindBuffer(GL_ARRAY_BUFFER, m->vertices);
+    glBufferSubData(GL_ARRAY_BUFFER, (GLintptr)sizeof(float) * first, (GLsizeiptr)sizeof(float) * count, floats);
+}
+
+void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count)
+{
+    gpu_use(m->g);
+    glBindVertexArray(m->array); // whose part the binding is
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
+    glBufferSubData(GL_ELEMENT_ARRAY_BUFFER, (GLintptr)sizeof(uint16_t) * first, (GLsizeiptr)sizeof(uint16_t) * count,
+                    indices);
+    glBindVertexArray(0);
+}
+
 void gpu_mesh_close(struct gpu_mesh **m)
 {
     if (!*m)

@@ -64,10 +64,14 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels); // all of 
 
 // ---- meshes: triangles
 // vertices: `components` floats each: 2 to 4, or 8, 12, 16, 20, of which the shader
-// finds four at each of the locations 0, 1, 2 ... ERR_DEVICE: out of memory.
+// finds four at each of the locations 0, 1, 2 ... vertices and indices may be NULL:
+// undefined until written. ERR_DEVICE: out of memory.
 MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components,
                                      int vertex_count, const uint16_t *indices, int index_count);
 void gpu_mesh_close(struct gpu_mesh **m);
+// A part of them: `count` floats or indices from number `first` on.
+void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count);
+void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count);
 
 // ---- targets: what is drawn into. RGBA, 8 bit, with a depth buffer
 // samples: 1, or how many a pixel has for smooth edges (fewer where the GPU has

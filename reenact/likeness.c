@@ -29,7 +29,13 @@ static enum status choose_frames(struct likeness *f, const struct take *take, in
     return OK;
 }
 
-enum pass { PASS_FIRST, PASS_SHAPE, PASS_COLOR };
+enum pass { PASS_FIRST, PASS_SHAPE, PASS_COLOR, PASSES };
+
+// False: it is not wanted any more.
+static bool went_on(const struct likeness_watch *watch, double share)
+{
+    return !watch || watch->went_on(watch->self, share);
+}
 
 // One frame of one pass; the list loses those that turn out unusable.
 static enum status one_frame(struct likeness *f, struct take *take, enum pass pass, struct volume *into, int i,
@@ -73,10 +79,12 @@ static enum status one_frame(struct likeness *f, struct take *take, enum pass pa
 }
 
 static enum status all_frames(struct likeness *f, struct take *take, enum pass pass, struct volume *into,
-                              struct sight *sight, struct coat_maker *coat)
+                              struct sight *sight, struct coat_maker *coat, const struct likeness_watch *watch)
 {
     enum status status = OK;
     for (int i = 0; i < f->frame_count && status == OK; i++) {
+        if (!went_on(watch, (pass + (double)i / f->frame_count) / PASSES))
+            return NOTHING;
         status = one_frame(f, take, pass, into, i, sight, coat);
         if (status == NOTHING) {
             f->adjustments[i] = i > 0 ? f->adjustments[i - 1] : adjustment_none();
@@ -86,17 +94,18 @@ static enum status all_frames(struct likeness *f, struct take *take, enum pass p
     return status;
 }
 
-static enum status make_shape(struct likeness *f, struct take *take, struct sight *sight)
+static enum status make_shape(struct likeness *f, struct take *take, struct sight *sight,
+                              const struct likeness_watch *watch)
 {
     const struct calibration *c = take_calibration(take);
     enum status status = volume_open(&f->volume, &f->rest, c);
     if (status == OK)
-        status = all_frames(f, take, PASS_FIRST, f->volume, sight, NULL);
+        status = all_frames(f, take, PASS_FIRST, f->volume, sight, NULL, watch);
     struct volume *second = NULL;
     if (status == OK)
         status = volume_open(&second, &f->rest, c);
     if (status == OK)
-        status = all_frames(f, take, PASS_SHAPE, second, sight, NULL);
+        status = all_frames(f, take, PASS_SHAPE, second, sight, NULL, watch);
     if (status == OK) {
         volume_close(&f->volume);
         f->volume = second;
@@ -107,7 +116,8 @@ static enum status make_shape(struct likeness *f, struct take *take, struct sigh
     return status;
 }
 
-static enum status make_coat(struct likeness *f, struct take *take, struct sight *sight)
+static enum status make_coat(struct likeness *f, struct take *take, struct sight *sight,
+                             const struct likeness_watch *watch)
 {
     f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
     if (!f->skins)
@@ -117,14 +127,15 @@ static enum status make_coat(struct likeness *f, struct take *take, struct sight
     struct coat_maker *coat = NULL;
     enum status status = coat_open(&coat, &f->surface, f->skins, take_calibration(take));
     if (status == OK)
-        status = all_frames(f, take, PASS_COLOR, NULL, sight, coat);
+        status = all_frames(f, take, PASS_COLOR, NULL, sight, coat, watch);
     if (status == OK)
         status = coat_make(coat, &f->coat);
     coat_close(&coat);
     return status;
 }
 
-enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays, int max_frames)
+enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays, int max_frames,
+                          const struct likeness_watch *watch)
 {
     *out = (struct likeness){0};
     struct sight sight = {0};
@@ -134,9 +145,9 @@ enum status likeness_make(struct likeness *out, struct take *take, const struct 
     if (status == OK)
         status = sight_open(&sight, take, rays);
     if (status == OK)
-        status = make_shape(out, take, &sight);
+        status = make_shape(out, take, &sight, watch);
     if (status == OK)
-        status = make_coat(out, take, &sight);
+        status = make_coat(out, take, &sight, watch);
     sight_close(&sight);
     if (status != OK)
         likeness_free(out);

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4 };
+enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4, BROUGHT_BYTES = 512 << 10 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double AUTO_FULL_PX = 48;
@@ -55,6 +55,8 @@ struct painter {
     struct gpu_target *actor;                     // the one of the two last drawn into
     struct gpu_target *source;                    // where each pixel is from; NULL: not asked for
     bool coding;                                  // it is asked for now
+    bool waiting;                                 // for a likeness, or for it to be on the GPU
+    bool later;                                   // it comes from somebody else
 };
 
 struct painter_options painter_default_options(void)
@@ -106,7 +108,7 @@ static enum status open_targets(struct painter *p, bool sources)
 {
     int w = p->lens.width, h = p->lens.height;
     enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
-    if (status == OK && p->detail != DETAIL_FULL)
+    if (status == OK && (p->detail != DETAIL_FULL || p->later))
         status = gpu_target_open(&p->plain, p->gpu, w, h, 1);
     if (status == OK && p->detail != DETAIL_PAPER)
         status = gpu_target_open(&p->smooth, p->gpu, w, h, SMOOTH_SAMPLES);
@@ -157,7 +159,28 @@ static enum status open_selector(struct painter *p)
     return status;
 }
 
-static enum status open_likeness(struct painter *p)
+enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
+{
+    p->waiting = false;
+    if (!likeness || !p->likeness) {
+        if (likeness)
+            likeness_free(likeness);
+        likeness_painter_close(&p->likeness);
+        return OK;
+    }
+    enum status status = likeness_painter_give(p->likeness, likeness);
+    if (status != OK)
+        likeness_painter_close(&p->likeness);
+    p->waiting = status == OK;
+    return status;
+}
+
+bool painter_settled(const struct painter *p)
+{
+    return !p->waiting || !likeness_painter_given(p->likeness);
+}
+
+static enum status open_likeness(struct painter *p, const struct painter_options *options)
 {
     const struct calibration *c = take_calibration(p->take);
     if (p->detail == DETAIL_PAPER || !(c->depth.width > 0))
@@ -165,7 +188,16 @@ static enum status open_likeness(struct painter *p)
     enum status status = source_rays_open(&p->rays, c);
     if (status == OK)
         status = likeness_painter_open(&p->likeness, p->gpu, p->take, p->rays, &p->lens);
-    return status == NOTHING ? OK : status;
+    p->waiting = status == OK;
+    if (status != OK || p->later)
+        return status;
+    struct likeness likeness;
+    status = likeness_make(&likeness, p->take, p->rays, LIKENESS_FRAMES, options->watch);
+    if (status < 0)
+        return status;
+    status = painter_give_likeness(p, status == OK ? &likeness : NULL);
+    p->waiting = status == OK && p->likeness && !likeness_painter_bring(p->likeness, SIZE_MAX);
+    return status;
 }
 
 enum status painter_open(struct painter **out, struct gpu *gpu, struct take *take, const struct lens *lens,
@@ -187,13 +219,14 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     p->take = take;
     p->lens = *lens;
     p->detail = options->detail;
+    p->later = options->likeness_later && options->detail != DETAIL_PAPER;
     status = motion_open(&p->motion, take);
     if (status == OK)
         status = open_selector(p);
     if (status == OK)
         status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes);
     if (status == OK)
-        status = open_likeness(p);
+        status = open_likeness(p, options);
     if (status == OK)
         status = open_programs(p);
     if (status == OK)
@@ -344,41 +377,73 @@ static void clear(struct painter *p)
         gpu_target_clear(p->source);
 }
 
+// The level that is drawn now, of an actor that high.
+static enum detail level_of(struct painter *p, double height)
+{
+    if (p->waiting)
+        p->waiting = !likeness_painter_given(p->likeness) || !likeness_painter_bring(p->likeness, BROUGHT_BYTES);
+    if (p->waiting)
+        return DETAIL_PAPER;
+    return p->detail == DETAIL_AUTO ? painter_level(height) : p->detail;
+}
+
+static enum status draw_parts(struct painter *p, const struct scene *scene, int *parts)
+{
+    *parts = 0;
+    for (int part = 0; part < PART_COUNT; part++) {
+        enum status status = draw_part(p, scene, (enum part)part);
+        if (status < 0)
+            return status;
+        *parts += status == OK;
+    }
+    return OK;
+}
+
+// At paper, into p->plain.
+static enum status draw_paper(struct painter *p, struct scene *scene, int *parts)
+{
+    p->actor = p->plain;
+    scene->level = DETAIL_PAPER;
+    enum status status = select_whole(p->selector, &scene->in_viewer, &scene->whole);
+    return status == OK ? draw_parts(p, scene, parts) : status;
+}
+
 static enum status draw_actor(struct painter *p, const struct painter_view *view, struct painter_result *result)
 {
     struct moment moment;
     enum status status = motion_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
     if (status != OK)
         return status;
-    struct skeleton in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton);
+    struct scene scene = {.shown = moment.frame,
+                          .in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
     result->shown = moment.frame;
-    result->height_px = height_px(p, &in_viewer);
-    result->level = p->detail == DETAIL_AUTO ? painter_level(result->height_px) : p->detail;
-    p->actor = result->level == DETAIL_PAPER ? p->plain : p->smooth;
-    clear(p);
-    struct selection whole = {0};
-    if (result->level == DETAIL_PAPER) {
-        status = select_whole(p->selector, &in_viewer, &whole);
-        if (status != OK)
-            return status;
-        result->source = whole.frame;
-    }
-    if (result->level != DETAIL_PAPER && p->likeness) {
-        struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera, p->actor,
-                                      p->coding ? p->source : NULL};
-        int parts;
-        status = likeness_painter_draw(p->likeness, &shown, &parts);
-        result->parts = status == OK ? parts : 0;
-        return status;
-    }
-    struct scene scene = {result->level, moment.frame, in_viewer, whole};
-    for (int part = 0; part < PART_COUNT; part++) {
-        status = draw_part(p, &scene, (enum part)part);
+    result->height_px = height_px(p, &scene.in_viewer);
+    result->level = level_of(p, result->height_px);
+    bool coding = p->coding;
+    if (result->level == DETAIL_PAPER || view->also_paper) {
+        p->coding = coding && result->level == DETAIL_PAPER;
+        p->actor = p->plain;
+        clear(p);
+        status = draw_paper(p, &scene, &result->parts);
+        p->coding = coding;
         if (status < 0)
             return status;
-        result->parts += status == OK;
+        if (result->level == DETAIL_PAPER) {
+            result->source = status == OK ? scene.whole.frame : -1;
+            return status;
+        }
     }
-    return OK;
+    p->actor = p->smooth;
+    clear(p);
+    scene.level = result->level;
+    if (!p->likeness)
+        return draw_parts(p, &scene, &result->parts);
+    struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera, p->actor,
+                                  p->coding ? p->source : NULL};
+    int parts;
+    status = likeness_painter_draw(p->likeness, &shown, &parts);
+    result->parts = status == OK ? parts : 0;
+    return status;
 }
 
 // ---------------------------------------------------------------- pictures
@@ -451,5 +516,7 @@ enum status painter_read_source(struct painter *p, uint8_t *rgb)
 void painter_set_sources(struct painter *p, bool wanted) { p->coding = wanted && p->source; }
 
 const struct gpu_texture *painter_actor_texture(struct painter *p) { return gpu_target_texture(p->actor); }
+
+const struct gpu_texture *painter_paper_texture(struct painter *p) { return gpu_target_texture(p->plain); }
 
 const struct gpu_texture *painter_texture(struct painter *p) { return gpu_target_texture(p->composed); }

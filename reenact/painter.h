@@ -8,6 +8,7 @@
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
+#include "reenact/likeness.h"
 
 enum detail {
     DETAIL_PAPER, // 2014 to the letter: the yardstick. One frame for the whole body
@@ -23,6 +24,8 @@ struct painter_options {
     enum detail detail;   // default DETAIL_FULL
     size_t texture_bytes; // bound of what is kept on the GPU. Default 64 MiB
     bool sources;         // painter_read_source will be asked for. Default no
+    bool likeness_later;  // somebody else makes it and gives it (painter_give_likeness). Default no
+    const struct likeness_watch *watch; // while painter_open makes it; NULL, the default: nobody waits
 };
 struct painter_options painter_default_options(void);
 
@@ -33,11 +36,20 @@ MUST_CHECK enum status painter_open(struct painter **out, struct gpu *gpu, struc
                                     const struct painter_options *options);
 void painter_close(struct painter **p);
 
+// What options.likeness_later promised, made by likeness_make from another handle on
+// the same take, perhaps on another thread. Until all of it is on the GPU, some
+// pictures later, every level is drawn as DETAIL_PAPER. NULL: there is none; what is
+// beyond paper is then drawn as rounded cylinders. Its contents go over to the
+// painter and *likeness is zeroed, on failure too. ERR_INPUT: too large to be drawn.
+// ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status painter_give_likeness(struct painter *p, struct likeness *likeness);
+
 struct painter_view {
     struct pose world_from_camera; // of the tablet
     int64_t time_ns;               // of the take, since its first frame
     const uint8_t *color;          // the camera's picture, RGB of the lens's size; NULL: whoever asks for
                                    // painter_actor_texture has it himself, and there is no composed picture
+    bool also_paper;               // draw him at paper, too, for painter_paper_texture. With likeness_later
 };
 
 struct painter_result {
@@ -74,12 +86,18 @@ const struct gpu_texture *painter_texture(struct painter *p);
 // The actor last drawn alone, premultiplied alpha, likewise.
 const struct gpu_texture *painter_actor_texture(struct painter *p);
 
+// The actor at paper where view.also_paper asked for it, likewise.
+const struct gpu_texture *painter_paper_texture(struct painter *p);
+
 // From now on for this lens. Cheap as long as pictures keep their size.
 // ERR_INPUT; ERR_DEVICE, ERR_MEMORY: nothing more can be drawn.
 MUST_CHECK enum status painter_set_lens(struct painter *p, const struct lens *lens);
 
 // With options.sources: whether the next pictures' sources are wanted, which cost time. At first they are.
 void painter_set_sources(struct painter *p, bool wanted);
+
+// Nothing that was given is still on its way to the GPU.
+bool painter_settled(const struct painter *p);
 
 // What DETAIL_AUTO takes for an actor whose bones are that high. Below 48 pixels a
 // forearm is 3 pixels thick: neither its round end nor another frame's colours

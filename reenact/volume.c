@@ -18,6 +18,7 @@ enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
 
 struct cell {
     int32_t at;     // in the grid
+    uint16_t x, y, z;
     float cylinder; // distance from the parts' cylinders
     struct skin skin;
 };
@@ -31,12 +32,17 @@ struct volume {
     struct cell *cells;
     int cell_count;
     float *distance, *trust; // of every point of the grid; trust 0: not kept
+    uint16_t meets[PART_COUNT]; // bit p: the part meets p
 };
+
+static struct vec3 place_of(const struct volume *v, int x, int y, int z)
+{
+    return v3_add(v->corner, v3(x * STEP_M, y * STEP_M, z * STEP_M));
+}
 
 static struct vec3 point_at(const struct volume *v, int at)
 {
-    int x = at % v->size[0], y = at / v->size[0] % v->size[1], z = at / v->size[0] / v->size[1];
-    return v3_add(v->corner, v3(x * STEP_M, y * STEP_M, z * STEP_M));
+    return place_of(v, at % v->size[0], at / v->size[0] % v->size[1], at / v->size[0] / v->size[1]);
 }
 
 static void find_size(struct volume *v)
@@ -114,7 +120,12 @@ static enum status open_cells(struct volume *v, int64_t count)
     int c = 0;
     for (int i = 0; i < count && v->cells; i++)
         if (keep[i])
-            v->cells[c++] = (struct cell){i, fmaxf(-OUTSIDE_M, v->distance[i]), rest_skin(&v->rest, point_at(v, i))};
+            v->cells[c++] = (struct cell){i,
+                                          (uint16_t)(i % v->size[0]),
+                                          (uint16_t)(i / v->size[0] % v->size[1]),
+                                          (uint16_t)(i / v->size[0] / v->size[1]),
+                                          fmaxf(-OUTSIDE_M, v->distance[i]),
+                                          rest_skin(&v->rest, point_at(v, i))};
     free(keep);
     return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
 }
@@ -128,10 +139,13 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
     v->rest = *rest;
     v->calibration = *calibration;
     v->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
+    for (int p = 0; p < PART_COUNT; p++)
+        for (int other = 0; other < PART_COUNT; other++)
+            v->meets[p] |= (uint16_t)(parts_meet((enum part)p, (enum part)other) << other);
     find_size(v);
     int64_t count = (int64_t)v->size[0] * v->size[1] * v->size[2];
     enum status status = OK;
-    if (count > MOST_POINTS)
+    if (count > MOST_POINTS || v->size[0] > UINT16_MAX || v->size[1] > UINT16_MAX || v->size[2] > UINT16_MAX)
         status = fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
     if (status == OK) {
         v->distance = malloc(sizeof *v->distance * (size_t)count);
@@ -168,7 +182,7 @@ void volume_clear(struct volume *v)
 
 // ---------------------------------------------------------------- gathering
 
-// Ideal lenses in float, for speed; others through lens_project.
+// Where a place is seen; ideal lenses without lens_project's way round, for speed.
 static bool find_pixel(const struct lens *lens, bool ideal, const float p[3], int *x, int *y)
 {
     if (!(p[2] > 0.05F))
@@ -179,28 +193,33 @@ static bool find_pixel(const struct lens *lens, bool ideal, const float p[3], in
                             (double)p[1] / (double)p[2] * lens->fy + lens->cy};
     else
         px = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
-    *x = (int)floor(px.x + 0.5);
-    *y = (int)floor(px.y + 0.5);
-    return *x >= 0 && *y >= 0 && *x < lens->width && *y < lens->height;
+    px.x += 0.5, px.y += 0.5;
+    if (!(px.x >= 0 && px.y >= 0 && px.x < lens->width && px.y < lens->height))
+        return false;
+    *x = (int)px.x; // rounded down, for it is not negative
+    *y = (int)px.y;
+    return true;
 }
 
 static void blend(const struct part_map maps[PART_COUNT], const struct skin *skin, struct part_map *out)
 {
-    *out = maps[skin->part[0]];
-    if (skin->weight[0] >= 1)
+    const float *a = maps[skin->part[0]].row[0];
+    float *sum = out->row[0];
+    if (skin->weight[0] >= 1) {
+        *out = maps[skin->part[0]];
         return;
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 4; c++) {
-            float sum = 0;
-            for (int i = 0; i < SKIN_PARTS; i++)
-                sum += skin->weight[i] * maps[skin->part[i]].row[r][c];
-            out->row[r][c] = sum;
-        }
+    }
+    for (int k = 0; k < 12; k++)
+        sum[k] = skin->weight[0] * a[k];
+    for (int i = 1; i < SKIN_PARTS; i++) {
+        const float *b = maps[skin->part[i]].row[0], weight = skin->weight[i];
+        for (int k = 0; k < 12 && weight > 0; k++)
+            sum[k] += weight * b[k];
+    }
 }
 
-// How far a place of `part`, which is `thick`, at depth z is before (+) what pixel i shows; false: it says nothing of
-// this place.
-static bool witness(const struct sight *s, double fx, int i, float z, enum part part, float thick, float *distance,
+// How far a place of `part` at depth z is before (+) what pixel i shows; false: it says nothing of this place.
+static bool witness(const struct volume *v, const struct sight *s, int i, float z, int part, float *distance,
                     float *trust)
 {
     float d = (float)s->depth[i] * 1e-3F;
@@ -209,7 +228,7 @@ static bool witness(const struct sight *s, double fx, int i, float z, enum part 
     float before = d - z;
     // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
     float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - RIM_PX : 0.5F + RIM_PX; // half of the rim is still the person
-    float aside = ((float)s->edge[i] + beyond) * z / (float)fx;
+    float aside = ((float)s->edge[i] + beyond) * z / (float)v->calibration.depth.fx;
     aside = aside < OUTSIDE_M ? aside : OUTSIDE_M;
     if (s->part[i] == SIGHT_ROOM) {
         *distance = aside;
@@ -217,13 +236,14 @@ static bool witness(const struct sight *s, double fx, int i, float z, enum part 
         return before > ROOM_SLACK_M;
     }
     if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
-        *distance = -fminf(aside, INSIDE_M);
+        *distance = aside < INSIDE_M ? -aside : -INSIDE_M;
         *trust = EMPTY_TRUST;
-        return before > -THICK * thick && s->part[i] == part;
+        return s->part[i] == part && before > -THICK * (float)v->rest.radius[part];
     }
+    float within = 0.1F + 0.3F * (float)s->edge[i];
     *distance = before < OUTSIDE_M ? before : aside;
-    *trust = before < OUTSIDE_M ? fminf(1, 0.1F + 0.3F * (float)s->edge[i]) : EMPTY_TRUST;
-    return before >= OUTSIDE_M || parts_meet(part, (enum part)s->part[i]);
+    *trust = !(before < OUTSIDE_M) ? EMPTY_TRUST : within < 1 ? within : 1;
+    return before >= OUTSIDE_M || (v->meets[part] >> s->part[i] & 1);
 }
 
 void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
@@ -235,7 +255,7 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
     bool ideal = lens_is_ideal(lens);
     for (int c = 0; c < v->cell_count; c++) {
         const struct cell *cell = &v->cells[c];
-        struct vec3 at = point_at(v, cell->at);
+        struct vec3 at = place_of(v, cell->x, cell->y, cell->z);
         const float h[3] = {(float)at.x, (float)at.y, (float)at.z};
         struct part_map m;
         float p[3];
@@ -245,8 +265,7 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
             p[r] = m.row[r][0] * h[0] + m.row[r][1] * h[1] + m.row[r][2] * h[2] + m.row[r][3];
         float distance, trust;
         if (!find_pixel(lens, ideal, p, &x, &y) ||
-            !witness(sight, lens->fx, y * sight->width + x, p[2], (enum part)cell->skin.part[0],
-                     (float)v->rest.radius[cell->skin.part[0]], &distance, &trust))
+            !witness(v, sight, y * sight->width + x, p[2], cell->skin.part[0], &distance, &trust))
             continue;
         float *d = &v->distance[cell->at], *t = &v->trust[cell->at];
         *d = (*d * *t + distance * trust) / (*t + trust);
