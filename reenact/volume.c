@@ -1,5 +1,7 @@
 #include "reenact/volume.h"
 
+#include "platform/parallel.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,9 +14,10 @@ static const float RIM_PX = 0.75F;        // of the person's outermost pixels, w
 static const float THICK = 1.15F;         // parts, against their cylinders' radius
 static const float CYLINDER_TRUST = 0.5F; // in frames
 static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
+static const float NOWHERE_NEAR = 0.6F;  // of the largest distance
 static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
-enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
+enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2 };
 
 struct cell {
     int32_t at;     // in the grid
@@ -32,7 +35,6 @@ struct volume {
     struct cell *cells;
     int cell_count;
     float *distance, *trust; // of every point of the grid; trust 0: not kept
-    uint16_t meets[PART_COUNT]; // bit p: the part meets p
 };
 
 static struct vec3 place_of(const struct volume *v, int x, int y, int z)
@@ -139,9 +141,6 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
     v->rest = *rest;
     v->calibration = *calibration;
     v->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
-    for (int p = 0; p < PART_COUNT; p++)
-        for (int other = 0; other < PART_COUNT; other++)
-            v->meets[p] |= (uint16_t)(parts_meet((enum part)p, (enum part)other) << other);
     find_size(v);
     int64_t count = (int64_t)v->size[0] * v->size[1] * v->size[2];
     enum status status = OK;
@@ -187,17 +186,20 @@ static bool find_pixel(const struct lens *lens, bool ideal, const float p[3], in
 {
     if (!(p[2] > 0.05F))
         return false;
-    struct pixel px;
-    if (ideal)
-        px = (struct pixel){(double)p[0] / (double)p[2] * lens->fx + lens->cx,
-                            (double)p[1] / (double)p[2] * lens->fy + lens->cy};
-    else
-        px = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
-    px.x += 0.5, px.y += 0.5;
-    if (!(px.x >= 0 && px.y >= 0 && px.x < lens->width && px.y < lens->height))
+    float px, py;
+    if (ideal) {
+        float scale = 1 / p[2];
+        px = p[0] * scale * (float)lens->fx + (float)lens->cx;
+        py = p[1] * scale * (float)lens->fy + (float)lens->cy;
+    } else {
+        struct pixel at = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
+        px = (float)at.x, py = (float)at.y;
+    }
+    px += 0.5F, py += 0.5F;
+    if (!(px >= 0 && py >= 0 && px < (float)lens->width && py < (float)lens->height))
         return false;
-    *x = (int)px.x; // rounded down, for it is not negative
-    *y = (int)px.y;
+    *x = (int)px; // rounded down, for it is not negative
+    *y = (int)py;
     return true;
 }
 
@@ -218,8 +220,9 @@ static void blend(const struct part_map maps[PART_COUNT], const struct skin *ski
     }
 }
 
-// How far a place of `part` at depth z is before (+) what pixel i shows; false: it says nothing of this place.
-static bool witness(const struct volume *v, const struct sight *s, int i, float z, int part, float *distance,
+// How far a place of `part`, which is `thick`, at depth z is before (+) what pixel i shows; false: it says nothing of
+// this place.
+static bool witness(const struct sight *s, double fx, int i, float z, enum part part, float thick, float *distance,
                     float *trust)
 {
     float d = (float)s->depth[i] * 1e-3F;
@@ -228,7 +231,7 @@ static bool witness(const struct volume *v, const struct sight *s, int i, float 
     float before = d - z;
     // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
     float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - RIM_PX : 0.5F + RIM_PX; // half of the rim is still the person
-    float aside = ((float)s->edge[i] + beyond) * z / (float)v->calibration.depth.fx;
+    float aside = ((float)s->edge[i] + beyond) * z / (float)fx;
     aside = aside < OUTSIDE_M ? aside : OUTSIDE_M;
     if (s->part[i] == SIGHT_ROOM) {
         *distance = aside;
@@ -236,24 +239,33 @@ static bool witness(const struct volume *v, const struct sight *s, int i, float 
         return before > ROOM_SLACK_M;
     }
     if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
-        *distance = aside < INSIDE_M ? -aside : -INSIDE_M;
+        *distance = -fminf(aside, INSIDE_M);
         *trust = EMPTY_TRUST;
-        return s->part[i] == part && before > -THICK * (float)v->rest.radius[part];
+        return before > -THICK * thick && s->part[i] == part;
     }
-    float within = 0.1F + 0.3F * (float)s->edge[i];
     *distance = before < OUTSIDE_M ? before : aside;
-    *trust = !(before < OUTSIDE_M) ? EMPTY_TRUST : within < 1 ? within : 1;
-    return before >= OUTSIDE_M || (v->meets[part] >> s->part[i] & 1);
+    *trust = before < OUTSIDE_M ? fminf(1, 0.1F + 0.3F * (float)s->edge[i]) : EMPTY_TRUST;
+    return before >= OUTSIDE_M || parts_meet(part, (enum part)s->part[i]);
 }
 
-void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
-{
+// What one frame says, to one stretch of the cells after the other.
+struct addition {
+    struct volume *volume;
+    const struct sight *sight;
     struct part_map maps[PART_COUNT];
-    for (int p = 0; p < PART_COUNT; p++)
-        maps[p] = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+};
+
+static void add_stretch(void *context, int stretch)
+{
+    const struct addition *a = context;
+    struct volume *v = a->volume;
+    const struct sight *sight = a->sight;
+    const struct part_map *maps = a->maps;
     const struct lens *lens = &v->calibration.depth;
     bool ideal = lens_is_ideal(lens);
-    for (int c = 0; c < v->cell_count; c++) {
+    int from = (int)((int64_t)v->cell_count * stretch / THREADS);
+    int to = (int)((int64_t)v->cell_count * (stretch + 1) / THREADS);
+    for (int c = from; c < to; c++) {
         const struct cell *cell = &v->cells[c];
         struct vec3 at = place_of(v, cell->x, cell->y, cell->z);
         const float h[3] = {(float)at.x, (float)at.y, (float)at.z};
@@ -265,12 +277,36 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
             p[r] = m.row[r][0] * h[0] + m.row[r][1] * h[1] + m.row[r][2] * h[2] + m.row[r][3];
         float distance, trust;
         if (!find_pixel(lens, ideal, p, &x, &y) ||
-            !witness(v, sight, y * sight->width + x, p[2], cell->skin.part[0], &distance, &trust))
+            !witness(sight, lens->fx, y * sight->width + x, p[2], (enum part)cell->skin.part[0],
+                     (float)v->rest.radius[cell->skin.part[0]], &distance, &trust))
             continue;
         float *d = &v->distance[cell->at], *t = &v->trust[cell->at];
         *d = (*d * *t + distance * trust) / (*t + trust);
         *t += trust;
     }
+}
+
+void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
+{
+    struct addition a = {.volume = v, .sight = sight};
+    for (int p = 0; p < PART_COUNT; p++)
+        a.maps[p] = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+    parallel(THREADS, THREADS, add_stretch, &a); // each cell is one thread's, so it does not matter how many there are
+}
+
+void volume_leave_empty(struct volume *v, const struct volume *known)
+{
+    int left = 0;
+    for (int c = 0; c < v->cell_count; c++) {
+        int at = v->cells[c].at;
+        if (known->trust[at] > CYLINDER_TRUST && known->distance[at] >= NOWHERE_NEAR * OUTSIDE_M) {
+            v->distance[at] = known->distance[at];
+            v->trust[at] = known->trust[at];
+        } else {
+            v->cells[left++] = v->cells[c];
+        }
+    }
+    v->cell_count = left;
 }
 
 // ---------------------------------------------------------------- looking up
@@ -305,14 +341,14 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
 
 enum status volume_smooth(struct volume *v, int passes)
 {
-    float *from = malloc(sizeof *from * (size_t)(v->size[0] * v->size[1] * v->size[2]));
+    size_t count = (size_t)(v->size[0] * v->size[1] * v->size[2]);
+    float *from = malloc(sizeof *from * count);
     if (!from)
         return fail(ERR_MEMORY, "out of memory");
     const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
     for (int pass = 0; pass < passes; pass++)
         for (int axis = 0; axis < 3; axis++) {
-            for (int c = 0; c < v->cell_count; c++)
-                from[v->cells[c].at] = v->distance[v->cells[c].at];
+            memcpy(from, v->distance, sizeof *from * count);
             for (int c = 0; c < v->cell_count; c++) {
                 int at = v->cells[c].at, a = at - step[axis], b = at + step[axis];
                 if (v->trust[a] > 0 && v->trust[b] > 0) // (a cell is never at the grid's border)
