@@ -19,12 +19,20 @@ struct preparation {
     enum status status;
     char sentence[512];
     struct likeness likeness;
+    struct room room;
 };
 
 static void tell(const struct preparation *p)
 {
     if (p->news)
         p->news(p->news_self);
+}
+
+static bool wanted(void *self, double share)
+{
+    struct preparation *p = self;
+    (void)share;
+    return !atomic_load(&p->unwanted);
 }
 
 static bool went_on(void *self, double share)
@@ -34,6 +42,16 @@ static bool went_on(void *self, double share)
     if (atomic_exchange(&p->done, done) != done)
         tell(p);
     return !atomic_load(&p->unwanted);
+}
+
+// The room is quickly made, and not worth a sentence where it fails.
+static void make_room(struct preparation *p, struct recording *recording, struct take *take)
+{
+    const struct likeness_watch watch = {wanted, p};
+    struct place place = {0};
+    if (recording_read_place(recording, &place) != OK || room_make(&p->room, &place, take, &watch) != OK)
+        p->room = (struct room){0};
+    place_free(&place);
 }
 
 static enum status make(struct preparation *p)
@@ -51,6 +69,8 @@ static enum status make(struct preparation *p)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK)
         status = likeness_make(&p->likeness, take, rays, LIKENESS_FRAMES, &watch);
+    if (status >= 0 && wanted(p, 1))
+        make_room(p, recording, take);
     source_rays_close(&rays);
     take_close(&take);
     recording_free(&recording);
@@ -93,6 +113,7 @@ void preparation_close(struct preparation **out)
     if (p->runs)
         pthread_join(p->thread, NULL);
     likeness_free(&p->likeness);
+    room_free(&p->room);
     free(p->path);
     free(p->take);
     free(p);
@@ -101,12 +122,14 @@ void preparation_close(struct preparation **out)
 
 double preparation_share(const struct preparation *p) { return (double)atomic_load(&p->done) / SHARES; }
 
-bool preparation_ended(struct preparation *p, struct likeness *likeness, enum status *status)
+bool preparation_ended(struct preparation *p, struct likeness *likeness, struct room *room, enum status *status)
 {
     if (!atomic_load(&p->ended))
         return false;
     *status = p->status < 0 ? fail(p->status, "%s", p->sentence) : p->status;
     *likeness = p->likeness;
+    *room = p->room;
     p->likeness = (struct likeness){0};
+    p->room = (struct room){0};
     return true;
 }

@@ -1,7 +1,7 @@
-// Makes a take's likeness (reenact/likeness.h) beside the drawing, on a thread and
-// with a handle on the recording of its own.
+// Makes a take's likeness (reenact/likeness.h) and the room about it (reenact/room.h)
+// beside the drawing, on a thread and with a handle on the recording of its own.
 #pragma once
-#include "reenact/likeness.h"
+#include "reenact/room.h"
 
 struct preparation;
 
@@ -17,5 +17,6 @@ void preparation_close(struct preparation **p);
 double preparation_share(const struct preparation *p); // of the work that is done, 0..1
 
 // False: not yet. True: *status says how it ended, and with OK *likeness is the
-// caller's from here on; once. Fails as likeness_make and take_open do.
-bool preparation_ended(struct preparation *p, struct likeness *likeness, enum status *status);
+// caller's from here on; once. Fails as likeness_make and take_open do. *room is the
+// caller's, too, and empty where there is none.
+bool preparation_ended(struct preparation *p, struct likeness *likeness, struct room *room, enum status *status);

@@ -17,11 +17,11 @@
 struct arguments {
     const char *file, *take, *camera, *out;
     enum detail detail;
-    bool layers, json;
+    bool layers, json, alone;
     double start_s;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_JSON };
+enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ALONE, KEY_JSON };
 
 static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
 
@@ -37,6 +37,7 @@ static const struct argp_option options[] = {
      "before or after, in hundredths of a second)",
      0},
     {"start", KEY_START, "SECONDS", 0, "show the take from here when the first image comes (default 0)", 0},
+    {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under him; paper never has them", 0},
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
 };
@@ -57,6 +58,9 @@ static error_t parse(int key, char *value, struct argp_state *state)
         return 0;
     case KEY_LAYERS:
         a->layers = true;
+        return 0;
+    case KEY_ALONE:
+        a->alone = true;
         return 0;
     case KEY_JSON:
         a->json = true;
@@ -84,6 +88,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_need(state, a->take, "--take NAME");
         command_need(state, a->camera, "--camera URI");
         command_need(state, a->out, "--out DIR");
+        a->alone |= a->detail == DETAIL_PAPER; // to the letter
         return 0;
     default:
         return ARGP_ERR_UNKNOWN;
@@ -97,6 +102,7 @@ static const char *const stage_names[] = {"camera", "locate", "draw", "read", "w
 struct run {
     const struct arguments *arguments;
     struct recording *recording;
+    struct place place;
     struct take *take;
     struct source *camera;
     struct camera_track *track;
@@ -122,8 +128,7 @@ static void lap(struct run *r, enum stage stage)
 
 static enum status open_locator(struct run *r)
 {
-    struct place place = {0};
-    enum status status = recording_read_place(r->recording, &place);
+    enum status status = recording_read_place(r->recording, &r->place);
     if (status == NOTHING)
         return fail(ERR_INPUT,
                     "%s holds no place, so the camera cannot be found in it; "
@@ -131,8 +136,7 @@ static enum status open_locator(struct run *r)
                     r->arguments->file);
     struct locator_options how = locator_default_options();
     if (status == OK)
-        status = camera_track_open(&r->track, &place, &r->lens, &how);
-    place_free(&place);
+        status = camera_track_open(&r->track, &r->place, &r->lens, &how);
     return status;
 }
 
@@ -151,11 +155,17 @@ static enum status open_painter(struct run *r)
     struct painter_options how = painter_default_options();
     how.detail = r->arguments->detail;
     how.sources = r->arguments->layers;
+    how.shadow = !r->arguments->alone;
     how.watch = &watch;
     progress_start(&progress, "preparing", 100);
     enum status status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
     progress_end(&progress);
-    return status;
+    struct room room = {0};
+    if (status == OK && !r->arguments->alone)
+        status = room_make(&room, &r->place, r->take, NULL);
+    if (status == OK)
+        status = painter_give_room(r->painter, &room);
+    return status < 0 ? status : OK;
 }
 
 static enum status open_run(struct run *r)
@@ -202,6 +212,7 @@ static void close_run(struct run *r)
     painter_close(&r->painter);
     gpu_close(&r->gpu);
     camera_track_close(&r->track);
+    place_free(&r->place);
     source_close(&r->camera);
     take_close(&r->take);
     recording_free(&r->recording);
@@ -243,7 +254,9 @@ static enum status draw(struct run *r, const struct frame *frame)
     r->placed++;
     r->ambiguous += found == AMBIGUOUS;
     write_pose(r->trajectory, frame->time_ns, location.world_from_camera);
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(location.world_from_camera));
     struct painter_view view = {.world_from_camera = location.world_from_camera,
+                                .viewer_from_room = &viewer_from_room,
                                 .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
                                 .color = frame->color};
     struct painter_result result;

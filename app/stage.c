@@ -263,7 +263,7 @@ static enum status have_painter(struct stage *s, const struct lens *lens)
     if (!s->painter) {
         struct painter_options how = painter_default_options();
         how.detail = DETAIL_AUTO;
-        how.sources = how.likeness_later = true;
+        how.sources = how.shadow = how.likeness_later = true;
         status = painter_open(&s->painter, s->gpu, s->take, lens, &how);
     } else if (!same(lens, &s->drawn_lens)) {
         status = painter_set_lens(s->painter, lens);
@@ -279,19 +279,26 @@ bool stage_settled(const struct stage *s) { return !s->painter || painter_settle
 enum status stage_prepare(struct stage *s)
 {
     struct likeness likeness;
+    struct room room;
     enum status status;
-    if (!s->preparation || !s->painter || !preparation_ended(s->preparation, &likeness, &status))
+    if (!s->preparation || !s->painter || !preparation_ended(s->preparation, &likeness, &room, &status))
         return OK;
     preparation_close(&s->preparation);
     enum status given = painter_give_likeness(s->painter, status == OK ? &likeness : NULL);
-    return status < 0 ? status : given;
+    enum status walls = painter_give_room(s->painter, &room);
+    return status < 0 ? status : given < 0 ? given : walls;
 }
 
 static enum status draw_actor(struct stage *s, const struct stage_look *look, struct stage_picture *out)
 {
     struct lens lens = lens_for(look);
-    struct painter_view view = {
-        .world_from_camera = camera_in_take(s, look), .time_ns = look->time_ns, .also_paper = look->former};
+    struct part_map viewer_from_room = part_map_of(pose_inverse(look->world_from_camera));
+    for (int i = 0; i < 4 && look->placement.mirrored; i++)
+        viewer_from_room.row[0][i] = -viewer_from_room.row[0][i]; // the picture is turned over later
+    struct painter_view view = {.world_from_camera = camera_in_take(s, look),
+                                .time_ns = look->time_ns,
+                                .viewer_from_room = look->camera ? &viewer_from_room : NULL, // the studio is empty
+                                .also_paper = look->former};
     struct painter_result result;
     enum status status = have_painter(s, &lens);
     if (status != OK)
@@ -301,6 +308,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, st
     if (status != OK)
         return status;
     out->actor = painter_actor_texture(s->painter);
+    out->shadow = painter_shadow_texture(s->painter);
     out->former = look->former ? painter_paper_texture(s->painter) : NULL;
     out->prepared = result.level != DETAIL_PAPER;
     out->turned_over = look->placement.mirrored;

@@ -46,6 +46,7 @@ struct stage_picture {
     struct pose world_from_camera;
     const struct gpu_texture *camera; // NULL: an orbit
     const struct gpu_texture *actor;  // premultiplied; NULL: nobody
+    const struct gpu_texture *shadow; // likewise, under him; NULL
     const struct gpu_texture *former; // likewise, as he was drawn before; NULL
     bool prepared;                    // `actor` is what was prepared
     const struct gpu_texture *sources; // premultiplied, laid over the actor; NULL

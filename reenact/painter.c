@@ -1,6 +1,6 @@
 #include "reenact/painter.h"
 
-#include "reenact/cylinders.h"
+#include "reenact/around_painter.h"
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
 #include "reenact/select.h"
@@ -45,6 +45,7 @@ struct painter {
     struct selector *selector;
     struct texture_cache *textures;
     struct source_rays *rays;          // NULL: the take has no depth
+    struct around_painter *around;
     struct likeness_painter *likeness; // NULL: too little of the person was seen; rounded cylinders then
     struct gpu_program *actor_program, *compose_program;
     struct gpu_mesh *whole;                      // one triangle over everything
@@ -53,6 +54,9 @@ struct painter {
     struct gpu_texture *camera;
     struct gpu_target *plain, *smooth, *composed; // actor at paper, actor at full, result
     struct gpu_target *actor;                     // the one of the two last drawn into
+    struct gpu_target *shadow;                    // NULL: none is wanted
+    struct gpu_texture *no_shadow;                // a transparent pixel
+    bool shaded;                                  // the picture last drawn has a shadow
     struct gpu_target *source;                    // where each pixel is from; NULL: not asked for
     bool coding;                                  // it is asked for now
     bool waiting;                                 // for a likeness, or for it to be on the GPU
@@ -75,6 +79,7 @@ static void set_view_lens(struct painter *p)
     gpu_program_set(p->actor_program, VIEW_LENS, lens, 3);
     if (p->likeness)
         likeness_painter_set_lens(p->likeness, &p->lens);
+    around_painter_set_lens(p->around, &p->lens);
 }
 
 static enum status open_programs(struct painter *p)
@@ -82,13 +87,17 @@ static enum status open_programs(struct painter *p)
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
     static const char *const actor_samplers[] = {"source_picture"};
-    static const char *const compose_samplers[] = {"camera_picture", "actor_picture"};
+    static const char *const compose_samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
     const struct gpu_program_text actor = {
         "actor", shader_find("actor.vert"), shader_find("actor.frag"), uniform_names, ACTOR_UNIFORMS, actor_samplers,
         1};
     const struct gpu_program_text compose = {
-        "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 2};
+        "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 3};
     enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
+    if (status == OK)
+        status = gpu_texture_open(&p->no_shadow, p->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, (const uint8_t[4]){0});
+    if (status == OK)
+        status = around_painter_open(&p->around, p->gpu, &p->lens);
     if (status == OK)
         status = gpu_program_open(&p->actor_program, p->gpu, &actor);
     if (status == OK)
@@ -104,7 +113,7 @@ static enum status open_programs(struct painter *p)
     return OK;
 }
 
-static enum status open_targets(struct painter *p, bool sources)
+static enum status open_targets(struct painter *p, bool sources, bool shadow)
 {
     int w = p->lens.width, h = p->lens.height;
     enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
@@ -116,6 +125,8 @@ static enum status open_targets(struct painter *p, bool sources)
         status = gpu_target_open(&p->composed, p->gpu, w, h, 1);
     if (status == OK && sources)
         status = gpu_target_open(&p->source, p->gpu, w, h, 1);
+    if (status == OK && shadow)
+        status = gpu_target_open(&p->shadow, p->gpu, w, h, 1);
     p->actor = p->plain ? p->plain : p->smooth;
     p->coding = sources;
     return status;
@@ -127,6 +138,7 @@ static void close_targets(struct painter *p)
     gpu_target_close(&p->smooth);
     gpu_target_close(&p->composed);
     gpu_target_close(&p->source);
+    gpu_target_close(&p->shadow);
     gpu_texture_close(&p->camera);
 }
 
@@ -136,13 +148,13 @@ enum status painter_set_lens(struct painter *p, const struct lens *lens)
     if (status != OK)
         return status;
     bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
-         coding = p->coding;
+         shadow = p->shadow, coding = p->coding;
     p->lens = *lens;
     set_view_lens(p);
     if (!resized)
         return OK;
     close_targets(p);
-    enum status opened = open_targets(p, sources);
+    enum status opened = open_targets(p, sources, shadow);
     p->coding = coding;
     return opened;
 }
@@ -175,6 +187,8 @@ enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
     return status;
 }
 
+enum status painter_give_room(struct painter *p, struct room *room) { return around_painter_give(p->around, room); }
+
 bool painter_settled(const struct painter *p)
 {
     return !p->waiting || !likeness_painter_given(p->likeness);
@@ -198,6 +212,14 @@ static enum status open_likeness(struct painter *p, const struct painter_options
     status = painter_give_likeness(p, status == OK ? &likeness : NULL);
     p->waiting = status == OK && p->likeness && !likeness_painter_bring(p->likeness, SIZE_MAX);
     return status;
+}
+
+static bool has_floor(const struct take *take)
+{
+    bool located = false;
+    for (int64_t i = 0; i < take_frame_count(take) && !located; i++)
+        located = take_entry(take, i)->located;
+    return located;
 }
 
 enum status painter_open(struct painter **out, struct gpu *gpu, struct take *take, const struct lens *lens,
@@ -230,7 +252,7 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     if (status == OK)
         status = open_programs(p);
     if (status == OK)
-        status = open_targets(p, options->sources);
+        status = open_targets(p, options->sources, options->shadow && has_floor(take));
     if (status != OK) {
         painter_close(&p);
         return status;
@@ -251,6 +273,8 @@ void painter_close(struct painter **out)
     }
     likeness_painter_close(&p->likeness);
     source_rays_close(&p->rays);
+    around_painter_close(&p->around);
+    gpu_texture_close(&p->no_shadow);
     gpu_mesh_close(&p->whole);
     close_targets(p);
     gpu_program_close(&p->actor_program);
@@ -377,6 +401,27 @@ static void clear(struct painter *p)
         gpu_target_clear(p->source);
 }
 
+// An empty picture, but for the room that may hide the actor.
+static void begin(struct painter *p, const struct painter_view *view, const struct scene *scene)
+{
+    clear(p);
+    if (view->viewer_from_room &&
+        around_painter_room(p->around, p->actor, view->viewer_from_room, &scene->in_viewer) && p->coding)
+        around_painter_room(p->around, p->source, view->viewer_from_room, &scene->in_viewer);
+}
+
+static void draw_shadow(struct painter *p, const struct painter_view *view, const struct scene *scene,
+                        const struct skeleton *skeleton)
+{
+    if (!p->shadow)
+        return;
+    gpu_target_clear(p->shadow);
+    if (view->viewer_from_room)
+        around_painter_room(p->around, p->shadow, view->viewer_from_room, &scene->in_viewer);
+    around_painter_shadow(p->around, p->shadow, view->world_from_camera, skeleton, take_body(p->take));
+    p->shaded = true;
+}
+
 // The level that is drawn now, of an actor that high.
 static enum detail level_of(struct painter *p, double height)
 {
@@ -419,11 +464,12 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     result->shown = moment.frame;
     result->height_px = height_px(p, &scene.in_viewer);
     result->level = level_of(p, result->height_px);
+    draw_shadow(p, view, &scene, &moment.skeleton);
     bool coding = p->coding;
     if (result->level == DETAIL_PAPER || view->also_paper) {
         p->coding = coding && result->level == DETAIL_PAPER;
         p->actor = p->plain;
-        clear(p);
+        begin(p, view, &scene);
         status = draw_paper(p, &scene, &result->parts);
         p->coding = coding;
         if (status < 0)
@@ -434,7 +480,7 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
         }
     }
     p->actor = p->smooth;
-    clear(p);
+    begin(p, view, &scene);
     scene.level = result->level;
     if (!p->likeness)
         return draw_parts(p, &scene, &result->parts);
@@ -454,12 +500,14 @@ static enum status compose(struct painter *p, const uint8_t *color)
     gpu_draw(&(struct gpu_job){.target = p->composed,
                                .program = p->compose_program,
                                .mesh = p->whole,
-                               .textures = {p->camera, gpu_target_texture(p->actor)}});
+                               .textures = {p->camera, gpu_target_texture(p->actor),
+                                            p->shaded ? gpu_target_texture(p->shadow) : p->no_shadow}});
     return gpu_check(p->gpu);
 }
 
 enum status painter_draw_nobody(struct painter *p, const uint8_t *color)
 {
+    p->shaded = false;
     clear(p);
     return compose(p, color);
 }
@@ -469,6 +517,7 @@ enum status painter_draw(struct painter *p, const struct painter_view *view, str
     *result = (struct painter_result){.level = p->detail, .shown = -1, .source = -1};
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
+    p->shaded = false;
     clear(p);
     enum status status = draw_actor(p, view, result);
     if (status < 0)
@@ -516,6 +565,11 @@ enum status painter_read_source(struct painter *p, uint8_t *rgb)
 void painter_set_sources(struct painter *p, bool wanted) { p->coding = wanted && p->source; }
 
 const struct gpu_texture *painter_actor_texture(struct painter *p) { return gpu_target_texture(p->actor); }
+
+const struct gpu_texture *painter_shadow_texture(struct painter *p)
+{
+    return p->shaded ? gpu_target_texture(p->shadow) : NULL;
+}
 
 const struct gpu_texture *painter_paper_texture(struct painter *p) { return gpu_target_texture(p->plain); }
 

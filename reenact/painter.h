@@ -8,7 +8,7 @@
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
-#include "reenact/likeness.h"
+#include "reenact/room.h"
 
 enum detail {
     DETAIL_PAPER, // 2014 to the letter: the yardstick. One frame for the whole body
@@ -24,6 +24,7 @@ struct painter_options {
     enum detail detail;   // default DETAIL_FULL
     size_t texture_bytes; // bound of what is kept on the GPU. Default 64 MiB
     bool sources;         // painter_read_source will be asked for. Default no
+    bool shadow;          // he casts one on the floor, where the take has a place and so a floor. Default no
     bool likeness_later;  // somebody else makes it and gives it (painter_give_likeness). Default no
     const struct likeness_watch *watch; // while painter_open makes it; NULL, the default: nobody waits
 };
@@ -44,11 +45,16 @@ void painter_close(struct painter **p);
 // ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_give_likeness(struct painter *p, struct likeness *likeness);
 
+// The room that hides him where it stands before him (room_make); as above. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status painter_give_room(struct painter *p, struct room *room);
+
 struct painter_view {
     struct pose world_from_camera; // of the tablet
     int64_t time_ns;               // of the take, since its first frame
     const uint8_t *color;          // the camera's picture, RGB of the lens's size; NULL: whoever asks for
                                    // painter_actor_texture has it himself, and there is no composed picture
+    const struct part_map *viewer_from_room; // where the room is that hides him: from its axes, which are
+                                             // the take's world, into the tablet camera's. NULL: nothing hides him
     bool also_paper;               // draw him at paper, too, for painter_paper_texture. With likeness_later
 };
 
@@ -85,6 +91,9 @@ const struct gpu_texture *painter_texture(struct painter *p);
 
 // The actor last drawn alone, premultiplied alpha, likewise.
 const struct gpu_texture *painter_actor_texture(struct painter *p);
+
+// His shadow in the picture last drawn, premultiplied, likewise: to be laid under him. NULL: there is none.
+const struct gpu_texture *painter_shadow_texture(struct painter *p);
 
 // The actor at paper where view.also_paper asked for it, likewise.
 const struct gpu_texture *painter_paper_texture(struct painter *p);

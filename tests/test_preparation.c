@@ -21,11 +21,13 @@ static struct likeness prepare(const char *take, enum status *status)
     const struct preparation_options how = {rehearsal.file, take, count, &news};
     EXPECT_STATUS(preparation_start(&p, &how), OK);
     double share = 0;
-    while (!preparation_ended(p, &likeness, status)) {
+    struct room room;
+    while (!preparation_ended(p, &likeness, &room, status)) {
         EXPECT_AT_LEAST(preparation_share(p), share);
         share = preparation_share(p);
         clock_sleep_until_ns(clock_now_ns() + 5000000);
     }
+    room_free(&room);
     EXPECT_AT_LEAST(atomic_load(&news), *status == OK ? 3 : 1);
     preparation_close(&p);
     return likeness;

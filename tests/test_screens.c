@@ -168,8 +168,11 @@ static void test_nothing_is_drawn_when_nothing_changes(void **state)
     struct show *s = &g.tablet.show;
     draw(&g);
     at(&g, 0.5);
-    for (int i = 0; i < 40; i++) // the orbit comes to rest on him
+    // The take is prepared, and the orbit comes to rest on him.
+    for (int64_t i = 0, until = clock_now_ns() + 100000000000; i < 40 || s->freshness < 1; i++) {
         draw(&g);
+        EXPECT_TRUE(clock_now_ns() < until);
+    }
     s->changed = false;
     g.tablet.checked_ns = clock_now_ns(); // the look after the file comes once a second
     int64_t now = clock_now_ns(), next = tablet_update(&g.tablet, now);
