@@ -32,6 +32,14 @@ void gpu_close(struct gpu **g); // NULL is fine; sets *g = NULL. The same for al
 const char *gpu_renderer(const struct gpu *g); // the driver's own name for itself
 int gpu_max_size(const struct gpu *g);         // pixels, of a texture's or target's longer side
 
+// What was asked of the driver so far, and what it holds now; controls (gpu_flat.h) are not counted.
+struct gpu_counts {
+    int64_t draws, uploads; // pictures' and meshes' bytes that were written, whole or in part
+    int64_t made;           // programs, textures, meshes, targets
+    size_t bytes_held;      // by textures, meshes and targets, as a GPU keeps them: four bytes a pixel of RGB
+};
+struct gpu_counts gpu_count(const struct gpu *g);
+
 // OK, or ERR_DEVICE when the context was lost or an error came up since the last look.
 MUST_CHECK enum status gpu_check(struct gpu *g);
 

@@ -18,11 +18,15 @@ enum detail {
     DETAIL_AUTO,  // full, or less where the eye cannot tell: see painter_level
 };
 
+// What a painter holds on the GPU is bounded, however long the take: options.texture_bytes
+// of recorded frames (a likeness needs none of them), 8 bytes a pixel of the take's
+// pictures for the shown one, 76 bytes a pixel of the tablet's (with everything that can be
+// asked for), and 16 MiB for meshes.
 struct painter;
 
 struct painter_options {
     enum detail detail;   // default DETAIL_FULL
-    size_t texture_bytes; // bound of what is kept on the GPU. Default 64 MiB
+    size_t texture_bytes; // of recorded frames kept on the GPU, see below; at least one is. Default 64 MiB
     bool sources;         // painter_read_source will be asked for. Default no
     bool shadow;          // he casts one on the floor, where the take has a place and so a floor. Default no
     bool likeness_later;  // somebody else makes it and gives it (painter_give_likeness). Default no
