@@ -18,10 +18,10 @@ struct arguments {
     const char *file, *take, *camera, *out;
     enum detail detail;
     bool layers, json, alone;
-    double start_s;
+    double start_s, error_px;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ALONE, KEY_JSON };
+enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ERROR, KEY_ALONE, KEY_JSON };
 
 static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
 
@@ -37,6 +37,7 @@ static const struct argp_option options[] = {
      "before or after, in hundredths of a second)",
      0},
     {"start", KEY_START, "SECONDS", 0, "show the take from here when the first image comes (default 0)", 0},
+    {"error", KEY_ERROR, "PX", 0, "with --detail auto, by how much the actor may be wrong (default 1)", 0},
     {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under him; paper never has them", 0},
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
@@ -58,6 +59,11 @@ static error_t parse(int key, char *value, struct argp_state *state)
         return 0;
     case KEY_LAYERS:
         a->layers = true;
+        return 0;
+    case KEY_ERROR:
+        a->error_px = strtod(value, &end);
+        if (end == value || *end || !(a->error_px >= 0 && a->error_px <= 1000))
+            argp_error(state, "--error takes pixels, not '%s'", value);
         return 0;
     case KEY_ALONE:
         a->alone = true;
@@ -116,6 +122,7 @@ struct run {
     int64_t first_ns; // the camera's clock at the first image
     int64_t pictures, placed, ambiguous, with_actor, damaged, parts;
     int64_t at_level[DETAIL_AUTO];
+    double error_px; // predicted, of all pictures with the actor
     int64_t spent_ns[STAGE_COUNT], lap_ns;
 };
 
@@ -155,6 +162,7 @@ static enum status open_painter(struct run *r)
     struct painter_options how = painter_default_options();
     how.detail = r->arguments->detail;
     how.sources = r->arguments->layers;
+    how.error_px = r->arguments->error_px;
     how.shadow = !r->arguments->alone;
     how.watch = &watch;
     progress_start(&progress, "preparing", 100);
@@ -265,6 +273,7 @@ static enum status draw(struct run *r, const struct frame *frame)
         return status;
     r->with_actor += result.parts > 0;
     r->parts += result.parts;
+    r->error_px += result.parts > 0 ? result.error_px : 0;
     if (result.parts)
         r->at_level[result.level]++;
     return OK;
@@ -340,6 +349,7 @@ static enum status write_stats(struct run *r)
     for (int d = 0; d < DETAIL_AUTO; d++)
         json_add_number(levels, detail_names[d], (double)r->at_level[d]);
     json_add_number(root, "parts_per_picture", r->with_actor ? (double)r->parts / (double)r->with_actor : 0);
+    json_add_number(root, "predicted_error_px", r->with_actor ? r->error_px / (double)r->with_actor : 0);
     struct json *times = json_add_object(root, "ms_per_picture");
     for (int s = 0; s < STAGE_COUNT; s++)
         json_add_number(times, stage_names[s], (double)r->spent_ns[s] * 1e-6 / (double)r->pictures);
@@ -359,7 +369,8 @@ static enum status write_stats(struct run *r)
 
 int reenact_render(int argc, char **argv)
 {
-    struct arguments arguments = {.detail = painter_default_options().detail};
+    struct arguments arguments = {.detail = painter_default_options().detail,
+                                  .error_px = painter_default_options().error_px};
     static const struct argp argp = {
         options,
         parse,

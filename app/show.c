@@ -17,6 +17,7 @@ struct show show_start(int take_count, bool dark, int64_t now_ns)
                          .player = player_start(0, 1),
                          .orbiting = true,
                          .prepared = 1,
+                         .error_px = 1,
                          .dark = dark,
                          .stirred_ns = now_ns,
                          .now_ns = now_ns,
@@ -203,6 +204,12 @@ void show_set_speed(struct show *s, double speed, int64_t now_ns)
 {
     player_set_speed(&s->player, now_ns, speed);
     show_stir(s, now_ns);
+}
+
+void show_set_error(struct show *s, double error_px)
+{
+    s->changed |= error_px != s->error_px;
+    s->error_px = error_px;
 }
 
 void show_set_turn(struct show *s, double turn_rad)

@@ -69,6 +69,7 @@ struct show {
     struct show_camera camera;
     const char *ailing;  // what is amiss with the recording while it plays; NULL nothing; borrowed
     bool frozen;         // the camera is open and sends nothing
+    double error_px;     // that the actor may be wrong by, in the pixels he is drawn with
     double presence;     // of the actor, 0..1: fades while it is not known where he stands
     double prepared;     // the share of the take's preparing that is done; 1: all
     bool model_shown;    // what was prepared is being drawn
@@ -101,6 +102,7 @@ void show_wheel(struct show *s, double notches, int64_t now_ns);
 // The timeline is held at that share, or (held false) let go.
 void show_scrub(struct show *s, bool held, double share, int64_t now_ns);
 void show_set_speed(struct show *s, double speed, int64_t now_ns);
+void show_set_error(struct show *s, double error_px);
 void show_set_turn(struct show *s, double turn_rad);
 void show_choose(struct show *s, int take);
 

@@ -304,6 +304,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, st
     if (status != OK)
         return status;
     painter_set_sources(s->painter, look->sources);
+    painter_set_error(s->painter, look->error_px);
     status = painter_draw(s->painter, &view, &result);
     if (status != OK)
         return status;

@@ -34,6 +34,7 @@ struct stage_look {
     int64_t time_ns;               // of the take
     struct placement placement;
     double fineness;               // 0..1: the share of the picture's size that the actor is drawn at
+    double error_px;               // that he may be wrong by where drawing less is quicker
     bool sources, inset;           // are wanted
     bool nobody;                   // the camera does not know where it is
     bool former;                   // also the actor as he was drawn before he was prepared

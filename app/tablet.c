@@ -187,6 +187,7 @@ static struct stage_look look_now(struct tablet *t, const struct tablet_glass *g
     memset(&look, 0, sizeof look); // it is compared byte by byte
     look.placement = s->placement;
     look.fineness = t->options.fixed_fineness ? 1 : governor_scale(&t->governor);
+    look.error_px = s->error_px;
     look.sources = s->sources;
     look.inset = s->inset;
     look.former = s->freshness < 1;

@@ -1,6 +1,7 @@
 #include "reenact/painter.h"
 
 #include "reenact/around_painter.h"
+#include "reenact/level.h"
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
 #include "reenact/select.h"
@@ -13,7 +14,7 @@
 enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4, BROUGHT_BYTES = 512 << 10 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
-static const double AUTO_FULL_PX = 48;
+static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
 static const double OUTLINE_ERROR_PX = 0.1;
 
 enum actor_uniform {
@@ -61,14 +62,14 @@ struct painter {
     bool coding;                                  // it is asked for now
     bool waiting;                                 // for a likeness, or for it to be on the GPU
     bool later;                                   // it comes from somebody else
+    double error_px;                              // that DETAIL_AUTO may be wrong by
+    double cylinders_off_m;                       // from the person's surface
 };
 
 struct painter_options painter_default_options(void)
 {
-    return (struct painter_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20};
+    return (struct painter_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20, .error_px = 1};
 }
-
-enum detail painter_level(double height_px) { return height_px < AUTO_FULL_PX ? DETAIL_PAPER : DETAIL_FULL; }
 
 // ---------------------------------------------------------------- opening
 
@@ -180,6 +181,7 @@ enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
         likeness_painter_close(&p->likeness);
         return OK;
     }
+    p->cylinders_off_m = level_cylinders_off_m(likeness);
     enum status status = likeness_painter_give(p->likeness, likeness);
     if (status != OK)
         likeness_painter_close(&p->likeness);
@@ -241,6 +243,8 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     p->take = take;
     p->lens = *lens;
     p->detail = options->detail;
+    p->error_px = options->error_px;
+    p->cylinders_off_m = CYLINDERS_OFF_M;
     p->later = options->likeness_later && options->detail != DETAIL_PAPER;
     status = motion_open(&p->motion, take);
     if (status == OK)
@@ -380,20 +384,6 @@ static enum status draw_part(struct painter *p, const struct scene *scene, enum 
     return OK;
 }
 
-// How high the bones stand in the picture; 0 when the camera stands among them or they are behind it.
-static double height_px(const struct painter *p, const struct skeleton *in_viewer)
-{
-    double top = INFINITY, bottom = -INFINITY;
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        if (!(in_viewer->confidence[j] > 0) || !(in_viewer->joint[j].z > NEAREST_M))
-            continue;
-        double y = p->lens.fy * in_viewer->joint[j].y / in_viewer->joint[j].z;
-        top = fmin(top, y);
-        bottom = fmax(bottom, y);
-    }
-    return bottom > top ? bottom - top : 0;
-}
-
 static void clear(struct painter *p)
 {
     gpu_target_clear(p->actor);
@@ -422,14 +412,26 @@ static void draw_shadow(struct painter *p, const struct painter_view *view, cons
     p->shaded = true;
 }
 
-// The level that is drawn now, of an actor that high.
-static enum detail level_of(struct painter *p, double height)
+// The level that is drawn now, and how wrong it will be.
+static enum status choose_level(struct painter *p, struct scene *scene, struct painter_result *result)
 {
     if (p->waiting)
         p->waiting = !likeness_painter_given(p->likeness) || !likeness_painter_bring(p->likeness, BROUGHT_BYTES);
-    if (p->waiting)
-        return DETAIL_PAPER;
-    return p->detail == DETAIL_AUTO ? painter_level(height) : p->detail;
+    double px_a_m = level_pixels_a_metre(&p->lens, &scene->in_viewer);
+    double full_m = p->likeness ? level_full_error_m() : p->cylinders_off_m;
+    result->level = p->waiting ? DETAIL_PAPER : p->detail;
+    result->error_px = px_a_m * full_m;
+    if (result->level == DETAIL_FULL)
+        return OK;
+    enum status status = select_whole(p->selector, &scene->in_viewer, &scene->whole);
+    double paper_px = px_a_m * level_paper_error_m(p->cylinders_off_m, scene->whole.cost_m);
+    if (status < 0)
+        return status;
+    if (result->level == DETAIL_AUTO)
+        result->level = status == OK && paper_px <= p->error_px ? DETAIL_PAPER : DETAIL_FULL;
+    if (result->level == DETAIL_PAPER)
+        result->error_px = paper_px;
+    return OK;
 }
 
 static enum status draw_parts(struct painter *p, const struct scene *scene, int *parts)
@@ -462,8 +464,9 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     struct scene scene = {.shown = moment.frame,
                           .in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
     result->shown = moment.frame;
-    result->height_px = height_px(p, &scene.in_viewer);
-    result->level = level_of(p, result->height_px);
+    status = choose_level(p, &scene, result);
+    if (status != OK)
+        return status;
     draw_shadow(p, view, &scene, &moment.skeleton);
     bool coding = p->coding;
     if (result->level == DETAIL_PAPER || view->also_paper) {
@@ -561,6 +564,8 @@ enum status painter_read_source(struct painter *p, uint8_t *rgb)
     assert(p->source);
     return read_rgb(p, p->source, rgb);
 }
+
+void painter_set_error(struct painter *p, double error_px) { p->error_px = error_px; }
 
 void painter_set_sources(struct painter *p, bool wanted) { p->coding = wanted && p->source; }
 

@@ -15,7 +15,7 @@ enum detail {
                   // (equation 5), that frame's plain colours, open cylinders
     DETAIL_FULL,  // our best: what the shown frame itself saw, and about it measured shapes, a frame for each part, its
                   // own pixels only, smooth edges, joints between recorded instants
-    DETAIL_AUTO,  // full, or less where the eye cannot tell: see painter_level
+    DETAIL_AUTO,  // the cheapest whose predicted error is no more than options.error_px
 };
 
 // What a painter holds on the GPU is bounded, however long the take: options.texture_bytes
@@ -27,6 +27,7 @@ struct painter;
 struct painter_options {
     enum detail detail;   // default DETAIL_FULL
     size_t texture_bytes; // of recorded frames kept on the GPU, see below; at least one is. Default 64 MiB
+    double error_px;      // that DETAIL_AUTO may be wrong by. Default 1
     bool sources;         // painter_read_source will be asked for. Default no
     bool shadow;          // he casts one on the floor, where the take has a place and so a floor. Default no
     bool likeness_later;  // somebody else makes it and gives it (painter_give_likeness). Default no
@@ -67,7 +68,7 @@ struct painter_result {
     int64_t shown;     // the recorded frame whose instant is shown; -1: nobody
     int64_t source;    // at paper: the frame the colours came from; else -1
     int parts;         // drawn
-    double height_px;  // of the actor's bones in the picture
+    double error_px;   // predicted (reenact/level.h), of the level that was drawn
 };
 
 // Draws. For a picture that could not be placed there is painter_draw_nobody.
@@ -112,7 +113,5 @@ void painter_set_sources(struct painter *p, bool wanted);
 // Nothing that was given is still on its way to the GPU.
 bool painter_settled(const struct painter *p);
 
-// What DETAIL_AUTO takes for an actor whose bones are that high. Below 48 pixels a
-// forearm is 3 pixels thick: neither its round end nor another frame's colours
-// move a pixel by more than the eye's threshold there.
-enum detail painter_level(double height_px);
+// From now on DETAIL_AUTO may be wrong by that, pixels.
+void painter_set_error(struct painter *p, double error_px);
