@@ -8,6 +8,7 @@ extern const struct bench_stage bench_stage_search;
 extern const struct bench_stage bench_stage_tags;
 extern const struct bench_stage bench_stage_tag_distance;
 extern const struct bench_stage bench_stage_place;
+extern const struct bench_stage bench_stage_draw;
 
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,
@@ -16,4 +17,5 @@ static const struct bench_stage *const bench_stages[] = {
     &bench_stage_tags,
     &bench_stage_tag_distance,
     &bench_stage_place,
+    &bench_stage_draw,
 };
