@@ -17,11 +17,11 @@
 struct arguments {
     const char *file, *take, *camera, *out;
     enum detail detail;
-    bool layers, json;
-    double start_s;
+    bool layers, json, alone;
+    double start_s, error_px;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_JSON };
+enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ERROR, KEY_ALONE, KEY_JSON };
 
 static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
 
@@ -37,6 +37,8 @@ static const struct argp_option options[] = {
      "before or after, in hundredths of a second)",
      0},
     {"start", KEY_START, "SECONDS", 0, "show the take from here when the first image comes (default 0)", 0},
+    {"error", KEY_ERROR, "PX", 0, "with --detail auto, by how much the actor may be wrong (default 1)", 0},
+    {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under him; paper never has them", 0},
     {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
     {0},
 };
@@ -57,6 +59,14 @@ static error_t parse(int key, char *value, struct argp_state *state)
         return 0;
     case KEY_LAYERS:
         a->layers = true;
+        return 0;
+    case KEY_ERROR:
+        a->error_px = strtod(value, &end);
+        if (end == value || *end || !(a->error_px >= 0 && a->error_px <= 1000))
+            argp_error(state, "--error takes pixels, not '%s'", value);
+        return 0;
+    case KEY_ALONE:
+        a->alone = true;
         return 0;
     case KEY_JSON:
         a->json = true;
@@ -84,6 +94,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_need(state, a->take, "--take NAME");
         command_need(state, a->camera, "--camera URI");
         command_need(state, a->out, "--out DIR");
+        a->alone |= a->detail == DETAIL_PAPER; // to the letter
         return 0;
     default:
         return ARGP_ERR_UNKNOWN;
@@ -97,6 +108,7 @@ static const char *const stage_names[] = {"camera", "locate", "draw", "read", "w
 struct run {
     const struct arguments *arguments;
     struct recording *recording;
+    struct place place;
     struct take *take;
     struct source *camera;
     struct camera_track *track;
@@ -110,6 +122,7 @@ struct run {
     int64_t first_ns; // the camera's clock at the first image
     int64_t pictures, placed, ambiguous, with_actor, damaged, parts;
     int64_t at_level[DETAIL_AUTO];
+    double error_px; // predicted, of all pictures with the actor
     int64_t spent_ns[STAGE_COUNT], lap_ns;
 };
 
@@ -122,8 +135,7 @@ static void lap(struct run *r, enum stage stage)
 
 static enum status open_locator(struct run *r)
 {
-    struct place place = {0};
-    enum status status = recording_read_place(r->recording, &place);
+    enum status status = recording_read_place(r->recording, &r->place);
     if (status == NOTHING)
         return fail(ERR_INPUT,
                     "%s holds no place, so the camera cannot be found in it; "
@@ -131,9 +143,37 @@ static enum status open_locator(struct run *r)
                     r->arguments->file);
     struct locator_options how = locator_default_options();
     if (status == OK)
-        status = camera_track_open(&r->track, &place, &r->lens, &how);
-    place_free(&place);
+        status = camera_track_open(&r->track, &r->place, &r->lens, &how);
     return status;
+}
+
+static bool prepared(void *self, double share)
+{
+    struct progress *progress = self;
+    while (progress->done < (int64_t)(share * (double)progress->total))
+        progress_step(progress);
+    return !command_stopped();
+}
+
+static enum status open_painter(struct run *r)
+{
+    struct progress progress;
+    const struct likeness_watch watch = {prepared, &progress};
+    struct painter_options how = painter_default_options();
+    how.detail = r->arguments->detail;
+    how.sources = r->arguments->layers;
+    how.error_px = r->arguments->error_px;
+    how.shadow = !r->arguments->alone;
+    how.watch = &watch;
+    progress_start(&progress, "preparing", 100);
+    enum status status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
+    progress_end(&progress);
+    struct room room = {0};
+    if (status == OK && !r->arguments->alone)
+        status = room_make(&room, &r->place, r->take, NULL);
+    if (status == OK)
+        status = painter_give_room(r->painter, &room);
+    return status < 0 ? status : OK;
 }
 
 static enum status open_run(struct run *r)
@@ -150,11 +190,8 @@ static enum status open_run(struct run *r)
     status = open_locator(r);
     if (status == OK)
         status = gpu_open(&r->gpu);
-    struct painter_options how = painter_default_options();
-    how.detail = a->detail;
-    how.sources = a->layers;
     if (status == OK)
-        status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
+        status = open_painter(r);
     if (status == OK)
         status = folder_make(a->out);
     if (status != OK)
@@ -183,6 +220,7 @@ static void close_run(struct run *r)
     painter_close(&r->painter);
     gpu_close(&r->gpu);
     camera_track_close(&r->track);
+    place_free(&r->place);
     source_close(&r->camera);
     take_close(&r->take);
     recording_free(&r->recording);
@@ -224,14 +262,18 @@ static enum status draw(struct run *r, const struct frame *frame)
     r->placed++;
     r->ambiguous += found == AMBIGUOUS;
     write_pose(r->trajectory, frame->time_ns, location.world_from_camera);
-    struct painter_view view = {location.world_from_camera,
-                                frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9), frame->color};
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(location.world_from_camera));
+    struct painter_view view = {.world_from_camera = location.world_from_camera,
+                                .viewer_from_room = &viewer_from_room,
+                                .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
+                                .color = frame->color};
     struct painter_result result;
     enum status status = painter_draw(r->painter, &view, &result);
     if (status != OK)
         return status;
     r->with_actor += result.parts > 0;
     r->parts += result.parts;
+    r->error_px += result.parts > 0 ? result.error_px : 0;
     if (result.parts)
         r->at_level[result.level]++;
     return OK;
@@ -307,6 +349,7 @@ static enum status write_stats(struct run *r)
     for (int d = 0; d < DETAIL_AUTO; d++)
         json_add_number(levels, detail_names[d], (double)r->at_level[d]);
     json_add_number(root, "parts_per_picture", r->with_actor ? (double)r->parts / (double)r->with_actor : 0);
+    json_add_number(root, "predicted_error_px", r->with_actor ? r->error_px / (double)r->with_actor : 0);
     struct json *times = json_add_object(root, "ms_per_picture");
     for (int s = 0; s < STAGE_COUNT; s++)
         json_add_number(times, stage_names[s], (double)r->spent_ns[s] * 1e-6 / (double)r->pictures);
@@ -326,7 +369,8 @@ static enum status write_stats(struct run *r)
 
 int reenact_render(int argc, char **argv)
 {
-    struct arguments arguments = {.detail = painter_default_options().detail};
+    struct arguments arguments = {.detail = painter_default_options().detail,
+                                  .error_px = painter_default_options().error_px};
     static const struct argp argp = {
         options,
         parse,

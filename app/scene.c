@@ -94,14 +94,6 @@ static bool floor_circle(const struct stage_picture *p, struct cover cover, doub
     return true;
 }
 
-static void draw_contact(const struct brush *b, const struct stage_picture *p, struct cover cover)
-{
-    struct ui_point points[ROUND_POINTS];
-    for (int i = 20; i > 0; i--)
-        if (floor_circle(p, cover, 0.024 * i, points))
-            ui_polygon(b->ui, points, ROUND_POINTS, 0x00000007);
-}
-
 static void draw_ring(const struct brush *b, const struct stage_picture *p, struct cover cover)
 {
     struct ui_point points[ROUND_POINTS];
@@ -150,13 +142,17 @@ void scene_draw(const struct brush *b, struct ui_box box, const struct stage_pic
     else
         draw_studio(b, p, cover, box);
     if (show->presence > 0 && p->has_skeleton) {
-        if (!p->camera)
-            draw_contact(b, p, cover);
+        uint32_t tint = faint(0xffffffff, show->presence);
+        if (p->shadow)
+            ui_picture(b->ui, p->shadow, all, p->turned_over ? over : upright, 0, tint);
         if (show->moving)
             draw_ring(b, p, cover);
-        uint32_t tint = faint(0xffffffff, show->presence);
-        if (p->actor)
-            ui_picture(b->ui, p->actor, all, p->turned_over ? over : upright, 0, tint);
+        // The new one comes in over the old, which then goes: nowhere is he thinner meanwhile.
+        double fresh = p->former ? show->freshness : 1;
+        if (p->former)
+            ui_picture(b->ui, p->former, all, p->turned_over ? over : upright, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
+        if (p->actor && fresh > 0)
+            ui_picture(b->ui, p->actor, all, p->turned_over ? over : upright, 0, faint(tint, fmin(1, 2 * fresh)));
         if (p->sources)
             ui_picture(b->ui, p->sources, all, p->turned_over ? over : upright, 0, tint);
         if (show->skeleton)

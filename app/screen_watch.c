@@ -200,10 +200,28 @@ void screen_watch(const struct brush *b, struct screens *screens, struct show *s
     feel_picture(b, screens, all);
 }
 
+// How far the take's preparing is.
+static void preparing(const struct brush *b, const struct show *s)
+{
+    const struct theme *t = b->theme;
+    double w = fmin(360, ui_width(b->ui) - 2 * MARGIN);
+    struct ui_box box = {(ui_width(b->ui) - w) / 2, MARGIN + TARGET + 2 * GAP, w, TARGET};
+    struct ui_box words = {box.x + 24, box.y + 9, w - 48, 24}, groove = {box.x + 24, box.y + TARGET - 20, w - 48, 6};
+    ui_layer(b->ui, 2);
+    ui_shadow(b->ui, box, TARGET / 2, 16, t->shadow);
+    ui_fill(b->ui, box, TARGET / 2, t->glass);
+    label(b, FACE_SMALL, words, t->text, "Getting to know the actor from all sides");
+    ui_fill(b->ui, groove, 3, faint(t->text, 0.2));
+    ui_fill(b->ui, (struct ui_box){groove.x, groove.y, fmax(6, groove.w * s->prepared), groove.h}, 3, t->accent);
+    ui_layer(b->ui, 0);
+}
+
 void screen_words(const struct brush *b, const struct show *s)
 {
     const struct theme *t = b->theme;
     const char *hint = show_hint(s), *text = s->notice[0] ? s->notice : hint;
+    if (!text && s->page == PAGE_WATCH && s->prepared < 1)
+        preparing(b, s);
     if (!text)
         return;
     const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->ailing && !s->frozen;

@@ -11,6 +11,21 @@ static struct ui_box sheet_box(struct ui_box above, double width, double height)
     return (struct ui_box){above.x + above.w - w, above.y - GAP - height, w, height};
 }
 
+// By how many pixels the actor may be wrong where that is quicker to draw.
+static void error_row(const struct brush *b, struct show *s, struct ui_box row)
+{
+    static const double errors_px[] = {0.5, 1, 2, 4};
+    char text[16], name[24];
+    for (int i = (int)COUNT_OF(errors_px) - 1; i >= 0; i--) {
+        snprintf(text, sizeof text, "%g", errors_px[i]);
+        snprintf(name, sizeof name, "error-%d", i);
+        bool on = fabs(s->error_px - errors_px[i]) < 0.01;
+        if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, cut_right(&row, TARGET)))
+            show_set_error(s, errors_px[i]);
+    }
+    label(b, FACE_BODY, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24}, b->theme->text, "Error, px");
+}
+
 static void layers_sheet(const struct brush *b, struct show *s, struct ui_box above, int64_t now_ns)
 {
     const struct {
@@ -27,7 +42,7 @@ static void layers_sheet(const struct brush *b, struct show *s, struct ui_box ab
         {"sheet-theme", "Dark", ICON_MOON, s->dark, DO_THEME},
     };
     const int count = (int)COUNT_OF(rows);
-    struct ui_box box = sheet_box(above, 400, HEADING + count * SWITCH + 2 * 12 + 4);
+    struct ui_box box = sheet_box(above, 400, HEADING + (count + 1) * SWITCH + 2 * 12 + 4);
     panel(b, box, false);
     struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
     label(b, FACE_HEAD, head, b->theme->text, "Show");
@@ -35,6 +50,7 @@ static void layers_sheet(const struct brush *b, struct show *s, struct ui_box ab
         if (switch_row(b, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
                        (struct ui_box){in.x, in.y + HEADING + i * SWITCH, in.w, SWITCH}))
             show_do(s, rows[i].action, now_ns);
+    error_row(b, s, (struct ui_box){in.x, in.y + HEADING + count * SWITCH, in.w, SWITCH});
     (void)ui_area(b->ui, "sheet", box); // what lies beneath is out of reach
 }
 

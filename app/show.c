@@ -6,7 +6,7 @@
 
 static const double PI = 3.14159265358979323846;
 static const int64_t NOTICE_NS = 3000000000, CONTROLS_NS = 4000000000, FROZEN_NS = 1500000000;
-static const double APPEAR_S = 0.2, FADE_S = 0.7;
+static const double APPEAR_S = 0.2, FADE_S = 0.7, FRESHEN_S = 0.5;
 static const double speeds[] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
 
 struct show show_start(int take_count, bool dark, int64_t now_ns)
@@ -16,6 +16,8 @@ struct show show_start(int take_count, bool dark, int64_t now_ns)
                          .take_wanted = take_count == 1,
                          .player = player_start(0, 1),
                          .orbiting = true,
+                         .prepared = 1,
+                         .error_px = 1,
                          .dark = dark,
                          .stirred_ns = now_ns,
                          .now_ns = now_ns,
@@ -32,6 +34,8 @@ void show_take(struct show *s, int64_t length_ns, int64_t frames, const struct o
     player_play(&s->player, now_ns, true);
     s->orbit = *orbit;
     s->placement = (struct placement){0};
+    s->model_shown = false;
+    s->freshness = 0;
     s->page = PAGE_WATCH;
     s->sheet = SHEET_NONE;
     s->moving = s->scrubbing = s->take_wanted = false;
@@ -202,6 +206,12 @@ void show_set_speed(struct show *s, double speed, int64_t now_ns)
     show_stir(s, now_ns);
 }
 
+void show_set_error(struct show *s, double error_px)
+{
+    s->changed |= error_px != s->error_px;
+    s->error_px = error_px;
+}
+
 void show_set_turn(struct show *s, double turn_rad)
 {
     s->placement.turn_rad = remainder(turn_rad, 2 * PI);
@@ -270,6 +280,18 @@ void show_ail(struct show *s, const char *sentence)
     s->ailing = sentence;
 }
 
+void show_prepare(struct show *s, double share)
+{
+    s->changed |= share != s->prepared;
+    s->prepared = share;
+}
+
+void show_model(struct show *s, bool shown)
+{
+    s->changed |= shown != s->model_shown;
+    s->model_shown = shown;
+}
+
 static double toward(double from, double to, double by) { return from < to ? fmin(to, from + by) : fmax(to, from - by); }
 
 int64_t show_tick(struct show *s, int64_t now_ns)
@@ -282,7 +304,10 @@ int64_t show_tick(struct show *s, int64_t now_ns)
     double presence = s->orbiting ? 1 : toward(s->presence, wanted, passed_s / (wanted > 0 ? APPEAR_S : FADE_S));
     s->changed |= presence != s->presence || player_tick(&s->player, now_ns) || controls != show_controls(s);
     s->presence = presence;
-    if (presence != wanted)
+    double fresh = s->model_shown ? toward(s->freshness, 1, passed_s / FRESHEN_S) : 0;
+    s->changed |= fresh != s->freshness;
+    s->freshness = fresh;
+    if (presence != wanted || (s->model_shown && fresh < 1))
         next = now_ns;
     bool frozen = s->camera.seeing && now_ns - s->camera.came_ns >= FROZEN_NS;
     s->changed |= frozen != s->frozen;

@@ -70,7 +70,11 @@ struct show {
     char camera_trouble[512]; // its sentence, kept: the camera's may be another by now
     const char *ailing;  // what is amiss with the recording while it plays; NULL nothing; borrowed
     bool frozen;         // the camera is open and sends nothing
+    double error_px;     // that the actor may be wrong by, in the pixels he is drawn with
     double presence;     // of the actor, 0..1: fades while it is not known where he stands
+    double prepared;     // the share of the take's preparing that is done; 1: all
+    bool model_shown;    // what was prepared is being drawn
+    double freshness;    // 0..1: from the plain actor to the prepared one
     bool ever_placed;
     int64_t placed_ns;   // last time it was known
     int64_t stirred_ns;  // last touch, for hiding the controls while playing
@@ -99,11 +103,14 @@ void show_wheel(struct show *s, double notches, int64_t now_ns);
 // The timeline is held at that share, or (held false) let go.
 void show_scrub(struct show *s, bool held, double share, int64_t now_ns);
 void show_set_speed(struct show *s, double speed, int64_t now_ns);
+void show_set_error(struct show *s, double error_px);
 void show_set_turn(struct show *s, double turn_rad);
 void show_choose(struct show *s, int take);
 
 void show_hear(struct show *s, const struct show_camera *camera, int64_t now_ns);
 void show_ail(struct show *s, const char *sentence); // NULL: all is well again
+void show_prepare(struct show *s, double share);     // of the take's preparing
+void show_model(struct show *s, bool shown);         // the actor drawn last is the prepared one
 void show_say(struct show *s, const char *notice, int64_t now_ns);
 void show_stir(struct show *s, int64_t now_ns); // somebody touched the screen
 

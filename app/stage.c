@@ -1,5 +1,6 @@
 #include "app/stage.h"
 
+#include "app/preparation.h"
 #include "reenact/motion.h"
 #include "reenact/painter.h"
 
@@ -14,6 +15,7 @@ struct stage {
     struct take *inset_take;
     struct motion *motion;
     struct painter *painter; // made with the first picture, whose lens it needs
+    struct preparation *preparation; // NULL: it has ended
     struct lens drawn_lens;
     struct gpu_texture *camera, *sources, *inset;
     int camera_width, camera_height, sources_width, sources_height;
@@ -44,8 +46,9 @@ static void find_beginning(struct stage *s)
     }
 }
 
-enum status stage_open(struct stage **out, struct gpu *gpu, const char *path, const char *take)
+enum status stage_open(struct stage **out, struct gpu *gpu, const struct stage_options *options)
 {
+    const char *path = options->path, *take = options->take;
     *out = NULL;
     struct stage *s = calloc(1, sizeof *s);
     if (!s)
@@ -61,6 +64,9 @@ enum status stage_open(struct stage **out, struct gpu *gpu, const char *path, co
         status = take_open(&s->inset_take, s->inset_recording, take);
     if (status == OK)
         status = motion_open(&s->motion, s->take);
+    const struct preparation_options how = {path, take, options->news, options->news_self};
+    if (status == OK)
+        status = preparation_start(&s->preparation, &how);
     if (status != OK) {
         stage_close(&s);
         return status;
@@ -75,6 +81,7 @@ void stage_close(struct stage **out)
     struct stage *s = *out;
     if (!s)
         return;
+    preparation_close(&s->preparation);
     gpu_texture_close(&s->camera);
     gpu_texture_close(&s->sources);
     gpu_texture_close(&s->inset);
@@ -256,7 +263,7 @@ static enum status have_painter(struct stage *s, const struct lens *lens)
     if (!s->painter) {
         struct painter_options how = painter_default_options();
         how.detail = DETAIL_AUTO;
-        how.sources = true;
+        how.sources = how.shadow = how.likeness_later = true;
         status = painter_open(&s->painter, s->gpu, s->take, lens, &how);
     } else if (!same(lens, &s->drawn_lens)) {
         status = painter_set_lens(s->painter, lens);
@@ -265,19 +272,46 @@ static enum status have_painter(struct stage *s, const struct lens *lens)
     return status;
 }
 
+double stage_prepared(const struct stage *s) { return s->preparation ? preparation_share(s->preparation) : 1; }
+
+bool stage_settled(const struct stage *s) { return !s->painter || painter_settled(s->painter); }
+
+enum status stage_prepare(struct stage *s)
+{
+    struct likeness likeness;
+    struct room room;
+    enum status status;
+    if (!s->preparation || !s->painter || !preparation_ended(s->preparation, &likeness, &room, &status))
+        return OK;
+    preparation_close(&s->preparation);
+    enum status given = painter_give_likeness(s->painter, status == OK ? &likeness : NULL);
+    enum status walls = painter_give_room(s->painter, &room);
+    return status < 0 ? status : given < 0 ? given : walls;
+}
+
 static enum status draw_actor(struct stage *s, const struct stage_look *look, struct stage_picture *out)
 {
     struct lens lens = lens_for(look);
-    struct painter_view view = {camera_in_take(s, look), look->time_ns, NULL};
+    struct part_map viewer_from_room = part_map_of(pose_inverse(look->world_from_camera));
+    for (int i = 0; i < 4 && look->placement.mirrored; i++)
+        viewer_from_room.row[0][i] = -viewer_from_room.row[0][i]; // the picture is turned over later
+    struct painter_view view = {.world_from_camera = camera_in_take(s, look),
+                                .time_ns = look->time_ns,
+                                .viewer_from_room = look->camera ? &viewer_from_room : NULL, // the studio is empty
+                                .also_paper = look->former};
     struct painter_result result;
     enum status status = have_painter(s, &lens);
     if (status != OK)
         return status;
     painter_set_sources(s->painter, look->sources);
+    painter_set_error(s->painter, look->error_px);
     status = painter_draw(s->painter, &view, &result);
     if (status != OK)
         return status;
     out->actor = painter_actor_texture(s->painter);
+    out->shadow = painter_shadow_texture(s->painter);
+    out->former = look->former ? painter_paper_texture(s->painter) : NULL;
+    out->prepared = result.level != DETAIL_PAPER;
     out->turned_over = look->placement.mirrored;
     out->parts = result.parts;
     return look->sources ? show_sources(s, &lens, out) : OK;

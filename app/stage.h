@@ -9,9 +9,20 @@
 
 struct stage;
 
-// ERR_…: as recording_open, take_open and painter_open.
-MUST_CHECK enum status stage_open(struct stage **out, struct gpu *gpu, const char *path, const char *take);
-void stage_close(struct stage **s); // NULL is fine
+struct stage_options {
+    const char *path, *take;
+    void (*news)(void *self); // called on another thread when preparing went on; may be NULL
+    void *news_self;
+};
+// The take can be drawn at once, as DETAIL_PAPER has it; what is better is prepared
+// meanwhile on a thread of its own. ERR_…: as recording_open, take_open and painter_open.
+MUST_CHECK enum status stage_open(struct stage **out, struct gpu *gpu, const struct stage_options *options);
+void stage_close(struct stage **s); // NULL is fine; what is being prepared is given up
+
+// Takes over what was prepared by now. An error, once: nothing better came of it, and why.
+MUST_CHECK enum status stage_prepare(struct stage *s);
+double stage_prepared(const struct stage *s); // the share that is done; 1: nothing more is to come
+bool stage_settled(const struct stage *s);    // false: the next picture of the same will be another
 
 int64_t stage_length_ns(const struct stage *s);
 int64_t stage_frames(const struct stage *s);
@@ -23,8 +34,10 @@ struct stage_look {
     int64_t time_ns;               // of the take
     struct placement placement;
     double fineness;               // 0..1: the share of the picture's size that the actor is drawn at
+    double error_px;               // that he may be wrong by where drawing less is quicker
     bool sources, inset;           // are wanted
     bool nobody;                   // the camera does not know where it is
+    bool former;                   // also the actor as he was drawn before he was prepared
     const uint8_t *camera;         // RGB; NULL: an orbit
     int64_t camera_number;         // the same number is the same picture
 };
@@ -34,6 +47,9 @@ struct stage_picture {
     struct pose world_from_camera;
     const struct gpu_texture *camera; // NULL: an orbit
     const struct gpu_texture *actor;  // premultiplied; NULL: nobody
+    const struct gpu_texture *shadow; // likewise, under him; NULL
+    const struct gpu_texture *former; // likewise, as he was drawn before; NULL
+    bool prepared;                    // `actor` is what was prepared
     const struct gpu_texture *sources; // premultiplied, laid over the actor; NULL
     const struct gpu_texture *inset;  // the sensor's picture at that instant; NULL
     double inset_shape;               // its width over its height

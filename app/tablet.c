@@ -80,7 +80,8 @@ static void open_take(struct tablet *t, int64_t now_ns)
     const char *name = t->library.cards[t->show.take].name;
     stage_close(&t->stage);
     t->looked = false;
-    enum status status = stage_open(&t->stage, t->gpu, t->options.file, name);
+    const struct stage_options how = {t->options.file, name, t->options.wake, t->options.wake_self};
+    enum status status = stage_open(&t->stage, t->gpu, &how);
     if (status != OK) {
         snprintf(t->trouble, sizeof t->trouble, "%s", status_sentence());
         show_fail(&t->show, t->trouble);
@@ -129,6 +130,19 @@ static void apply_fingers(struct tablet *t, int64_t now_ns)
     show_gesture(&t->show, &g, floor ? &drag : NULL, now_ns);
 }
 
+// What is being prepared: how far it is, and where it came to nothing, why.
+static void hear_stage(struct tablet *t)
+{
+    if (!t->stage)
+        return;
+    if (stage_prepare(t->stage) != OK) {
+        snprintf(t->ailing, sizeof t->ailing, "%s", status_sentence());
+        show_ail(&t->show, t->ailing);
+    }
+    show_prepare(&t->show, stage_prepared(t->stage));
+    t->show.changed |= !stage_settled(t->stage);
+}
+
 // A recording that somebody took away plays on, for it is open; but it is said.
 static void check_file(struct tablet *t, int64_t now_ns)
 {
@@ -153,10 +167,13 @@ int64_t tablet_update(struct tablet *t, int64_t now_ns)
     if (s->take_wanted)
         open_take(t, now_ns);
     check_file(t, now_ns);
+    hear_stage(t);
     int64_t next_ns = show_tick(s, now_ns);
     int64_t check_ns = t->checked_ns + CHECK_NS;
     if (s->page == PAGE_WATCH && t->stage && check_ns < next_ns)
         next_ns = check_ns;
+    if (s->page == PAGE_WATCH && t->stage && !stage_settled(t->stage))
+        next_ns = now_ns;
     return sticks ? now_ns : next_ns;
 }
 
@@ -170,8 +187,10 @@ static struct stage_look look_now(struct tablet *t, const struct tablet_glass *g
     memset(&look, 0, sizeof look); // it is compared byte by byte
     look.placement = s->placement;
     look.fineness = t->options.fixed_fineness ? 1 : governor_scale(&t->governor);
+    look.error_px = s->error_px;
     look.sources = s->sources;
     look.inset = s->inset;
+    look.former = s->freshness < 1;
     if (sight) {
         look.lens = sight->lens;
         look.camera = sight->rgb;
@@ -206,12 +225,13 @@ static void follow(struct tablet *t)
 static enum status draw_picture(struct tablet *t, const struct tablet_glass *glass, int64_t now_ns)
 {
     struct stage_look look = look_now(t, glass, now_ns);
-    if (t->looked && !memcmp(&look, &t->look, sizeof look))
+    if (t->looked && !memcmp(&look, &t->look, sizeof look) && stage_settled(t->stage))
         return OK; // the same again
     bool steady = t->looked;
     t->look = look;
     t->looked = true;
     enum status status = stage_draw(t->stage, &look, &t->picture);
+    show_model(&t->show, t->picture.prepared);
     if (steady)
         follow(t);
     if (status == ERR_CORRUPT || status == ERR_IO || status == ERR_INPUT) { // this frame cannot be read; others may be

@@ -169,6 +169,13 @@ void gpu_close(struct gpu **g)
 
 const char *gpu_renderer(const struct gpu *g) { return g->renderer; }
 int gpu_max_size(const struct gpu *g) { return g->max_size; }
+struct gpu_counts gpu_count(const struct gpu *g) { return g->counts; }
+
+static void count_made(struct gpu *g, size_t bytes)
+{
+    g->counts.made++;
+    g->counts.bytes_held += bytes;
+}
 
 // ---------------------------------------------------------------- programs
 
@@ -246,6 +253,7 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
         gpu_program_close(&p);
         return status;
     }
+    count_made(g, 0);
     *out = p;
     return OK;
 }
@@ -269,6 +277,11 @@ void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int c
 }
 
 // ---------------------------------------------------------------- textures
+
+static size_t texture_bytes(const struct gpu_texture *t)
+{
+    return (size_t)t->width * (size_t)t->height * (t->format == GPU_R8 ? 1 : 4);
+}
 
 static void upload(const struct gpu_texture *t, const uint8_t *pixels, bool fresh)
 {
@@ -307,6 +320,8 @@ enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_f
         return fail(ERR_MEMORY, "out of memory");
     *t = (struct gpu_texture){.g = g, .format = format, .width = width, .height = height};
     enum status status = make_texture(t, filter, pixels);
+    count_made(g, texture_bytes(t));
+    g->counts.uploads += pixels != NULL;
     if (status != OK) {
         gpu_texture_close(&t);
         return status;
@@ -321,6 +336,7 @@ void gpu_texture_close(struct gpu_texture **t)
         return;
     gpu_use((*t)->g);
     glDeleteTextures(1, &(*t)->id);
+    (*t)->g->counts.bytes_held -= texture_bytes(*t);
     free(*t);
     *t = NULL;
 }
@@ -328,6 +344,7 @@ void gpu_texture_close(struct gpu_texture **t)
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
 {
     gpu_use(t->g);
+    t->g->counts.uploads++;
     upload(t, pixels, false);
 }
 
@@ -343,7 +360,12 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
     struct gpu_mesh *m = calloc(1, sizeof *m);
     if (!m)
         return fail(ERR_MEMORY, "out of memory");
-    *m = (struct gpu_mesh){.g = g, .index_count = index_count};
+    *m = (struct gpu_mesh){.g = g,
+                           .index_count = index_count,
+                           .bytes = sizeof(float) * (size_t)components * (size_t)vertex_count +
+                                    sizeof(uint16_t) * (size_t)index_count};
+    count_made(g, m->bytes);
+    g->counts.uploads += vertices != NULL;
     glGenVertexArrays(1, &m->array);
     glGenBuffers(1, &m->vertices);
     glGenBuffers(1, &m->indices);
@@ -368,11 +390,31 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
     return OK;
 }
 
+void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count)
+{
+    gpu_use(m->g);
+    m->g->counts.uploads++;
+    glBindBuffer(GL_ARRAY_BUFFER, m->vertices);
+    glBufferSubData(GL_ARRAY_BUFFER, (GLintptr)sizeof(float) * first, (GLsizeiptr)sizeof(float) * count, floats);
+}
+
+void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count)
+{
+    gpu_use(m->g);
+    m->g->counts.uploads++;
+    glBindVertexArray(m->array); // whose part the binding is
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
+    glBufferSubData(GL_ELEMENT_ARRAY_BUFFER, (GLintptr)sizeof(uint16_t) * first, (GLsizeiptr)sizeof(uint16_t) * count,
+                    indices);
+    glBindVertexArray(0);
+}
+
 void gpu_mesh_close(struct gpu_mesh **m)
 {
     if (!*m)
         return;
     gpu_use((*m)->g);
+    (*m)->g->counts.bytes_held -= (*m)->bytes;
     glDeleteVertexArrays(1, &(*m)->array);
     glDeleteBuffers(1, &(*m)->vertices);
     glDeleteBuffers(1, &(*m)->indices);
@@ -424,7 +466,9 @@ enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, i
                              .width = width,
                              .height = height,
                              .multisampled = samples > 1,
+                             .bytes = (size_t)width * (size_t)height * (samples > 1 ? 4 + 8 * (size_t)samples : 8),
                              .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
+    count_made(g, t->bytes);
     enum status status = make_target(t, samples);
     if (status != OK) {
         gpu_target_close(&t);
@@ -440,6 +484,7 @@ void gpu_target_close(struct gpu_target **t)
     if (!*t)
         return;
     gpu_use((*t)->g);
+    (*t)->g->counts.bytes_held -= (*t)->bytes;
     if ((*t)->drawn != (*t)->resolved)
         glDeleteFramebuffers(1, &(*t)->drawn);
     glDeleteFramebuffers(1, &(*t)->resolved);
@@ -490,6 +535,7 @@ enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 void gpu_draw(const struct gpu_job *job)
 {
     gpu_use(job->target->g);
+    job->target->g->counts.draws++;
     glBindFramebuffer(GL_FRAMEBUFFER, job->target->drawn);
     glViewport(0, 0, job->target->width, job->target->height);
     glDisable(GL_CULL_FACE);

@@ -32,6 +32,14 @@ void gpu_close(struct gpu **g); // NULL is fine; sets *g = NULL. The same for al
 const char *gpu_renderer(const struct gpu *g); // the driver's own name for itself
 int gpu_max_size(const struct gpu *g);         // pixels, of a texture's or target's longer side
 
+// What was asked of the driver so far, and what it holds now; controls (gpu_flat.h) are not counted.
+struct gpu_counts {
+    int64_t draws, uploads; // pictures' and meshes' bytes that were written, whole or in part
+    int64_t made;           // programs, textures, meshes, targets
+    size_t bytes_held;      // by textures, meshes and targets, as a GPU keeps them: four bytes a pixel of RGB
+};
+struct gpu_counts gpu_count(const struct gpu *g);
+
 // OK, or ERR_DEVICE when the context was lost or an error came up since the last look.
 MUST_CHECK enum status gpu_check(struct gpu *g);
 
@@ -64,10 +72,14 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels); // all of 
 
 // ---- meshes: triangles
 // vertices: `components` floats each: 2 to 4, or 8, 12, 16, 20, of which the shader
-// finds four at each of the locations 0, 1, 2 ... ERR_DEVICE: out of memory.
+// finds four at each of the locations 0, 1, 2 ... vertices and indices may be NULL:
+// undefined until written. ERR_DEVICE: out of memory.
 MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components,
                                      int vertex_count, const uint16_t *indices, int index_count);
 void gpu_mesh_close(struct gpu_mesh **m);
+// A part of them: `count` floats or indices from number `first` on.
+void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count);
+void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count);
 
 // ---- targets: what is drawn into. RGBA, 8 bit, with a depth buffer
 // samples: 1, or how many a pixel has for smooth edges (fewer where the GPU has

@@ -13,6 +13,7 @@ struct gpu {
     char renderer[128];
     int max_size, max_samples;
     gpu_reset_status *reset_status; // NULL: the driver cannot say
+    struct gpu_counts counts;
 };
 
 struct gpu_program {
@@ -33,12 +34,14 @@ struct gpu_mesh {
     struct gpu *g;
     unsigned array, vertices, indices;
     int index_count;
+    size_t bytes;
 };
 
 struct gpu_target {
     struct gpu *g;
     int width, height;
     bool multisampled;
+    size_t bytes;
     unsigned drawn;        // framebuffer drawn into
     unsigned color, depth; // its renderbuffers; color only when multisampled
     unsigned resolved;     // framebuffer around `texture`; the same as `drawn` without multisampling

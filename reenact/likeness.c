@@ -1,11 +1,12 @@
 #include "reenact/likeness.h"
 
+#include "platform/parallel.h"
 #include "reenact/outline.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { COAT_ROUNDS = 2, SMOOTH_PASSES = 2, TURNS = 24 };
+enum { SMOOTH_PASSES = 2, TURNS = 24 };
 static const double CARRIED = 0.85; // of a frame's adjustment goes on to the next
 
 // Which way the trunk is turned, as one of TURNS.
@@ -57,133 +58,212 @@ struct tint likeness_tint(const struct likeness *f, const struct calibration *ca
     return (struct tint){&f->surface, f->skins, &f->coat, calibration, sight, rgb, world_from_camera};
 }
 
-enum pass { PASS_FIRST, PASS_SHAPE, PASS_COLOR, PASS_TINT };
+enum pass { PASS_FIRST, PASS_SHAPE, PASS_OUTLINE, PASS_COLOR, PASS_TINT, PASSES };
 
-// The frame's own colours, nobody else's among them, of the colour picture's size. NOTHING: it has none.
-static enum status read_colors(struct take *take, int64_t frame, const struct sight *sight, uint8_t *out)
+// False: it is not wanted any more.
+static bool went_on(const struct likeness_watch *watch, double share)
 {
-    struct take_pictures seen;
-    enum status status = take_read(take, frame, TAKE_COLOR, &seen);
-    if (status == OK && !seen.color)
-        return NOTHING;
-    return status == OK ? sight_colors(sight, take_calibration(take), seen.color, out) : status;
+    return !watch || watch->went_on(watch->self, share);
 }
 
-// One frame of one pass; the list loses those that turn out unusable. rgb: room for a colour picture.
-static enum status one_frame(struct likeness *f, struct take *take, enum pass pass, struct volume *into, int i,
-                             struct sight *sight, struct coat_maker *coat, uint8_t *rgb)
-{
-    int64_t frame = f->frames[i];
-    const struct take_entry *e = take_entry(take, frame);
-    struct posture joints;
-    enum status status = sight_read(sight, take, frame);
-    if (status == OK)
-        status = posture_of(&f->rest, &e->skeleton, &joints);
-    if (status == OK && (pass == PASS_COLOR || pass == PASS_TINT))
-        status = read_colors(take, frame, sight, rgb);
-    if (status != OK)
-        return status;
-    struct adjustment *a = &f->adjustments[i], none = adjustment_none(), start = none;
-    if (pass == PASS_SHAPE) {
-        if (i > 0)
-            start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
-        *a = align(f->volume, &f->rest, sight, &joints, &start, NULL);
-    } else if (pass == PASS_TINT) {
-        start = *a;
-        struct tint tint = likeness_tint(f, take_calibration(take), sight, rgb, e->world_from_camera);
-        *a = align(f->volume, &f->rest, sight, &joints, &start, &tint);
-    } else if (pass == PASS_FIRST) {
-        *a = none; // joints are wrong, but not all the same way
-    }
-    struct posture posture = posture_adjusted(&joints, a);
-    struct skeleton better = posture_skeleton(&f->rest, &posture);
-    sight_label(sight, &better);
-    if (pass == PASS_COLOR || pass == PASS_TINT)
-        coat_add(coat, sight, rgb, &posture, e->world_from_camera,
-                 (double)(e->time_ns - take_entry(take, 0)->time_ns) * 1e-9);
-    else
-        volume_add(into, sight, &posture);
-    return OK;
-}
+// A frame, read ahead.
+struct reading {
+    struct sight sight;
+    uint8_t *rgb; // of the colours' passes: the frame's own colours, nobody else's among them
+    enum status status;
+    char sentence[512]; // of an error, which is known on the thread that read it
+};
 
-static enum status all_frames(struct likeness *f, struct take *take, enum pass pass, struct volume *into,
-                              struct sight *sight, struct coat_maker *coat)
+// One pass over all frames: while one is worked on, the next one is read.
+struct run {
+    struct likeness *likeness;
+    struct take *take;
+    enum pass pass;
+    struct volume *into;      // of the shape's passes
+    struct outline_gaps gaps; // of the outlines' pass
+    struct coat_maker *coat;  // of the colours' passes
+    struct reading reading[2];
+    int frame;          // number in the list of the one that is worked on
+    enum status status; // how that went
+    char sentence[512];
+};
+
+static enum status open_run(struct run *r, struct take *take, const struct source_rays *rays)
 {
     const struct lens *lens = &take_calibration(take)->color;
-    uint8_t *rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
-    enum status status = rgb ? OK : fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < f->frame_count && status == OK; i++) {
-        status = one_frame(f, take, pass, into, i, sight, coat, rgb);
-        if (status == NOTHING && pass == PASS_SHAPE) {
-            f->adjustments[i] = i > 0 ? f->adjustments[i - 1] : adjustment_none();
-        }
-        status = status == NOTHING ? OK : status;
+    enum status status = OK;
+    for (int i = 0; i < 2 && status == OK; i++) {
+        status = sight_open(&r->reading[i].sight, take, rays);
+        r->reading[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
+        if (status == OK && !r->reading[i].rgb)
+            status = fail(ERR_MEMORY, "out of memory");
     }
-    free(rgb);
+    r->take = take;
     return status;
 }
 
-// Makes the shape as wide as the frames' outlines have it.
-static enum status meet_outlines(struct likeness *f, struct take *take, struct sight *sight)
+static void close_run(struct run *r)
 {
-    struct outline_gaps gaps = {0};
-    for (int i = 0; i < f->frame_count; i++) {
-        struct posture joints;
-        enum status status = sight_read(sight, take, f->frames[i]);
-        if (status == OK)
-            status = posture_of(&f->rest, &take_entry(take, f->frames[i])->skeleton, &joints);
-        if (status < 0)
-            return status;
-        if (status == NOTHING)
-            continue;
-        struct posture posture = posture_adjusted(&joints, &f->adjustments[i]);
-        outline_measure(f->volume, take_calibration(take), sight, &posture, &gaps);
+    for (int i = 0; i < 2; i++) {
+        sight_close(&r->reading[i].sight);
+        free(r->reading[i].rgb);
     }
-    outline_meet(f->volume, &gaps);
+}
+
+static bool wants_colors(enum pass pass) { return pass == PASS_COLOR || pass == PASS_TINT; }
+
+// NOTHING: it shows nobody, or has no colours where they are wanted.
+static enum status read_frame(const struct run *r, struct reading *reading, int64_t frame)
+{
+    enum status status = sight_read(&reading->sight, r->take, frame);
+    if (status != OK || !wants_colors(r->pass))
+        return status;
+    struct take_pictures seen;
+    status = take_read(r->take, frame, TAKE_COLOR, &seen);
+    if (status == OK && !seen.color)
+        return NOTHING;
+    return status == OK ? sight_colors(&reading->sight, take_calibration(r->take), seen.color, reading->rgb) : status;
+}
+
+static void read_ahead(struct run *r, int i)
+{
+    struct reading *reading = &r->reading[i % 2];
+    if (i >= r->likeness->frame_count)
+        return;
+    reading->status = read_frame(r, reading, r->likeness->frames[i]);
+    if (reading->status < 0)
+        strncpy(reading->sentence, status_sentence(), sizeof reading->sentence - 1);
+}
+
+// Lays a frame on what is known so far.
+static void lay(struct run *r, int i, const struct posture *joints)
+{
+    struct likeness *f = r->likeness;
+    struct reading *reading = &r->reading[i % 2];
+    struct adjustment *a = &f->adjustments[i], none = adjustment_none(), start = none;
+    if (r->pass == PASS_FIRST) { // joints are wrong, but not all the same way
+        *a = none;
+    } else if (r->pass == PASS_SHAPE) {
+        if (i > 0)
+            start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
+        *a = align(f->volume, &f->rest, &reading->sight, joints, &start, NULL);
+    } else if (r->pass == PASS_TINT) {
+        start = *a;
+        struct tint tint = likeness_tint(f, take_calibration(r->take), &reading->sight, reading->rgb,
+                                         take_entry(r->take, f->frames[i])->world_from_camera);
+        *a = align(f->volume, &f->rest, &reading->sight, joints, &start, &tint);
+    }
+}
+
+// NOTHING: the frame is of no use to this pass.
+static enum status one_frame(struct run *r, int i)
+{
+    struct likeness *f = r->likeness;
+    struct reading *reading = &r->reading[i % 2];
+    const struct take_entry *e = take_entry(r->take, f->frames[i]);
+    struct posture joints;
+    if (reading->status != OK)
+        return reading->status < 0 ? fail(reading->status, "%s", reading->sentence) : reading->status;
+    enum status status = posture_of(&f->rest, &e->skeleton, &joints);
+    if (status != OK)
+        return status;
+    lay(r, i, &joints);
+    struct posture posture = posture_adjusted(&joints, &f->adjustments[i]);
+    if (r->pass == PASS_OUTLINE) {
+        outline_measure(f->volume, take_calibration(r->take), &reading->sight, &posture, &r->gaps);
+        return OK;
+    }
+    struct skeleton better = posture_skeleton(&f->rest, &posture);
+    sight_label(&reading->sight, &better);
+    if (wants_colors(r->pass))
+        coat_add(r->coat, &reading->sight, reading->rgb, &posture, e->world_from_camera,
+                 (double)(e->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9);
+    else
+        volume_add(r->into, &reading->sight, &posture);
     return OK;
 }
 
-// The first round has the joints alone; the second lays the frames on the shape that they made.
-static enum status make_shape(struct likeness *f, struct take *take, struct sight *sight)
+// The two halves of a step, side by side: they share nothing that either changes.
+static void half_step(void *context, int half)
+{
+    struct run *r = context;
+    if (half == 1) {
+        read_ahead(r, r->frame + 1);
+        return;
+    }
+    r->status = one_frame(r, r->frame);
+    if (r->status < 0)
+        strncpy(r->sentence, status_sentence(), sizeof r->sentence - 1);
+}
+
+// NOTHING: it is not wanted any more.
+static enum status all_frames(struct likeness *f, struct run *r, enum pass pass, const struct likeness_watch *watch)
+{
+    r->likeness = f;
+    r->pass = pass;
+    read_ahead(r, 0);
+    for (int i = 0; i < f->frame_count; i++) {
+        if (!went_on(watch, (pass + (double)i / f->frame_count) / PASSES))
+            return NOTHING;
+        if (pass == PASS_FIRST && i == f->frame_count / 2)
+            volume_leave_empty(r->into, r->into);
+        r->frame = i;
+        parallel(2, 2, half_step, r);
+        if (r->status < 0)
+            return fail(r->status, "%s", r->sentence);
+        if (r->status == NOTHING && pass == PASS_SHAPE)
+            f->adjustments[i] = i > 0 ? f->adjustments[i - 1] : adjustment_none();
+    }
+    return OK;
+}
+
+// The first round has the joints alone; the second lays the frames on the shape that they made; at last
+// the shape becomes as wide as the frames' outlines have it.
+static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
     static const enum pass rounds[] = {PASS_FIRST, PASS_SHAPE};
     enum status status = OK;
     for (size_t round = 0; round < COUNT_OF(rounds) && status == OK; round++) {
-        struct volume *next = NULL;
-        status = volume_open(&next, &f->rest, take_calibration(take));
+        r->into = NULL;
+        status = volume_open(&r->into, &f->rest, take_calibration(r->take));
+        if (status == OK && f->volume)
+            volume_leave_empty(r->into, f->volume);
         if (status == OK)
-            status = all_frames(f, take, rounds[round], next, sight, NULL);
+            status = all_frames(f, r, rounds[round], watch);
         if (status == OK) {
             volume_close(&f->volume);
-            f->volume = next;
+            f->volume = r->into;
         } else {
-            volume_close(&next);
+            volume_close(&r->into);
         }
     }
     if (status == OK)
         status = volume_smooth(f->volume, SMOOTH_PASSES);
     if (status == OK)
-        status = meet_outlines(f, take, sight);
-    return status == OK ? volume_surface(f->volume, &f->surface) : status;
+        status = all_frames(f, r, PASS_OUTLINE, watch);
+    if (status != OK)
+        return status;
+    outline_meet(f->volume, &r->gaps);
+    return volume_surface(f->volume, &f->surface);
 }
 
-static enum status make_coat(struct likeness *f, struct take *take, struct sight *sight)
+static enum status make_coat(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
+    static const enum pass rounds[] = {PASS_COLOR, PASS_TINT}; // the second laid on the colours of the first
     f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
     if (!f->skins)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < f->surface.point_count; i++)
         f->skins[i] = rest_skin(&f->rest, f->surface.points[i]);
     enum status status = OK;
-    for (int round = 0; round < COAT_ROUNDS && status == OK; round++) { // laid on the colours of the round before
-        struct coat_maker *maker = NULL;
+    for (size_t round = 0; round < COUNT_OF(rounds) && status == OK; round++) {
         struct coat next = {0};
-        status = coat_open(&maker, &f->surface, f->skins, take_calibration(take));
+        status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
         if (status == OK)
-            status = all_frames(f, take, round == 0 ? PASS_COLOR : PASS_TINT, NULL, sight, maker);
+            status = all_frames(f, r, rounds[round], watch);
         if (status == OK)
-            status = coat_make(maker, &next);
-        coat_close(&maker);
+            status = coat_make(r->coat, &next);
+        coat_close(&r->coat);
         if (status == OK) {
             coat_free(&f->coat);
             f->coat = next;
@@ -192,20 +272,21 @@ static enum status make_coat(struct likeness *f, struct take *take, struct sight
     return status;
 }
 
-enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays, int max_frames)
+enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays, int max_frames,
+                          const struct likeness_watch *watch)
 {
     *out = (struct likeness){0};
-    struct sight sight = {0};
+    struct run run = {0};
     enum status status = rest_make(&out->rest, take);
     if (status == OK)
         status = choose_frames(out, take, max_frames);
     if (status == OK)
-        status = sight_open(&sight, take, rays);
+        status = open_run(&run, take, rays);
     if (status == OK)
-        status = make_shape(out, take, &sight);
+        status = make_shape(out, &run, watch);
     if (status == OK)
-        status = make_coat(out, take, &sight);
-    sight_close(&sight);
+        status = make_coat(out, &run, watch);
+    close_run(&run);
     if (status != OK)
         likeness_free(out);
     return status;

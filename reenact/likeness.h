@@ -16,11 +16,20 @@ struct likeness {
     int frame_count;
 };
 
+enum { LIKENESS_FRAMES = 120 }; // more add nothing to the shape
+
+// Whoever waits for a likeness. Told now and then, several times a second, from the
+// thread that makes it, which share of the work is done; false: it is not wanted any more.
+struct likeness_watch {
+    bool (*went_on)(void *self, double share);
+    void *self;
+};
+
 // Reads at most `max_frames` frames, spread evenly. rays as source_rays_open made
-// them for this take. NOTHING: the take shows too little of a person for it.
-// ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+// them for this take; watch may be NULL. NOTHING: the take shows too little of a
+// person for it, or it is not wanted. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays,
-                                     int max_frames);
+                                     int max_frames, const struct likeness_watch *watch);
 void likeness_free(struct likeness *f);
 
 // The likeness's colours beside those of a frame (rgb, sight) that stood at world_from_camera; borrows them all.

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_FRAMES = 120, VERTEX = 20, INNER_PX = 3 };
+enum { VERTEX = 20, INNER_PX = 3 };
 
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
 
@@ -43,7 +43,10 @@ struct likeness_painter {
     struct likeness likeness;
     struct sight sight;
     struct gpu_program *program;
-    struct gpu_mesh *mesh;
+    struct gpu_mesh *mesh;        // NULL: no likeness was given
+    float *vertices;              // what the mesh is made of, until it is all there
+    uint16_t *corners;
+    int brought_floats, brought_corners;
     struct gpu_texture *now_picture, *now_depth;
     uint8_t *color, *depth;       // their pixels
     int64_t frame;                // whose pictures are there; -1: nobody's
@@ -83,23 +86,71 @@ static void put_vertex(const struct likeness *f, int i, float v[VERTEX])
     memcpy(v, values, sizeof values);
 }
 
+static void drop_likeness(struct likeness_painter *p)
+{
+    gpu_mesh_close(&p->mesh);
+    likeness_free(&p->likeness);
+    free(p->vertices);
+    free(p->corners);
+    p->vertices = NULL;
+    p->corners = NULL;
+    p->brought_floats = p->brought_corners = 0;
+    p->frame = -1;
+}
+
 static enum status open_mesh(struct likeness_painter *p)
 {
     const struct surface *s = &p->likeness.surface;
     if (s->point_count > UINT16_MAX)
         return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
-    float *vertices = malloc(sizeof *vertices * VERTEX * (size_t)s->point_count);
-    uint16_t *corners = malloc(sizeof *corners * (size_t)s->corner_count);
-    enum status status = vertices && corners ? OK : fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < s->point_count && status == OK; i++)
-        put_vertex(&p->likeness, i, vertices + VERTEX * (size_t)i);
-    for (int i = 0; i < s->corner_count && status == OK; i++)
-        corners[i] = (uint16_t)s->corners[i];
-    if (status == OK)
-        status = gpu_mesh_open(&p->mesh, p->gpu, vertices, VERTEX, s->point_count, corners, s->corner_count);
-    free(vertices);
-    free(corners);
+    p->vertices = malloc(sizeof *p->vertices * VERTEX * (size_t)s->point_count);
+    p->corners = malloc(sizeof *p->corners * (size_t)s->corner_count);
+    if (!p->vertices || !p->corners)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < s->point_count; i++)
+        put_vertex(&p->likeness, i, p->vertices + VERTEX * (size_t)i);
+    for (int i = 0; i < s->corner_count; i++)
+        p->corners[i] = (uint16_t)s->corners[i];
+    return gpu_mesh_open(&p->mesh, p->gpu, NULL, VERTEX, s->point_count, NULL, s->corner_count);
+}
+
+enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness)
+{
+    drop_likeness(p);
+    p->likeness = *likeness;
+    *likeness = (struct likeness){0};
+    float light[LIGHT_TERMS][4] = {{0}};
+    for (int i = 0; i < LIGHT_TERMS; i++)
+        light[i][0] = p->likeness.coat.light.term[i];
+    gpu_program_set(p->program, LIGHT, light[0], LIGHT_TERMS);
+    enum status status = open_mesh(p);
+    if (status != OK)
+        drop_likeness(p);
     return status;
+}
+
+bool likeness_painter_given(const struct likeness_painter *p) { return p->mesh; }
+
+bool likeness_painter_bring(struct likeness_painter *p, size_t bytes)
+{
+    if (!p->mesh || !p->vertices)
+        return p->mesh;
+    int floats = VERTEX * p->likeness.surface.point_count - p->brought_floats;
+    floats = (size_t)floats < bytes / sizeof(float) ? floats : (int)(bytes / sizeof(float));
+    gpu_mesh_write_vertices(p->mesh, p->brought_floats, p->vertices + p->brought_floats, floats);
+    p->brought_floats += floats;
+    bytes -= sizeof(float) * (size_t)floats;
+    int corners = p->likeness.surface.corner_count - p->brought_corners;
+    corners = (size_t)corners < bytes / sizeof(uint16_t) ? corners : (int)(bytes / sizeof(uint16_t));
+    gpu_mesh_write_indices(p->mesh, p->brought_corners, p->corners + p->brought_corners, corners);
+    p->brought_corners += corners;
+    if (p->brought_corners < p->likeness.surface.corner_count)
+        return false;
+    free(p->vertices);
+    free(p->corners);
+    p->vertices = NULL;
+    p->corners = NULL;
+    return true;
 }
 
 void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view)
@@ -119,7 +170,7 @@ static enum status open_program(struct likeness_painter *p, const struct lens *v
         return status;
     const struct calibration *c = take_calibration(p->take);
     const float range[4] = {NEAREST_M, FARTHEST_M, 0, 0};
-    float lens[12], light[LIGHT_TERMS][4] = {{0}};
+    float lens[12];
     likeness_painter_set_lens(p, view);
     lens_uniform(&c->color, lens);
     gpu_program_set(p->program, COLOR_LENS, lens, 3);
@@ -128,9 +179,6 @@ static enum status open_program(struct likeness_painter *p, const struct lens *v
     gpu_program_set(p->program, VIEW_RANGE, range, 1);
     struct part_map map = part_map_of(c->registered ? POSE_IDENTITY : pose_inverse(c->color_from_depth));
     gpu_program_set(p->program, DEPTH_FROM_COLOR, map.row[0], 3);
-    for (int i = 0; i < LIGHT_TERMS; i++)
-        light[i][0] = p->likeness.coat.light.term[i];
-    gpu_program_set(p->program, LIGHT, light[0], LIGHT_TERMS);
     return OK;
 }
 
@@ -145,15 +193,11 @@ enum status likeness_painter_open(struct likeness_painter **out, struct gpu *gpu
     p->take = take;
     p->frame = -1;
     const struct calibration *c = take_calibration(take);
-    enum status status = likeness_make(&p->likeness, take, rays, MOST_FRAMES);
-    if (status == OK)
-        status = sight_open(&p->sight, take, rays);
+    enum status status = sight_open(&p->sight, take, rays);
     p->color = malloc((size_t)c->color.width * (size_t)c->color.height * 3);
     p->depth = malloc((size_t)c->depth.width * (size_t)c->depth.height * 4);
     if (status == OK && (!p->color || !p->depth))
         status = fail(ERR_MEMORY, "out of memory");
-    if (status == OK)
-        status = open_mesh(p);
     if (status == OK)
         status = gpu_texture_open(&p->now_picture, gpu, GPU_RGB8, c->color.width, c->color.height, GPU_LINEAR, NULL);
     if (status == OK)
@@ -171,11 +215,10 @@ void likeness_painter_close(struct likeness_painter **out)
     struct likeness_painter *p = *out;
     if (!p)
         return;
-    likeness_free(&p->likeness);
+    drop_likeness(p);
     sight_close(&p->sight);
     free(p->color);
     free(p->depth);
-    gpu_mesh_close(&p->mesh);
     gpu_texture_close(&p->now_picture);
     gpu_texture_close(&p->now_depth);
     gpu_program_close(&p->program);

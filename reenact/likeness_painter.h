@@ -1,6 +1,7 @@
 // Draws the person's likeness (likeness.h) in one go: its mesh and its colours lie on
 // the GPU once and for all; of the shown frame come its posture and, when another
-// frame is shown, its colours and depth. One thread.
+// frame is shown, its colours and depth. The likeness may come later; it is then
+// brought to the GPU a little with each picture. One thread.
 #pragma once
 #include "platform/gpu.h"
 #include "reenact/likeness.h"
@@ -8,10 +9,18 @@
 struct likeness_painter;
 
 // gpu, take and rays must outlive it. view: the tablet camera's lens, copied.
-// NOTHING: the take shows too little of a person. As likeness_make; ERR_DEVICE.
+// ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status likeness_painter_open(struct likeness_painter **out, struct gpu *gpu, struct take *take,
                                              const struct source_rays *rays, const struct lens *view);
 void likeness_painter_close(struct likeness_painter **p);
+
+// From here on this one. Its contents go over and *likeness is zeroed, on failure
+// too. ERR_INPUT: too large to be drawn; ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness);
+bool likeness_painter_given(const struct likeness_painter *p);
+
+// Brings at most `bytes` more of it to the GPU. True: all is there, and it can be drawn.
+bool likeness_painter_bring(struct likeness_painter *p, size_t bytes);
 
 // From here on for another tablet camera.
 void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view);

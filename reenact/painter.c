@@ -1,6 +1,7 @@
 #include "reenact/painter.h"
 
-#include "reenact/cylinders.h"
+#include "reenact/around_painter.h"
+#include "reenact/level.h"
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
 #include "reenact/select.h"
@@ -10,10 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4 };
+enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4, BROUGHT_BYTES = 512 << 10 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
-static const double AUTO_FULL_PX = 48;
+static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
 static const double OUTLINE_ERROR_PX = 0.1;
 
 enum actor_uniform {
@@ -45,6 +46,7 @@ struct painter {
     struct selector *selector;
     struct texture_cache *textures;
     struct source_rays *rays;          // NULL: the take has no depth
+    struct around_painter *around;
     struct likeness_painter *likeness; // NULL: too little of the person was seen; rounded cylinders then
     struct gpu_program *actor_program, *compose_program;
     struct gpu_mesh *whole;                      // one triangle over everything
@@ -53,16 +55,21 @@ struct painter {
     struct gpu_texture *camera;
     struct gpu_target *plain, *smooth, *composed; // actor at paper, actor at full, result
     struct gpu_target *actor;                     // the one of the two last drawn into
+    struct gpu_target *shadow;                    // NULL: none is wanted
+    struct gpu_texture *no_shadow;                // a transparent pixel
+    bool shaded;                                  // the picture last drawn has a shadow
     struct gpu_target *source;                    // where each pixel is from; NULL: not asked for
     bool coding;                                  // it is asked for now
+    bool waiting;                                 // for a likeness, or for it to be on the GPU
+    bool later;                                   // it comes from somebody else
+    double error_px;                              // that DETAIL_AUTO may be wrong by
+    double cylinders_off_m;                       // from the person's surface
 };
 
 struct painter_options painter_default_options(void)
 {
-    return (struct painter_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20};
+    return (struct painter_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20, .error_px = 1};
 }
-
-enum detail painter_level(double height_px) { return height_px < AUTO_FULL_PX ? DETAIL_PAPER : DETAIL_FULL; }
 
 // ---------------------------------------------------------------- opening
 
@@ -73,6 +80,7 @@ static void set_view_lens(struct painter *p)
     gpu_program_set(p->actor_program, VIEW_LENS, lens, 3);
     if (p->likeness)
         likeness_painter_set_lens(p->likeness, &p->lens);
+    around_painter_set_lens(p->around, &p->lens);
 }
 
 static enum status open_programs(struct painter *p)
@@ -80,13 +88,17 @@ static enum status open_programs(struct painter *p)
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
     static const char *const actor_samplers[] = {"source_picture"};
-    static const char *const compose_samplers[] = {"camera_picture", "actor_picture"};
+    static const char *const compose_samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
     const struct gpu_program_text actor = {
         "actor", shader_find("actor.vert"), shader_find("actor.frag"), uniform_names, ACTOR_UNIFORMS, actor_samplers,
         1};
     const struct gpu_program_text compose = {
-        "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 2};
+        "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 3};
     enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
+    if (status == OK)
+        status = gpu_texture_open(&p->no_shadow, p->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, (const uint8_t[4]){0});
+    if (status == OK)
+        status = around_painter_open(&p->around, p->gpu, &p->lens);
     if (status == OK)
         status = gpu_program_open(&p->actor_program, p->gpu, &actor);
     if (status == OK)
@@ -102,11 +114,11 @@ static enum status open_programs(struct painter *p)
     return OK;
 }
 
-static enum status open_targets(struct painter *p, bool sources)
+static enum status open_targets(struct painter *p, bool sources, bool shadow)
 {
     int w = p->lens.width, h = p->lens.height;
     enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
-    if (status == OK && p->detail != DETAIL_FULL)
+    if (status == OK && (p->detail != DETAIL_FULL || p->later))
         status = gpu_target_open(&p->plain, p->gpu, w, h, 1);
     if (status == OK && p->detail != DETAIL_PAPER)
         status = gpu_target_open(&p->smooth, p->gpu, w, h, SMOOTH_SAMPLES);
@@ -114,6 +126,8 @@ static enum status open_targets(struct painter *p, bool sources)
         status = gpu_target_open(&p->composed, p->gpu, w, h, 1);
     if (status == OK && sources)
         status = gpu_target_open(&p->source, p->gpu, w, h, 1);
+    if (status == OK && shadow)
+        status = gpu_target_open(&p->shadow, p->gpu, w, h, 1);
     p->actor = p->plain ? p->plain : p->smooth;
     p->coding = sources;
     return status;
@@ -125,6 +139,7 @@ static void close_targets(struct painter *p)
     gpu_target_close(&p->smooth);
     gpu_target_close(&p->composed);
     gpu_target_close(&p->source);
+    gpu_target_close(&p->shadow);
     gpu_texture_close(&p->camera);
 }
 
@@ -134,13 +149,13 @@ enum status painter_set_lens(struct painter *p, const struct lens *lens)
     if (status != OK)
         return status;
     bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
-         coding = p->coding;
+         shadow = p->shadow, coding = p->coding;
     p->lens = *lens;
     set_view_lens(p);
     if (!resized)
         return OK;
     close_targets(p);
-    enum status opened = open_targets(p, sources);
+    enum status opened = open_targets(p, sources, shadow);
     p->coding = coding;
     return opened;
 }
@@ -157,7 +172,31 @@ static enum status open_selector(struct painter *p)
     return status;
 }
 
-static enum status open_likeness(struct painter *p)
+enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
+{
+    p->waiting = false;
+    if (!likeness || !p->likeness) {
+        if (likeness)
+            likeness_free(likeness);
+        likeness_painter_close(&p->likeness);
+        return OK;
+    }
+    p->cylinders_off_m = level_cylinders_off_m(likeness);
+    enum status status = likeness_painter_give(p->likeness, likeness);
+    if (status != OK)
+        likeness_painter_close(&p->likeness);
+    p->waiting = status == OK;
+    return status;
+}
+
+enum status painter_give_room(struct painter *p, struct room *room) { return around_painter_give(p->around, room); }
+
+bool painter_settled(const struct painter *p)
+{
+    return !p->waiting || !likeness_painter_given(p->likeness);
+}
+
+static enum status open_likeness(struct painter *p, const struct painter_options *options)
 {
     const struct calibration *c = take_calibration(p->take);
     if (p->detail == DETAIL_PAPER || !(c->depth.width > 0))
@@ -165,7 +204,24 @@ static enum status open_likeness(struct painter *p)
     enum status status = source_rays_open(&p->rays, c);
     if (status == OK)
         status = likeness_painter_open(&p->likeness, p->gpu, p->take, p->rays, &p->lens);
-    return status == NOTHING ? OK : status;
+    p->waiting = status == OK;
+    if (status != OK || p->later)
+        return status;
+    struct likeness likeness;
+    status = likeness_make(&likeness, p->take, p->rays, LIKENESS_FRAMES, options->watch);
+    if (status < 0)
+        return status;
+    status = painter_give_likeness(p, status == OK ? &likeness : NULL);
+    p->waiting = status == OK && p->likeness && !likeness_painter_bring(p->likeness, SIZE_MAX);
+    return status;
+}
+
+static bool has_floor(const struct take *take)
+{
+    bool located = false;
+    for (int64_t i = 0; i < take_frame_count(take) && !located; i++)
+        located = take_entry(take, i)->located;
+    return located;
 }
 
 enum status painter_open(struct painter **out, struct gpu *gpu, struct take *take, const struct lens *lens,
@@ -187,17 +243,20 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     p->take = take;
     p->lens = *lens;
     p->detail = options->detail;
+    p->error_px = options->error_px;
+    p->cylinders_off_m = CYLINDERS_OFF_M;
+    p->later = options->likeness_later && options->detail != DETAIL_PAPER;
     status = motion_open(&p->motion, take);
     if (status == OK)
         status = open_selector(p);
     if (status == OK)
         status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes);
     if (status == OK)
-        status = open_likeness(p);
+        status = open_likeness(p, options);
     if (status == OK)
         status = open_programs(p);
     if (status == OK)
-        status = open_targets(p, options->sources);
+        status = open_targets(p, options->sources, options->shadow && has_floor(take));
     if (status != OK) {
         painter_close(&p);
         return status;
@@ -218,6 +277,8 @@ void painter_close(struct painter **out)
     }
     likeness_painter_close(&p->likeness);
     source_rays_close(&p->rays);
+    around_painter_close(&p->around);
+    gpu_texture_close(&p->no_shadow);
     gpu_mesh_close(&p->whole);
     close_targets(p);
     gpu_program_close(&p->actor_program);
@@ -323,25 +384,75 @@ static enum status draw_part(struct painter *p, const struct scene *scene, enum 
     return OK;
 }
 
-// How high the bones stand in the picture; 0 when the camera stands among them or they are behind it.
-static double height_px(const struct painter *p, const struct skeleton *in_viewer)
-{
-    double top = INFINITY, bottom = -INFINITY;
-    for (int j = 0; j < JOINT_COUNT; j++) {
-        if (!(in_viewer->confidence[j] > 0) || !(in_viewer->joint[j].z > NEAREST_M))
-            continue;
-        double y = p->lens.fy * in_viewer->joint[j].y / in_viewer->joint[j].z;
-        top = fmin(top, y);
-        bottom = fmax(bottom, y);
-    }
-    return bottom > top ? bottom - top : 0;
-}
-
 static void clear(struct painter *p)
 {
     gpu_target_clear(p->actor);
     if (p->coding)
         gpu_target_clear(p->source);
+}
+
+// An empty picture, but for the room that may hide the actor.
+static void begin(struct painter *p, const struct painter_view *view, const struct scene *scene)
+{
+    clear(p);
+    if (view->viewer_from_room &&
+        around_painter_room(p->around, p->actor, view->viewer_from_room, &scene->in_viewer) && p->coding)
+        around_painter_room(p->around, p->source, view->viewer_from_room, &scene->in_viewer);
+}
+
+static void draw_shadow(struct painter *p, const struct painter_view *view, const struct scene *scene,
+                        const struct skeleton *skeleton)
+{
+    if (!p->shadow)
+        return;
+    gpu_target_clear(p->shadow);
+    if (view->viewer_from_room)
+        around_painter_room(p->around, p->shadow, view->viewer_from_room, &scene->in_viewer);
+    around_painter_shadow(p->around, p->shadow, view->world_from_camera, skeleton, take_body(p->take));
+    p->shaded = true;
+}
+
+// The level that is drawn now, and how wrong it will be.
+static enum status choose_level(struct painter *p, struct scene *scene, struct painter_result *result)
+{
+    if (p->waiting)
+        p->waiting = !likeness_painter_given(p->likeness) || !likeness_painter_bring(p->likeness, BROUGHT_BYTES);
+    double px_a_m = level_pixels_a_metre(&p->lens, &scene->in_viewer);
+    double full_m = p->likeness ? level_full_error_m() : p->cylinders_off_m;
+    result->level = p->waiting ? DETAIL_PAPER : p->detail;
+    result->error_px = px_a_m * full_m;
+    if (result->level == DETAIL_FULL)
+        return OK;
+    enum status status = select_whole(p->selector, &scene->in_viewer, &scene->whole);
+    double paper_px = px_a_m * level_paper_error_m(p->cylinders_off_m, scene->whole.cost_m);
+    if (status < 0)
+        return status;
+    if (result->level == DETAIL_AUTO)
+        result->level = status == OK && paper_px <= p->error_px ? DETAIL_PAPER : DETAIL_FULL;
+    if (result->level == DETAIL_PAPER)
+        result->error_px = paper_px;
+    return OK;
+}
+
+static enum status draw_parts(struct painter *p, const struct scene *scene, int *parts)
+{
+    *parts = 0;
+    for (int part = 0; part < PART_COUNT; part++) {
+        enum status status = draw_part(p, scene, (enum part)part);
+        if (status < 0)
+            return status;
+        *parts += status == OK;
+    }
+    return OK;
+}
+
+// At paper, into p->plain.
+static enum status draw_paper(struct painter *p, struct scene *scene, int *parts)
+{
+    p->actor = p->plain;
+    scene->level = DETAIL_PAPER;
+    enum status status = select_whole(p->selector, &scene->in_viewer, &scene->whole);
+    return status == OK ? draw_parts(p, scene, parts) : status;
 }
 
 static enum status draw_actor(struct painter *p, const struct painter_view *view, struct painter_result *result)
@@ -350,35 +461,38 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     enum status status = motion_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
     if (status != OK)
         return status;
-    struct skeleton in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton);
+    struct scene scene = {.shown = moment.frame,
+                          .in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
     result->shown = moment.frame;
-    result->height_px = height_px(p, &in_viewer);
-    result->level = p->detail == DETAIL_AUTO ? painter_level(result->height_px) : p->detail;
-    p->actor = result->level == DETAIL_PAPER ? p->plain : p->smooth;
-    clear(p);
-    struct selection whole = {0};
-    if (result->level == DETAIL_PAPER) {
-        status = select_whole(p->selector, &in_viewer, &whole);
-        if (status != OK)
-            return status;
-        result->source = whole.frame;
-    }
-    if (result->level != DETAIL_PAPER && p->likeness) {
-        struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera, p->actor,
-                                      p->coding ? p->source : NULL};
-        int parts;
-        status = likeness_painter_draw(p->likeness, &shown, &parts);
-        result->parts = status == OK ? parts : 0;
+    status = choose_level(p, &scene, result);
+    if (status != OK)
         return status;
-    }
-    struct scene scene = {result->level, moment.frame, in_viewer, whole};
-    for (int part = 0; part < PART_COUNT; part++) {
-        status = draw_part(p, &scene, (enum part)part);
+    draw_shadow(p, view, &scene, &moment.skeleton);
+    bool coding = p->coding;
+    if (result->level == DETAIL_PAPER || view->also_paper) {
+        p->coding = coding && result->level == DETAIL_PAPER;
+        p->actor = p->plain;
+        begin(p, view, &scene);
+        status = draw_paper(p, &scene, &result->parts);
+        p->coding = coding;
         if (status < 0)
             return status;
-        result->parts += status == OK;
+        if (result->level == DETAIL_PAPER) {
+            result->source = status == OK ? scene.whole.frame : -1;
+            return status;
+        }
     }
-    return OK;
+    p->actor = p->smooth;
+    begin(p, view, &scene);
+    scene.level = result->level;
+    if (!p->likeness)
+        return draw_parts(p, &scene, &result->parts);
+    struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera, p->actor,
+                                  p->coding ? p->source : NULL};
+    int parts;
+    status = likeness_painter_draw(p->likeness, &shown, &parts);
+    result->parts = status == OK ? parts : 0;
+    return status;
 }
 
 // ---------------------------------------------------------------- pictures
@@ -389,12 +503,14 @@ static enum status compose(struct painter *p, const uint8_t *color)
     gpu_draw(&(struct gpu_job){.target = p->composed,
                                .program = p->compose_program,
                                .mesh = p->whole,
-                               .textures = {p->camera, gpu_target_texture(p->actor)}});
+                               .textures = {p->camera, gpu_target_texture(p->actor),
+                                            p->shaded ? gpu_target_texture(p->shadow) : p->no_shadow}});
     return gpu_check(p->gpu);
 }
 
 enum status painter_draw_nobody(struct painter *p, const uint8_t *color)
 {
+    p->shaded = false;
     clear(p);
     return compose(p, color);
 }
@@ -404,6 +520,7 @@ enum status painter_draw(struct painter *p, const struct painter_view *view, str
     *result = (struct painter_result){.level = p->detail, .shown = -1, .source = -1};
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
+    p->shaded = false;
     clear(p);
     enum status status = draw_actor(p, view, result);
     if (status < 0)
@@ -448,8 +565,17 @@ enum status painter_read_source(struct painter *p, uint8_t *rgb)
     return read_rgb(p, p->source, rgb);
 }
 
+void painter_set_error(struct painter *p, double error_px) { p->error_px = error_px; }
+
 void painter_set_sources(struct painter *p, bool wanted) { p->coding = wanted && p->source; }
 
 const struct gpu_texture *painter_actor_texture(struct painter *p) { return gpu_target_texture(p->actor); }
+
+const struct gpu_texture *painter_shadow_texture(struct painter *p)
+{
+    return p->shaded ? gpu_target_texture(p->shadow) : NULL;
+}
+
+const struct gpu_texture *painter_paper_texture(struct painter *p) { return gpu_target_texture(p->plain); }
 
 const struct gpu_texture *painter_texture(struct painter *p) { return gpu_target_texture(p->composed); }

@@ -8,21 +8,30 @@
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
+#include "reenact/room.h"
 
 enum detail {
     DETAIL_PAPER, // 2014 to the letter: the yardstick. One frame for the whole body
                   // (equation 5), that frame's plain colours, open cylinders
     DETAIL_FULL,  // our best: what the shown frame itself saw, and about it measured shapes, a frame for each part, its
                   // own pixels only, smooth edges, joints between recorded instants
-    DETAIL_AUTO,  // full, or less where the eye cannot tell: see painter_level
+    DETAIL_AUTO,  // the cheapest whose predicted error is no more than options.error_px
 };
 
+// What a painter holds on the GPU is bounded, however long the take: options.texture_bytes
+// of recorded frames (a likeness needs none of them), 8 bytes a pixel of the take's
+// pictures for the shown one, 76 bytes a pixel of the tablet's (with everything that can be
+// asked for), and 16 MiB for meshes.
 struct painter;
 
 struct painter_options {
     enum detail detail;   // default DETAIL_FULL
-    size_t texture_bytes; // bound of what is kept on the GPU. Default 64 MiB
+    size_t texture_bytes; // of recorded frames kept on the GPU, see below; at least one is. Default 64 MiB
+    double error_px;      // that DETAIL_AUTO may be wrong by. Default 1
     bool sources;         // painter_read_source will be asked for. Default no
+    bool shadow;          // he casts one on the floor, where the take has a place and so a floor. Default no
+    bool likeness_later;  // somebody else makes it and gives it (painter_give_likeness). Default no
+    const struct likeness_watch *watch; // while painter_open makes it; NULL, the default: nobody waits
 };
 struct painter_options painter_default_options(void);
 
@@ -33,11 +42,25 @@ MUST_CHECK enum status painter_open(struct painter **out, struct gpu *gpu, struc
                                     const struct painter_options *options);
 void painter_close(struct painter **p);
 
+// What options.likeness_later promised, made by likeness_make from another handle on
+// the same take, perhaps on another thread. Until all of it is on the GPU, some
+// pictures later, every level is drawn as DETAIL_PAPER. NULL: there is none; what is
+// beyond paper is then drawn as rounded cylinders. Its contents go over to the
+// painter and *likeness is zeroed, on failure too. ERR_INPUT: too large to be drawn.
+// ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status painter_give_likeness(struct painter *p, struct likeness *likeness);
+
+// The room that hides him where it stands before him (room_make); as above. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status painter_give_room(struct painter *p, struct room *room);
+
 struct painter_view {
     struct pose world_from_camera; // of the tablet
     int64_t time_ns;               // of the take, since its first frame
     const uint8_t *color;          // the camera's picture, RGB of the lens's size; NULL: whoever asks for
                                    // painter_actor_texture has it himself, and there is no composed picture
+    const struct part_map *viewer_from_room; // where the room is that hides him: from its axes, which are
+                                             // the take's world, into the tablet camera's. NULL: nothing hides him
+    bool also_paper;               // draw him at paper, too, for painter_paper_texture. With likeness_later
 };
 
 struct painter_result {
@@ -45,7 +68,7 @@ struct painter_result {
     int64_t shown;     // the recorded frame whose instant is shown; -1: nobody
     int64_t source;    // at paper: the frame the colours came from; else -1
     int parts;         // drawn
-    double height_px;  // of the actor's bones in the picture
+    double error_px;   // predicted (reenact/level.h), of the level that was drawn
 };
 
 // Draws. For a picture that could not be placed there is painter_draw_nobody.
@@ -74,6 +97,12 @@ const struct gpu_texture *painter_texture(struct painter *p);
 // The actor last drawn alone, premultiplied alpha, likewise.
 const struct gpu_texture *painter_actor_texture(struct painter *p);
 
+// His shadow in the picture last drawn, premultiplied, likewise: to be laid under him. NULL: there is none.
+const struct gpu_texture *painter_shadow_texture(struct painter *p);
+
+// The actor at paper where view.also_paper asked for it, likewise.
+const struct gpu_texture *painter_paper_texture(struct painter *p);
+
 // From now on for this lens. Cheap as long as pictures keep their size.
 // ERR_INPUT; ERR_DEVICE, ERR_MEMORY: nothing more can be drawn.
 MUST_CHECK enum status painter_set_lens(struct painter *p, const struct lens *lens);
@@ -81,7 +110,8 @@ MUST_CHECK enum status painter_set_lens(struct painter *p, const struct lens *le
 // With options.sources: whether the next pictures' sources are wanted, which cost time. At first they are.
 void painter_set_sources(struct painter *p, bool wanted);
 
-// What DETAIL_AUTO takes for an actor whose bones are that high. Below 48 pixels a
-// forearm is 3 pixels thick: neither its round end nor another frame's colours
-// move a pixel by more than the eye's threshold there.
-enum detail painter_level(double height_px);
+// Nothing that was given is still on its way to the GPU.
+bool painter_settled(const struct painter *p);
+
+// From now on DETAIL_AUTO may be wrong by that, pixels.
+void painter_set_error(struct painter *p, double error_px);

@@ -37,6 +37,25 @@ uint16_t part_label(const struct part_bones *b, struct vec3 p, double shared_m, 
     return parts;
 }
 
+int part_nearest(const struct part_bones *b, struct vec3 p, double outside_m)
+{
+    double best = outside_m;
+    int nearest = -1;
+    for (int i = 0; i < b->count; i++) {
+        struct vec3 d = v3_sub(p, b->from[i]);
+        double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
+        t = t < 0 ? 0 : t > 1 ? 1 : t;
+        d = v3_sub(d, v3_scale(b->along[i], t));
+        double away2 = v3_dot(d, d), reach = best + b->radius[i];
+        if (!(reach > 0) || away2 > reach * reach)
+            continue; // without a root
+        double gap = sqrt(away2) - b->radius[i];
+        if (gap < best)
+            best = gap, nearest = (int)b->part[i];
+    }
+    return nearest;
+}
+
 double part_outside_m(bool has_mask) { return has_mask ? 0.25 : 0.10; }
 
 bool part_pixel_solid(const uint16_t *depth, const uint8_t *mask, int width, int height, int i)

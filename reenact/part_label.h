@@ -18,6 +18,9 @@ enum { PART_LABEL_PERSON = 1 << 15 };
 // 0: farther than outside_m outside every part.
 uint16_t part_label(const struct part_bones *bones, struct vec3 p, double shared_m, double outside_m);
 
+// The nearest part alone, the lowest of several; -1: farther than outside_m from every part.
+int part_nearest(const struct part_bones *bones, struct vec3 p, double outside_m);
+
 // How far outside all parts a pixel may lie and still be this person: the mask
 // knows best, but where there is none, not far.
 double part_outside_m(bool has_mask);

@@ -29,11 +29,13 @@ void sight_close(struct sight *s)
     *s = (struct sight){0};
 }
 
+// Of the person's pixels within the bounds so far.
 static void find_bounds(struct sight *s)
 {
+    int top = s->top, bottom = s->bottom, left = s->left, right = s->right;
     s->left = s->width, s->top = s->height, s->right = s->bottom = -1;
-    for (int y = 0; y < s->height; y++)
-        for (int x = 0; x < s->width; x++)
+    for (int y = top; y <= bottom; y++)
+        for (int x = left; x <= right; x++)
             if (s->part[y * s->width + x] < PART_COUNT) {
                 s->left = x < s->left ? x : s->left, s->right = x > s->right ? x : s->right;
                 s->top = y < s->top ? y : s->top, s->bottom = y > s->bottom ? y : s->bottom;
@@ -48,24 +50,35 @@ static bool same_surface(const struct sight *s, int a, int b)
     return !person || abs(s->depth[a] - s->depth[b]) <= SAME_MM;
 }
 
+// One pixel's edge is no farther than its neighbour's and one; between two surfaces it is at both.
+static inline void pass_edge(struct sight *s, int i, int from)
+{
+    if (same_surface(s, i, from)) {
+        int far = s->edge[from] + 1;
+        s->edge[i] = (uint8_t)(far < s->edge[i] ? far : s->edge[i]);
+    } else {
+        s->edge[i] = s->edge[from] = 0;
+    }
+}
+
 // A distance in two sweeps, there and back.
 static void find_edges(struct sight *s)
 {
-    int w = s->width, h = s->height, count = w * h;
-    memset(s->edge, SIGHT_EDGE_MOST, (size_t)count);
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < count; k++) {
-            int i = pass ? count - 1 - k : k, x = i % w, y = i / w;
-            const int around[] = {pass ? i + 1 : i - 1, pass ? i + w : i - w};
-            const bool there[] = {pass ? x + 1 < w : x > 0, pass ? y + 1 < h : y > 0};
-            for (int n = 0; n < 2; n++) {
-                if (!there[n])
-                    continue;
-                int far = same_surface(s, i, around[n]) ? s->edge[around[n]] + 1 : 0;
-                s->edge[i] = (uint8_t)(far < s->edge[i] ? far : s->edge[i]);
-                if (!far)
-                    s->edge[around[n]] = 0;
-            }
+    int w = s->width, h = s->height;
+    memset(s->edge, SIGHT_EDGE_MOST, (size_t)w * (size_t)h);
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            if (x > 0)
+                pass_edge(s, y * w + x, y * w + x - 1);
+            if (y > 0)
+                pass_edge(s, y * w + x, y * w + x - w);
+        }
+    for (int y = h - 1; y >= 0; y--)
+        for (int x = w - 1; x >= 0; x--) {
+            if (x + 1 < w)
+                pass_edge(s, y * w + x, y * w + x + 1);
+            if (y + 1 < h)
+                pass_edge(s, y * w + x, y * w + x + w);
         }
 }
 
@@ -108,6 +121,8 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
             s->part[i] = SIGHT_ROOM;
         else
             s->part[i] = part_pixel_solid(seen.depth, seen.mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
+    s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
+    find_bounds(s);
     sight_label(s, &e->skeleton);
     find_bounds(s);
     find_edges(s);
@@ -119,16 +134,15 @@ void sight_label(struct sight *s, const struct skeleton *skeleton)
 {
     struct part_bones bones = part_bones_of(skeleton, s->body);
     double outside = part_outside_m(s->has_mask);
-    for (int i = 0; i < s->width * s->height; i++) {
-        if (s->part[i] >= PART_COUNT)
-            continue;
-        uint16_t parts = part_label(&bones, source_rays_point(s->rays, i, s->depth[i]), 0, outside);
-        const uint8_t nobody = s->has_mask ? SIGHT_RIM : SIGHT_ROOM; // the mask knows better than the joints
-        s->part[i] = nobody;
-        for (int p = 0; p < PART_COUNT && parts && s->part[i] == nobody; p++)
-            if (parts >> p & 1)
-                s->part[i] = (uint8_t)p;
-    }
+    const uint8_t nobody = s->has_mask ? SIGHT_RIM : SIGHT_ROOM; // the mask knows better than the joints
+    for (int y = s->top; y <= s->bottom; y++)
+        for (int x = s->left; x <= s->right; x++) {
+            int i = y * s->width + x;
+            if (s->part[i] >= PART_COUNT)
+                continue;
+            int part = part_nearest(&bones, source_rays_point(s->rays, i, s->depth[i]), outside);
+            s->part[i] = part < 0 ? nobody : (uint8_t)part;
+        }
 }
 
 enum { WELL_WITHIN_PX = 2 }; // JPEG halves colour, which carries it over two pixels

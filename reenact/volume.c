@@ -1,5 +1,7 @@
 #include "reenact/volume.h"
 
+#include "platform/parallel.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,12 +13,14 @@ static const float INSIDE_M = 0.04F;      // and so far behind what was seen
 static const float THICK = 1.15F;         // parts, against their cylinders' radius
 static const float CYLINDER_TRUST = 0.5F; // in frames
 static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
+static const float NOWHERE_NEAR = 0.6F;  // of the largest distance
 static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
-enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
+enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2 };
 
 struct cell {
     int32_t at;     // in the grid
+    uint16_t x, y, z;
     float cylinder; // distance from the parts' cylinders
     struct skin skin;
 };
@@ -29,14 +33,20 @@ struct volume {
     int size[3];
     struct cell *cells;
     int cell_count;
+    int32_t *heeding; // the cells that readings still go into: numbers in `cells`, rising
+    int heeding_count;
     float *distance, *trust; // of every point of the grid; trust 0: not kept
     float *seen;             // the part of its trust that readings of a surface near it gave
 };
 
+static struct vec3 place_of(const struct volume *v, int x, int y, int z)
+{
+    return v3_add(v->corner, v3(x * STEP_M, y * STEP_M, z * STEP_M));
+}
+
 static struct vec3 point_at(const struct volume *v, int at)
 {
-    int x = at % v->size[0], y = at / v->size[0] % v->size[1], z = at / v->size[0] / v->size[1];
-    return v3_add(v->corner, v3(x * STEP_M, y * STEP_M, z * STEP_M));
+    return place_of(v, at % v->size[0], at / v->size[0] % v->size[1], at / v->size[0] / v->size[1]);
 }
 
 static void find_size(struct volume *v)
@@ -111,12 +121,20 @@ static enum status open_cells(struct volume *v, int64_t count)
     for (int i = 0; i < count; i++)
         v->cell_count += keep[i];
     v->cells = malloc(sizeof *v->cells * (size_t)(v->cell_count ? v->cell_count : 1));
+    v->heeding = malloc(sizeof *v->heeding * (size_t)(v->cell_count ? v->cell_count : 1));
+    for (int i = 0; i < v->cell_count && v->heeding; i++)
+        v->heeding[v->heeding_count++] = i;
     int c = 0;
     for (int i = 0; i < count && v->cells; i++)
         if (keep[i])
-            v->cells[c++] = (struct cell){i, fmaxf(-OUTSIDE_M, v->distance[i]), rest_skin(&v->rest, point_at(v, i))};
+            v->cells[c++] = (struct cell){i,
+                                          (uint16_t)(i % v->size[0]),
+                                          (uint16_t)(i / v->size[0] % v->size[1]),
+                                          (uint16_t)(i / v->size[0] / v->size[1]),
+                                          fmaxf(-OUTSIDE_M, v->distance[i]),
+                                          rest_skin(&v->rest, point_at(v, i))};
     free(keep);
-    return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
+    return v->cells && v->heeding ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
 enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration)
@@ -131,7 +149,7 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
     find_size(v);
     int64_t count = (int64_t)v->size[0] * v->size[1] * v->size[2];
     enum status status = OK;
-    if (count > MOST_POINTS)
+    if (count > MOST_POINTS || v->size[0] > UINT16_MAX || v->size[1] > UINT16_MAX || v->size[2] > UINT16_MAX)
         status = fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
     if (status == OK) {
         v->distance = malloc(sizeof *v->distance * (size_t)count);
@@ -153,6 +171,7 @@ void volume_close(struct volume **v)
     if (!*v)
         return;
     free((*v)->cells);
+    free((*v)->heeding);
     free((*v)->distance);
     free((*v)->trust);
     free((*v)->seen);
@@ -171,34 +190,43 @@ void volume_clear(struct volume *v)
 
 // ---------------------------------------------------------------- gathering
 
-// Ideal lenses in float, for speed; others through lens_project.
+// Where a place is seen; ideal lenses without lens_project's way round, for speed.
 static bool find_pixel(const struct lens *lens, bool ideal, const float p[3], int *x, int *y)
 {
     if (!(p[2] > 0.05F))
         return false;
-    struct pixel px;
-    if (ideal)
-        px = (struct pixel){(double)p[0] / (double)p[2] * lens->fx + lens->cx,
-                            (double)p[1] / (double)p[2] * lens->fy + lens->cy};
-    else
-        px = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
-    *x = (int)floor(px.x + 0.5);
-    *y = (int)floor(px.y + 0.5);
-    return *x >= 0 && *y >= 0 && *x < lens->width && *y < lens->height;
+    float px, py;
+    if (ideal) {
+        float scale = 1 / p[2];
+        px = p[0] * scale * (float)lens->fx + (float)lens->cx;
+        py = p[1] * scale * (float)lens->fy + (float)lens->cy;
+    } else {
+        struct pixel at = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
+        px = (float)at.x, py = (float)at.y;
+    }
+    px += 0.5F, py += 0.5F;
+    if (!(px >= 0 && py >= 0 && px < (float)lens->width && py < (float)lens->height))
+        return false;
+    *x = (int)px; // rounded down, for it is not negative
+    *y = (int)py;
+    return true;
 }
 
 static void blend(const struct part_map maps[PART_COUNT], const struct skin *skin, struct part_map *out)
 {
-    *out = maps[skin->part[0]];
-    if (skin->weight[0] >= 1)
+    const float *a = maps[skin->part[0]].row[0];
+    float *sum = out->row[0];
+    if (skin->weight[0] >= 1) {
+        *out = maps[skin->part[0]];
         return;
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 4; c++) {
-            float sum = 0;
-            for (int i = 0; i < SKIN_PARTS; i++)
-                sum += skin->weight[i] * maps[skin->part[i]].row[r][c];
-            out->row[r][c] = sum;
-        }
+    }
+    for (int k = 0; k < 12; k++)
+        sum[k] = skin->weight[0] * a[k];
+    for (int i = 1; i < SKIN_PARTS; i++) {
+        const float *b = maps[skin->part[i]].row[0], weight = skin->weight[i];
+        for (int k = 0; k < 12 && weight > 0; k++)
+            sum[k] += weight * b[k];
+    }
 }
 
 // How far a place of `part`, which is `thick`, at depth z is before (+) what pixel i shows (*reading: that very
@@ -231,16 +259,26 @@ static bool witness(const struct sight *s, double fx, int i, float z, enum part 
     return !*reading || parts_meet(part, (enum part)s->part[i]);
 }
 
-void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
-{
+// What one frame says, to one stretch of the cells after the other.
+struct addition {
+    struct volume *volume;
+    const struct sight *sight;
     struct part_map maps[PART_COUNT];
-    for (int p = 0; p < PART_COUNT; p++)
-        maps[p] = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+};
+
+static void add_stretch(void *context, int stretch)
+{
+    const struct addition *a = context;
+    struct volume *v = a->volume;
+    const struct sight *sight = a->sight;
+    const struct part_map *maps = a->maps;
     const struct lens *lens = &v->calibration.depth;
     bool ideal = lens_is_ideal(lens);
-    for (int c = 0; c < v->cell_count; c++) {
-        const struct cell *cell = &v->cells[c];
-        struct vec3 at = point_at(v, cell->at);
+    int from = (int)((int64_t)v->heeding_count * stretch / THREADS);
+    int to = (int)((int64_t)v->heeding_count * (stretch + 1) / THREADS);
+    for (int c = from; c < to; c++) {
+        const struct cell *cell = &v->cells[v->heeding[c]];
+        struct vec3 at = place_of(v, cell->x, cell->y, cell->z);
         const float h[3] = {(float)at.x, (float)at.y, (float)at.z};
         struct part_map m;
         float p[3];
@@ -268,6 +306,29 @@ void volume_grow(struct volume *v, const double out_m[PART_COUNT])
         for (int i = 0; i < SKIN_PARTS; i++)
             v->distance[v->cells[c].at] -= skin->weight[i] * (float)out_m[skin->part[i]];
     }
+}
+
+void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
+{
+    struct addition a = {.volume = v, .sight = sight};
+    for (int p = 0; p < PART_COUNT; p++)
+        a.maps[p] = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+    parallel(THREADS, THREADS, add_stretch, &a); // each cell is one thread's, so it does not matter how many there are
+}
+
+void volume_leave_empty(struct volume *v, const struct volume *known)
+{
+    int left = 0;
+    for (int c = 0; c < v->heeding_count; c++) {
+        int at = v->cells[v->heeding[c]].at;
+        if (known->trust[at] > CYLINDER_TRUST && known->distance[at] >= NOWHERE_NEAR * OUTSIDE_M) {
+            v->distance[at] = known->distance[at];
+            v->trust[at] = known->trust[at];
+        } else {
+            v->heeding[left++] = v->heeding[c];
+        }
+    }
+    v->heeding_count = left;
 }
 
 // ---------------------------------------------------------------- looking up
@@ -304,14 +365,14 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
 
 enum status volume_smooth(struct volume *v, int passes)
 {
-    float *from = malloc(sizeof *from * (size_t)(v->size[0] * v->size[1] * v->size[2]));
+    size_t count = (size_t)(v->size[0] * v->size[1] * v->size[2]);
+    float *from = malloc(sizeof *from * count);
     if (!from)
         return fail(ERR_MEMORY, "out of memory");
     const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
     for (int pass = 0; pass < passes; pass++)
         for (int axis = 0; axis < 3; axis++) {
-            for (int c = 0; c < v->cell_count; c++)
-                from[v->cells[c].at] = v->distance[v->cells[c].at];
+            memcpy(from, v->distance, sizeof *from * count);
             for (int c = 0; c < v->cell_count; c++) {
                 int at = v->cells[c].at, a = at - step[axis], b = at + step[axis];
                 if (v->trust[a] > 0 && v->trust[b] > 0) // (a cell is never at the grid's border)

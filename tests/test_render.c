@@ -89,7 +89,7 @@ struct drawn {
 static void draw(struct painter *p, struct pose world_from_camera, int64_t time_ns, const uint8_t *color,
                  struct drawn *out)
 {
-    struct painter_view view = {world_from_camera, time_ns, color};
+    struct painter_view view = {.world_from_camera = world_from_camera, .time_ns = time_ns, .color = color};
     EXPECT_STATUS(painter_draw(p, &view, &out->result), OK);
     EXPECT_STATUS(painter_read(p, out->rgb), OK);
     EXPECT_STATUS(painter_read_actor(p, out->actor), OK);
@@ -302,7 +302,7 @@ static void the_figure_lies_on_what_was_seen(void **state)
     struct source_rays *rays;
     struct likeness figure;
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, 10), OK);
+    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, 10, NULL), OK);
     long close = 0;
     for (int i = 0; i < figure.surface.point_count; i++)
         close += fabs(rest_distance(&figure.rest, figure.surface.points[i])) < 0.015;
@@ -326,7 +326,7 @@ static void the_figure_lies_on_what_was_seen(void **state)
     struct posture joints;
     struct adjustment none = adjustment_none();
     EXPECT_STATUS(posture_of(&figure.rest, &wrong, &joints), OK);
-    struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none);
+    struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none, NULL);
     joints = posture_adjusted(&joints, &found);
     struct skeleton back = posture_skeleton(&figure.rest, &joints);
     double before = 0, after = 0;
@@ -339,6 +339,106 @@ static void the_figure_lies_on_what_was_seen(void **state)
     sight_close(&sight);
     likeness_free(&figure);
     source_rays_close(&rays);
+    stage_close(&stage);
+}
+
+struct patience {
+    int told, most;
+    double share;
+};
+
+static bool be_patient(void *self, double share)
+{
+    struct patience *p = self;
+    EXPECT_AT_LEAST(share, p->share);
+    EXPECT_AT_MOST(share, 1);
+    p->share = share;
+    return ++p->told < p->most;
+}
+
+// A likeness that comes later is drawn as paper until it is there, and then as if it
+// had been there from the beginning; and whoever does not want it any more is heard.
+static void the_likeness_may_come_later(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static struct drawn at_once, before, after;
+    static uint8_t green[PIXELS * 3];
+    struct skeleton s = whole_body(0);
+    paint(&film, &ideal, &s, &whole_measures);
+    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
+    struct stage stage;
+    stage_open(&stage, &ideal, &frame, 1, &whole_measures);
+    struct painter *p = painter_on(&stage, &ideal, DETAIL_FULL);
+    draw(p, POSE_IDENTITY, 0, green, &at_once);
+    painter_close(&p);
+
+    struct source_rays *rays;
+    struct likeness likeness;
+    struct patience calm = {.most = INT32_MAX}, impatient = {.most = 2};
+    const struct likeness_watch watch = {be_patient, &calm}, hasty = {be_patient, &impatient};
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(likeness_make(&likeness, stage.take, rays, LIKENESS_FRAMES, &hasty), NOTHING);
+    EXPECT_INT(impatient.told, 2);
+    EXPECT_STATUS(likeness_make(&likeness, stage.take, rays, LIKENESS_FRAMES, &watch), OK);
+    EXPECT_AT_LEAST(calm.told, 3);
+
+    struct painter_options o = painter_default_options();
+    o.likeness_later = true;
+    EXPECT_STATUS(painter_open(&p, stage.gpu, stage.take, &ideal, &o), OK);
+    draw(p, POSE_IDENTITY, 0, green, &before);
+    EXPECT_INT(before.result.level, DETAIL_PAPER);
+    EXPECT_INT(before.result.parts, PART_COUNT);
+    EXPECT_STATUS(painter_give_likeness(p, &likeness), OK);
+    int pictures = 0;
+    do
+        draw(p, POSE_IDENTITY, 0, green, &after);
+    while (!painter_settled(p) && ++pictures < 100);
+    print_message("%d pictures until it was all there\n", pictures);
+    EXPECT_AT_LEAST(pictures, 1); // not all at once
+    EXPECT_INT(after.result.level, DETAIL_FULL);
+    EXPECT_TRUE(!memcmp(after.actor, at_once.actor, sizeof after.actor));
+    painter_close(&p);
+    source_rays_close(&rays);
+    stage_close(&stage);
+}
+
+// Auto draws at paper exactly where paper's predicted error is below the threshold,
+// and what is twice as far is wrong by half as many pixels.
+static void auto_is_as_wrong_as_it_may_be(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static struct drawn got;
+    struct skeleton s = whole_body(0);
+    paint(&film, &ideal, &s, &whole_measures);
+    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
+    struct stage stage;
+    stage_open(&stage, &ideal, &frame, 1, &whole_measures);
+    struct painter *p = painter_on(&stage, &ideal, DETAIL_AUTO);
+    double full_px[2], paper_px[2];
+    for (int far = 0; far < 2; far++) {
+        const struct pose viewer = {{0, 0, 0, 1}, {0, 0, far ? -2.5 : 0}};
+        painter_set_error(p, 0);
+        draw(p, viewer, 0, film.rgb, &got);
+        EXPECT_INT(got.result.level, DETAIL_FULL);
+        full_px[far] = got.result.error_px;
+        painter_set_error(p, 1e3);
+        draw(p, viewer, 0, film.rgb, &got);
+        EXPECT_INT(got.result.level, DETAIL_PAPER);
+        paper_px[far] = got.result.error_px;
+        EXPECT_AT_LEAST(paper_px[far], 1e-3);
+        for (int above = 0; above < 2; above++) {
+            painter_set_error(p, paper_px[far] * (above ? 1.01 : 0.99));
+            draw(p, viewer, 0, film.rgb, &got);
+            EXPECT_INT(got.result.level, above ? DETAIL_PAPER : DETAIL_FULL);
+        }
+    }
+    print_message("predicted: full %.2f and %.2f px, paper %.2f and %.2f px\n", full_px[0], full_px[1], paper_px[0],
+                  paper_px[1]);
+    EXPECT_AT_MOST(fabs(full_px[1] / full_px[0] - 0.5), 0.03);
+    EXPECT_AT_MOST(paper_px[1], paper_px[0]);
+    painter_close(&p);
     stage_close(&stage);
 }
 
@@ -498,7 +598,7 @@ static void nobody_leaves_the_picture_alone(void **state)
         EXPECT_STATUS(painter_read_actor(p, got.actor), OK);
         EXPECT_INT(actor_pixels(&got), 0);
         EXPECT_INT(memcmp(got.rgb, film.rgb, sizeof got.rgb), 0);
-        struct painter_view nowhere = {{{0, 0, 0, 1}, {NAN, 0, 0}}, 0, film.rgb};
+        struct painter_view nowhere = {.world_from_camera = {{0, 0, 0, 1}, {NAN, 0, 0}}, .color = film.rgb};
         EXPECT_STATUS(painter_draw(p, &nowhere, &got.result), ERR_INPUT);
         painter_close(&p);
     }
@@ -509,6 +609,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cylinders_fall_where_the_reference_says), cmocka_unit_test(the_film_is_given_back),
+        cmocka_unit_test(the_likeness_may_come_later),
+        cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
         cmocka_unit_test(the_figure_lies_on_what_was_seen),        cmocka_unit_test(the_wall_behind_never_comes_along),
         cmocka_unit_test(the_nearer_part_hides_the_farther),       cmocka_unit_test(the_same_again_is_the_same),
         cmocka_unit_test(nobody_leaves_the_picture_alone),

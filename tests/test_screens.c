@@ -168,8 +168,11 @@ static void test_nothing_is_drawn_when_nothing_changes(void **state)
     struct show *s = &g.tablet.show;
     draw(&g);
     at(&g, 0.5);
-    for (int i = 0; i < 40; i++) // the orbit comes to rest on him
+    // The take is prepared, and the orbit comes to rest on him.
+    for (int64_t i = 0, until = clock_now_ns() + 100000000000; i < 40 || s->freshness < 1; i++) {
         draw(&g);
+        EXPECT_TRUE(clock_now_ns() < until);
+    }
     s->changed = false;
     g.tablet.checked_ns = clock_now_ns(); // the look after the file comes once a second
     int64_t now = clock_now_ns(), next = tablet_update(&g.tablet, now);
@@ -284,6 +287,34 @@ static void test_the_mirror_shows_him_the_other_way_round(void **state)
     show_do(&t->show, DO_SKELETON, clock_now_ns());
     draw(&g);
     EXPECT_AT_LEAST(t->picture.parts, 8);
+    glass_close(&g);
+}
+
+static void test_the_take_is_there_at_once_and_better_soon(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    struct tablet *t = &g.tablet;
+    draw(&g);
+    draw(&g);
+    EXPECT_AT_LEAST(t->picture.parts, 8);
+    EXPECT_TRUE(!t->picture.prepared);
+    int plain = 0, both = 0, better = 0;
+    double share = 0;
+    for (int64_t until = clock_now_ns() + 100000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
+        draw(&g);
+        EXPECT_AT_LEAST(t->show.prepared, share);
+        share = t->show.prepared;
+        plain += !t->picture.prepared;
+        both += t->picture.prepared && t->picture.former;
+    }
+    draw(&g);
+    better = t->picture.prepared && !t->picture.former;
+    print_message("%d pictures plain, %d with both\n", plain, both);
+    EXPECT_AT_LEAST(plain, 1);
+    EXPECT_AT_LEAST(both, 1);
+    EXPECT_INT(better, 1);
     glass_close(&g);
 }
 
@@ -432,6 +463,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_a_recording_that_is_taken_away_plays_on),
         cmocka_unit_test(test_a_camera_that_is_lost_says_what_to_do),
         cmocka_unit_test(test_the_mirror_shows_him_the_other_way_round),
+        cmocka_unit_test(test_the_take_is_there_at_once_and_better_soon),
         cmocka_unit_test(test_a_file_without_a_take_says_so),
         cmocka_unit_test(test_every_screen_is_drawn_wide_and_upright_dark_and_light),
     };

@@ -90,6 +90,10 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
     int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9), last_sight = 0;
     for (int64_t now = began; now < began + length; now = clock_now_ns()) {
         tablet_update(&t, now);
+        if (!t.stage || stage_prepared(t.stage) < 1 || !stage_settled(t.stage)) { // it counts from when the take is prepared
+            began = now;
+            s.frames = 0;
+        }
         bool settled = now - began > length / 3, late = now - began > 2 * length / 3;
         if (!t.sight || t.sight->number == last_sight || t.show.page != PAGE_WATCH) {
             clock_sleep_until_ns(now + 1000000);
@@ -111,8 +115,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
             s.alone_ms += draw_camera_alone(&t, target, rgba) + (double)(t.sight->located_ns - t.sight->locating_ns) * 1e-6;
             references++;
         }
-        if (s.frames++ == 0)
-            began = clock_now_ns(); // with the first picture the take was prepared
+        s.frames++;
     }
     s.last_mib = resident_mib();
     s.times = t.times;

@@ -75,7 +75,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     double started_ms = bench_clock_ms();
     enum status status;
     if (v->painter) {
-        struct painter_view view = {pose, p->since_ns, p->room};
+        struct painter_view view = {.world_from_camera = pose, .time_ns = p->since_ns, .color = p->room};
         struct painter_result result;
         status = painter_draw(v->painter, &view, &result);
         if (status == OK)

@@ -189,7 +189,7 @@ static enum status add_furniture(struct scene *s, uint32_t seed)
     return status;
 }
 
-enum status scene_build(struct scene *s, uint64_t seed, bool plain)
+enum status scene_build(struct scene *s, uint64_t seed, bool table, bool plain)
 {
     memset(s, 0, sizeof *s);
     s->plain = plain;
@@ -198,6 +198,8 @@ enum status scene_build(struct scene *s, uint64_t seed, bool plain)
     enum status status = hang_pictures(s, mixed);
     if (!status)
         status = add_furniture(s, mixed);
+    if (!status && table)
+        add_box(s, v3(1.0, -0.7, 0), v3(1.6, 0.7, 0.75), MATERIAL_WOOD, 0xc79a63);
     if (!status)
         status = add_tags(s);
     if (!status && !plain)

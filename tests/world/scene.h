@@ -68,7 +68,7 @@ struct hit {
 };
 
 // ERR_MEMORY. `plain`: no textures but the tags.
-MUST_CHECK enum status scene_build(struct scene *s, uint64_t seed, bool plain);
+MUST_CHECK enum status scene_build(struct scene *s, uint64_t seed, bool table, bool plain);
 void scene_free(struct scene *s); // zeroed is fine
 
 // scene_light.c: fills surface.light of all surfaces. ERR_MEMORY.

@@ -28,7 +28,7 @@ const char *world_figure_names(void) { return "woman man child heavy skirt coat 
 
 struct world_options world_default_options(void)
 {
-    return (struct world_options){figures[0].figure, "pirouette", 1, 1, false};
+    return (struct world_options){figures[0].figure, "pirouette", 1, 1, false, false};
 }
 
 static enum status check(const struct world_options *o)
@@ -63,7 +63,7 @@ enum status world_open(struct world **out, const struct world_options *options)
     w->physique = physique_of(&options->figure);
     status = world_motion_open(&w->motion, options->motion, &w->physique);
     if (!status)
-        status = scene_build(&w->scene, options->seed, options->plain);
+        status = scene_build(&w->scene, options->seed, options->table, options->plain);
     if (!status)
         status = figure_build(&w->figure, &w->physique, options->plain);
     if (status)

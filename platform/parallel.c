@@ -1,4 +1,4 @@
-#include "tests/world/parallel.h"
+#include "platform/parallel.h"
 
 #include <pthread.h>
 

@@ -1,4 +1,4 @@
-// The same work for many indices on a few threads. Internal to tests/world.
+// The same work for many indices on a few threads.
 #pragma once
 #include "platform/base.h"
 

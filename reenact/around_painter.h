@@ -1,0 +1,25 @@
+// Draws what is about the actor: the room that hides him, as depth alone, and his
+// soft shadow on the floor (z = 0 of the world). One thread.
+#pragma once
+#include "platform/gpu.h"
+#include "reenact/room.h"
+
+struct around_painter;
+
+MUST_CHECK enum status around_painter_open(struct around_painter **out, struct gpu *gpu, const struct lens *view); // ERR_DEVICE, ERR_MEMORY
+void around_painter_close(struct around_painter **a); // NULL is fine
+
+// From here on for another tablet camera; cheap.
+void around_painter_set_lens(struct around_painter *a, const struct lens *view);
+
+// From here on this room. Its contents go over and *room is zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status around_painter_give(struct around_painter *a, struct room *room);
+
+// The room's depth, where any of it may be before the actor (in_viewer: tablet
+// camera axes); the target's colours stay transparent. True: something was drawn.
+bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
+                         const struct skeleton *in_viewer);
+
+// The shadow of a body, premultiplied: black with what it takes of the floor's light. skeleton: in the world.
+void around_painter_shadow(struct around_painter *a, struct gpu_target *target, struct pose world_from_viewer,
+                           const struct skeleton *skeleton, const struct body *body);

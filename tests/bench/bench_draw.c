@@ -1,0 +1,118 @@
+// Drawing the actor at 1280x800, and beside it the plain path: eleven cylinder
+// meshes, a projective texture of a recorded frame on each, one pass, which is
+// DETAIL_PAPER. The small world's dancer, seen from all round; each picture at
+// another recorded instant, or all at the same. Times are of all threads together,
+// for without a graphics card the driver draws on several, and end when the
+// pixels are there; reading them back is part of every contender's time alike.
+#include "tests/bench/bench.h"
+#include "tests/support/rehearsal.h"
+
+#include "reenact/painter.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+enum { WIDTH = 1280, HEIGHT = 800, ITEMS = 24 };
+static const double AWAY_M = 2.6;
+
+struct contender {
+    struct gpu *gpu;
+    struct take *take;
+    struct painter *painter;
+    bool same_frame;
+    uint8_t *rgba;
+};
+
+static double all_threads_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+static struct pose look_at(struct vec3 from, struct vec3 at)
+{
+    struct vec3 z = v3_unit(v3_sub(at, from)), x = v3_unit(v3_cross(z, v3(0, 0, 1))), y = v3_cross(z, x);
+    double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
+    return (struct pose){quat_from_matrix(m), from};
+}
+
+static enum status measure(void *self, int item, struct bench_measure *out)
+{
+    struct contender *c = self;
+    int64_t frame = c->same_frame ? 0 : item % take_frame_count(c->take);
+    const struct take_entry *first = take_entry(c->take, 0), *e = take_entry(c->take, frame);
+    struct vec3 him = pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]);
+    double angle = 6.283185307179586 * item / ITEMS;
+    struct vec3 eye = v3_add(him, v3(AWAY_M * sin(angle), -AWAY_M * cos(angle), 0.4));
+    struct painter_view view = {.world_from_camera = look_at(eye, him), .time_ns = e->time_ns - first->time_ns};
+    struct painter_result result;
+    struct gpu_counts before = gpu_count(c->gpu);
+    double started_ms = all_threads_ms();
+    enum status status = painter_draw(c->painter, &view, &result);
+    if (status == OK)
+        status = painter_read_actor(c->painter, c->rgba);
+    out->time_ms = all_threads_ms() - started_ms;
+    struct gpu_counts now = gpu_count(c->gpu);
+    out->error = (double)(now.draws - before.draws);
+    out->extra[0] = (double)(now.uploads - before.uploads);
+    out->extra[1] = (double)(now.made - before.made);
+    return status;
+}
+
+static enum status open_painter(struct contender *c, const struct contender *like, enum detail detail, bool same_frame)
+{
+    static const struct lens lens = {WIDTH, HEIGHT, 1000, 1000, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, 0, 0, 0, 0, 0};
+    struct painter_options o = painter_default_options();
+    *c = *like;
+    o.detail = detail;
+    c->same_frame = same_frame;
+    return painter_open(&c->painter, c->gpu, c->take, &lens, &o);
+}
+
+static enum status run(struct bench *b)
+{
+    struct rehearsal rehearsal = rehearsal_make();
+    struct recording *recording = NULL;
+    struct contender base = {.rgba = malloc((size_t)WIDTH * HEIGHT * 4)}, full = {0}, full_same = {0}, paper = {0},
+                     paper_same = {0};
+    enum status status = base.rgba ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = recording_open(&recording, rehearsal.file);
+    if (status == OK)
+        status = take_open(&base.take, recording, "turn");
+    if (status == OK)
+        status = gpu_open(&base.gpu);
+    if (status == OK)
+        status = open_painter(&full, &base, DETAIL_FULL, false);
+    if (status == OK)
+        status = open_painter(&full_same, &base, DETAIL_FULL, true);
+    if (status == OK)
+        status = open_painter(&paper, &base, DETAIL_PAPER, false);
+    if (status == OK)
+        status = open_painter(&paper_same, &base, DETAIL_PAPER, true);
+    if (status == OK) {
+        printf("draw: %d x %d, %s\n", WIDTH, HEIGHT, gpu_renderer(base.gpu));
+        const struct bench_contender contenders[] = {
+            {"ours, each time another frame", measure, &full, false},
+            {"the plain path, likewise", measure, &paper, true},
+            {"ours, always the same frame", measure, &full_same, false},
+            {"the plain path, likewise", measure, &paper_same, false},
+        };
+        status = bench_run(b, contenders, COUNT_OF(contenders), ITEMS);
+    }
+    painter_close(&full.painter);
+    painter_close(&full_same.painter);
+    painter_close(&paper.painter);
+    painter_close(&paper_same.painter);
+    gpu_close(&base.gpu);
+    take_close(&base.take);
+    recording_free(&recording);
+    free(base.rgba);
+    rehearsal_end(&rehearsal);
+    return status;
+}
+
+const struct bench_stage bench_stage_draw = {
+    "draw", "the actor at 1280x800, beside eleven textured cylinders", "draw_calls", "time_ms", {"uploads", "made"}, run};

@@ -1,0 +1,132 @@
+// What drawing asks of the GPU, in the small world: few calls, nothing made, compiled
+// or sent for what has not changed, and never more memory than is promised.
+#include "tests/test.h"
+
+#include "reenact/painter.h"
+#include "tests/support/rehearsal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static struct rehearsal rehearsal;
+static struct recording *recording;
+static struct take *take;
+static struct gpu *gpu;
+static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0};
+
+static struct pose round_him(double angle)
+{
+    // The rehearsal's world: its sensor looks at him; everybody else goes round the same point.
+    const struct take_entry *e = take_entry(take, 0);
+    struct vec3 him = pose_apply(e->world_from_camera, e->skeleton.joint[JOINT_WAIST]);
+    struct pose turn = {quat_from_rotation_vector(v3(0, 0, angle)), v3(0, 0, 0)};
+    turn.translation = v3_sub(him, quat_rotate(turn.rotation, him));
+    return pose_multiply(turn, e->world_from_camera);
+}
+
+static struct painter *painter_at(enum detail detail, size_t texture_bytes)
+{
+    struct painter_options o = painter_default_options();
+    struct painter *p;
+    struct place place;
+    struct room room;
+    o.detail = detail;
+    o.texture_bytes = texture_bytes;
+    o.shadow = o.sources = true;
+    EXPECT_STATUS(painter_open(&p, gpu, take, &lens, &o), OK);
+    EXPECT_STATUS(recording_read_place(recording, &place), OK);
+    if (room_make(&room, &place, take, NULL) == OK)
+        EXPECT_STATUS(painter_give_room(p, &room), OK);
+    place_free(&place);
+    return p;
+}
+
+static void draw(struct painter *p, int64_t time_ns, double angle, const uint8_t *color)
+{
+    const struct pose viewer = round_him(angle);
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    struct painter_view view = {viewer, time_ns, color, &viewer_from_room, false};
+    struct painter_result result;
+    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    EXPECT_AT_LEAST(result.parts, 8);
+}
+
+static void few_calls_and_nothing_anew(void **state)
+{
+    (void)state;
+    uint8_t *grey = malloc((size_t)lens.width * (size_t)lens.height * 3);
+    memset(grey, 128, (size_t)lens.width * (size_t)lens.height * 3);
+    struct painter *p = painter_at(DETAIL_FULL, (size_t)64 << 20);
+    painter_set_sources(p, false);
+    draw(p, 0, 0, grey);
+    struct gpu_counts before = gpu_count(gpu);
+    for (int i = 1; i <= 20; i++) {
+        draw(p, 0, 0.3 * i, grey);
+        struct gpu_counts now = gpu_count(gpu);
+        EXPECT_AT_MOST(now.draws - before.draws, 6);
+        EXPECT_INT(now.uploads - before.uploads, 1); // the camera's picture
+        EXPECT_INT(now.made, before.made);
+        before = now;
+    }
+    draw(p, take_entry(take, 2)->time_ns - take_entry(take, 0)->time_ns, 0, grey);
+    struct gpu_counts now = gpu_count(gpu);
+    print_message("%lld calls and %lld uploads for another frame\n", (long long)(now.draws - before.draws),
+                  (long long)(now.uploads - before.uploads));
+    EXPECT_INT(now.uploads - before.uploads, 3); // and the frame's colours and depth
+    EXPECT_INT(now.made, before.made);
+    painter_close(&p);
+    free(grey);
+}
+
+static void memory_is_bounded(void **state)
+{
+    (void)state;
+    const struct calibration *c = take_calibration(take);
+    const size_t tablet = (size_t)lens.width * (size_t)lens.height,
+                 picture = (size_t)c->color.width * (size_t)c->color.height;
+    for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
+        const size_t kept = 2 * picture * 4, before = gpu_count(gpu).bytes_held;
+        struct painter *p = painter_at((enum detail)detail, kept);
+        size_t most = 0;
+        for (int64_t i = 0; i < take_frame_count(take); i++)
+            for (int a = 0; a < 3; a++) {
+                draw(p, take_entry(take, i)->time_ns - take_entry(take, 0)->time_ns, 2.1 * a, NULL);
+                size_t held = gpu_count(gpu).bytes_held - before;
+                most = held > most ? held : most;
+            }
+        size_t bound = kept + 8 * picture + 76 * tablet + ((size_t)(detail == DETAIL_PAPER ? 1 : 16) << 20);
+        print_message("%zu bytes at most, %zu promised\n", most, bound);
+        EXPECT_AT_MOST((double)most, (double)bound);
+        painter_close(&p);
+        EXPECT_INT(gpu_count(gpu).bytes_held, before); // all is given back
+    }
+}
+
+static int make(void **state)
+{
+    (void)state;
+    rehearsal = rehearsal_make();
+    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
+    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
+    EXPECT_STATUS(gpu_open(&gpu), OK);
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    gpu_close(&gpu);
+    take_close(&take);
+    recording_free(&recording);
+    rehearsal_end(&rehearsal);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(few_calls_and_nothing_anew),
+        cmocka_unit_test(memory_is_bounded),
+    };
+    return cmocka_run_group_tests(tests, make, end);
+}
