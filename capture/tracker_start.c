@@ -227,30 +227,34 @@ static struct body_pose reach_for(const struct fit_result *from, const struct li
 }
 
 struct loose { // points that nothing explains, within a limb's reach
-    struct vec3 far, middle;
-    int count;
+    struct vec3 far; // the one that is farthest off
+    struct vec3 own_far, own_middle; // of those nearer to this limb's root than to its twin's
+    int count, own;
 };
 
 static struct loose find_loose(const struct body_evidence *e, const struct fit_result *r, const struct limb *l)
 {
-    struct vec3 base = r->build.origin[l->upper];
+    struct vec3 base = r->build.origin[l->upper], twin = r->build.origin[body_mirror(l->upper)];
     double reach = 1.25 * (v3_distance(base, r->build.origin[l->lower]) +
                            v3_distance(r->build.origin[l->lower], r->build.origin[l->end])) + 0.05;
-    struct loose out = {base, v3(0, 0, 0), 0};
-    double most = 0;
+    struct loose out = {.far = base, .own_far = base};
     for (int i = 0; i < e->count; i++) {
-        double sigma = 1 / sqrt(e->point[i].weight), d = v3_distance(e->point[i].p, base);
+        struct vec3 p = e->point[i].p;
+        double sigma = 1 / sqrt(e->point[i].weight), d = v3_distance(p, base);
         if ((double)r->residual[i] < 0.04 + 1.5 * sigma || d > reach)
             continue;
         out.count++;
-        out.middle = v3_add(out.middle, e->point[i].p);
-        if (d > most) {
-            most = d;
-            out.far = e->point[i].p;
-        }
+        if (d > v3_distance(out.far, base))
+            out.far = p;
+        if (d > v3_distance(p, twin))
+            continue;
+        out.own++;
+        out.own_middle = v3_add(out.own_middle, p);
+        if (d > v3_distance(out.own_far, base))
+            out.own_far = p;
     }
-    if (out.count)
-        out.middle = v3_scale(out.middle, 1.0 / out.count);
+    if (out.own)
+        out.own_middle = v3_scale(out.own_middle, 1.0 / out.own);
     return out;
 }
 
@@ -284,13 +288,18 @@ static void try_limb(const struct fit_task *task, int k, struct fit_room *room, 
     double(*pelvis)[3] = room->best.build.axes[SEG_PELVIS];
     struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]),
                 out = v3_scale(v3(pelvis[0][0], pelvis[1][0], pelvis[2][0]), k % 2 ? -1 : 1), down = v3_scale(task->up, -1);
-    struct vec3 bulge[3] = {down, out, v3_scale(ahead, -1)};
-    if (loose.count > 0.008 * task->evidence->count && loose.count >= 5)
-        for (int b = 0; b < (k < 2 ? 3 : 1); b++)
-            for (int t = 0; t < 2; t++) {
-                struct body_pose pose = reach_for(best, l, t ? loose.middle : loose.far, k < 2 ? bulge[b] : ahead);
-                try_pose(task, &pose, room, least);
-            }
+    struct vec3 arm[3] = {down, out, v3_scale(ahead, -1)}, leg[1] = {ahead}, *bulge = k < 2 ? arm : leg;
+    int ways = k < 2 ? 3 : 1;
+    if (loose.count > 0.008 * task->evidence->count && loose.count >= 5) {
+        struct body_pose pose = reach_for(best, l, loose.far, bulge[0]);
+        try_pose(task, &pose, room, least);
+        for (int b = 0; loose.own >= 3 && b < ways; b++) {
+            pose = reach_for(best, l, loose.own_far, bulge[b]);
+            try_pose(task, &pose, room, least);
+            pose = reach_for(best, l, loose.own_middle, bulge[b]);
+            try_pose(task, &pose, room, least);
+        }
+    }
     if (astray < 6)
         return;
     struct body_pose pose = best->pose; // hanging

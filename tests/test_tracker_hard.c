@@ -269,6 +269,36 @@ static void behind_a_table(void **state)
     }
 }
 
+static void an_arm_that_was_hidden_is_found_again(void **state)
+{
+    (void)state;
+    static const double aside[] = {0, 45, -45};
+    struct set s;
+    set_open(&s, "man", "hide");
+    for (size_t i = 0; i < COUNT_OF(aside); i++) {
+        struct pose from = seen_from(&s, aside[i]);
+        double hidden = 0, out = 0;
+        int again = -1, out_k = 60; // by then it hangs in sight again
+        tracker_reset(s.tracker);
+        for (int k = 0; k < 82; k++) {
+            double t = (double)k / FPS;
+            struct skeleton got, truth = world_joints_in_camera(s.world, t, from);
+            film(&s, from, t, (uint64_t)k);
+            EXPECT_STATUS(tracker_next(s.tracker, ns(t), s.depth, &got, NULL), OK);
+            double e = v3_distance(got.joint[JOINT_LEFT_HAND], truth.joint[JOINT_LEFT_HAND]);
+            hidden += k >= 36 && k < 54 ? e / 18 : 0;
+            out = k >= 74 ? fmax(out, e) : out;
+            if (k >= out_k && again < 0 && e < 0.12)
+                again = k - out_k;
+        }
+        print_message("from %g degrees: the hidden hand within %.2f m, found again %d frames after, then within %.2f m\n",
+                      aside[i], hidden, again, out);
+        EXPECT_TRUE(again >= 0 && again <= 10);
+        EXPECT_AT_MOST(out, 0.12);
+    }
+    set_close(&s);
+}
+
 static void standing_still_is_steady(void **state)
 {
     (void)state;
@@ -331,6 +361,7 @@ int main(void)
         cmocka_unit_test(near_far_and_half_out),
         cmocka_unit_test(whichever_way_they_face_at_first),
         cmocka_unit_test(behind_a_table),
+        cmocka_unit_test(an_arm_that_was_hidden_is_found_again),
         cmocka_unit_test(standing_still_is_steady),
         cmocka_unit_test(somebody_walks_through),
     };

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-static const char *const motions[] = {"pirouette", "kata", "still", "bend", "walk"};
+static const char *const motions[] = {"pirouette", "kata", "still", "bend", "walk", "hide"};
 
 static struct world *open_world(const char *figure, const char *motion, bool plain)
 {
@@ -53,7 +53,7 @@ static void drop(struct shot_pixels *p)
 static void test_joints_lie_behind_the_skin(void **state)
 {
     (void)state;
-    static const char *const figures[] = {"woman", "child", "heavy", "coat", "tall"};
+    static const char *const figures[] = {"woman", "child", "heavy", "coat", "tall", "man"};
     struct lens lens = world_calibration(1).color;
     int seen = 0;
     for (size_t m = 0; m < COUNT_OF(motions); m++) {

@@ -95,6 +95,16 @@
         0.12, 0.22, -1                                                                                                 \
     }
 
+// The forearm behind the waist.
+#define BACK_U                                                                                                         \
+    {                                                                                                                  \
+        0.22, 0.38, -1                                                                                                 \
+    }
+#define BACK_F                                                                                                         \
+    {                                                                                                                  \
+        -0.85, 0.42, 0.10                                                                                              \
+    }
+
 #define ARMS(lu, lf, ru, rf) .left_upper = lu, .left_fore = lf, .right_upper = ru, .right_fore = rf
 
 static const struct key still[] = {
@@ -295,11 +305,23 @@ static const struct key walk[] = {
     {.t = 6.4, .x = 1.0, .y = -0.80, .heading = 60, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
 };
 
+static const struct key hide[] = {
+    {.t = 0.0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 0.5, ARMS(WIDE_U, WIDE_F, DOWN_U, DOWN_F)},
+    {.t = 0.8, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 1.1, ARMS(BACK_U, BACK_F, DOWN_U, DOWN_F)},
+    {.t = 1.8, ARMS(BACK_U, BACK_F, DOWN_U, DOWN_F)},
+    {.t = 2.0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 2.2, ARMS(WIDE_U, WIDE_F, DOWN_U, DOWN_F)},
+    {.t = 2.8, ARMS(WIDE_U, WIDE_F, DOWN_U, DOWN_F)},
+};
+
 const struct named_motion named_motions[] = {
     {"pirouette", 0.40, pirouette, COUNT_OF(pirouette)},
     {"kata", 0.45, kata, COUNT_OF(kata)},
     {"still", 0.5, still, COUNT_OF(still)},
     {"bend", 0.5, bend, COUNT_OF(bend)},
     {"walk", 0.5, walk, COUNT_OF(walk)},
+    {"hide", 0.5, hide, COUNT_OF(hide)},
 };
 const size_t named_motion_count = COUNT_OF(named_motions);

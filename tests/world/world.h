@@ -56,7 +56,8 @@ struct world_options {
     struct world_figure figure; // default "woman"
     // "pirouette" (default): comes 1.5 m towards the sensor and turns all the way
     // round, arms moving. "kata": punches, a kick with each leg, arms crossed.
-    // "still", "bend" (bends down and lifts), "walk" (across, and back). Or the
+    // "still", "bend" (bends down and lifts), "walk" (across, and back), "hide" (an arm
+    // behind the back, and quickly out again). Or the
     // path of a BVH file, which must contain a '/' or end in ".bvh"; of one that goes
     // further than 2.6 m, the longest stretch that does not is taken.
     const char *motion;

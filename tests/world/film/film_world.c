@@ -404,7 +404,7 @@ int main(int argc, char **argv)
         {"size", KEY_SIZE, "WxH", 0, "Of the pictures; 640x480 unless told", 0},
         {"figure", KEY_FIGURE, "NAME", 0, "woman (the default), man, child, heavy, skirt, coat, tall", 0},
         {"motion", KEY_MOTION, "NAME", 0,
-         "pirouette (the default), kata, still, bend, walk, or the path of a .bvh file", 0},
+         "pirouette (the default), kata, still, bend, walk, hide, or the path of a .bvh file", 0},
         {"seed", KEY_SEED, "N", 0, "Of posters, hands and noise; 1 unless told", 0},
         {"threads", KEY_THREADS, "N", 0, "1 unless told; the files do not depend on it", 0},
         {"clean", KEY_CLEAN, NULL, 0, "No noise on colour and depth", 0},
