@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+static const double AT_ONCE = 0.3; // the share of a correction that is made with each picture
+
 static void multiply(const double a[36], const double b[36], double out[36])
 {
     for (int i = 0; i < 6; i++)
@@ -86,7 +88,7 @@ bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6
     double both[12][6], s[36], inverse[36], gain[12][6], surprise[6];
     predict(a, look);
     for (int i = 0; i < 6; i++)
-        surprise[i] = look->off[i] - a->map_error[i];
+        surprise[i] = look->off[i] - a->camera_error[i] - a->map_error[i];
     for (int i = 0; i < 12; i++)
         for (int j = 0; j < 6; j++)
             both[i][j] = a->covariance[i][j] + a->covariance[i][6 + j];
@@ -104,9 +106,13 @@ bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6
             moved += gain[i][j] * surprise[j];
         }
         if (i < 6)
-            by[i] = moved;
+            a->camera_error[i] += moved;
         else
             a->map_error[i - 6] += moved;
+    }
+    for (int i = 0; i < 6; i++) {
+        by[i] = AT_ONCE * a->camera_error[i];
+        a->camera_error[i] -= by[i];
     }
     for (int i = 0; i < 12; i++)
         for (int j = 0; j <= i; j++) {
@@ -116,4 +122,11 @@ bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6
         }
     *out = next;
     return true;
+}
+
+void anchor_covariance(const struct anchor *a, double covariance[36])
+{
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++)
+            covariance[i * 6 + j] = a->covariance[i][j] + a->camera_error[i] * a->camera_error[j];
 }

@@ -12,7 +12,8 @@
 // Errors are small motions as in locate.h's covariance: six numbers, matrices row-major.
 struct anchor {
     double covariance[12][12]; // of the camera's error, then of the map's
-    double map_error[6];       // expected
+    double camera_error[6];    // expected: what is known of it and not yet corrected
+    double map_error[6];       // the same of the map's
     double map_covariance[36]; // of the map's pose in the last picture, by itself
 };
 
@@ -28,6 +29,9 @@ struct anchor_look {
 // At the map's pose.
 void anchor_start(struct anchor *a, const double map_covariance[36], const double noise[36]);
 
-// by: the small motion that takes the followed pose to the best one. False: the numbers
-// allow none, nothing changed.
+// by: the small motion to be made now. A correction is spread over a few pictures, so that nobody
+// sees the camera jump. False: the numbers allow none, nothing changed.
 bool anchor_move(struct anchor *a, const struct anchor_look *look, double by[6]);
+
+// Of the pose after that, with what is known to be left of its error.
+void anchor_covariance(const struct anchor *a, double covariance[36]);

@@ -5,7 +5,7 @@
 #include <string.h>
 
 // Tags are read by this many pixels, all of them together.
-enum { TAG_PIXELS = 1600, LEAST_TAG_PIXELS = 400 };
+enum { TAG_PIXELS = 800, LEAST_TAG_PIXELS = 300 };
 // So many points are enough; with fewer, new ones are looked for in parts of each picture, so many
 // parts as give what is missing: each picture costs about the same.
 enum { ENOUGH_TRACKS = 140, NEW_IN_A_PART = 20 };
@@ -505,8 +505,7 @@ enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const ui
         return NOTHING;
     found.other = found.camera_from_world;
     found.rms_px = locator_rms(l, tags, &found.camera_from_world);
-    for (int i = 0; i < 36; i++)
-        covariance[i] = l->anchor.covariance[i / 6][i % 6];
+    anchor_covariance(&l->anchor, covariance);
     if (!locator_describe(l, &found, agree, covariance, seen.noise, out))
         return NOTHING;
     learn(l, &pose, &found.camera_from_world);

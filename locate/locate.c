@@ -11,8 +11,10 @@ static const double LEAST_PREDICTED_PX = 10;
 // A predicted tag must look the part: nothing has read its number.
 static const double PREDICTED_LIKENESS = 0.8;
 
-// Without a tag, so many points must agree.
-enum { LEAST_ALONE = 20 };
+// Without a tag, so many points must agree; of fewer than CLEARLY_ENOUGH at least one in ONE_IN of all that
+// should be in sight: a thing that stands elsewhere too, or came into a bent map twice, leads to a
+// pose from which nothing else is where it should be.
+enum { LEAST_ALONE = 20, CLEARLY_ENOUGH = 40, ONE_IN = 16 };
 
 struct locator_options locator_default_options(void)
 {
@@ -287,6 +289,18 @@ enum status locator_find_features_in(struct locator *l, int part, const uint16_t
     return index_features(l, status, count, depth);
 }
 
+// Whether so many points are enough to believe the pose, in view of how many should be in sight.
+static bool enough(const struct locator *l, int kept, const struct pose *camera_from_world)
+{
+    int in_sight = 0;
+    double wide = 0.5 * l->lens.width / l->lens.fx, high = 0.5 * l->lens.height / l->lens.fy;
+    for (int32_t i = 0; i < l->point_count; i++) {
+        struct vec3 p = pose_apply(*camera_from_world, l->points[i].world);
+        in_sight += p.z > 0.1 && fabs(p.x) < wide * p.z && fabs(p.y) < high * p.z;
+    }
+    return kept >= LEAST_ALONE && (kept >= CLEARLY_ENOUGH || ONE_IN * kept >= in_sight);
+}
+
 // Where no tag says anything. How many points agree; 0: no place.
 static int from_points(struct locator *l, bool with_depth, struct camera_fit *found)
 {
@@ -296,7 +310,7 @@ static int from_points(struct locator *l, bool with_depth, struct camera_fit *fo
     if (!relocate(l->points, &l->index, &l->lens, l->matches, count, &pose, &agree) ||
         !points_refine(l->points, l->point_count, &l->index, with_depth ? l->feature_depths : NULL, &l->lens, NULL, 0,
                        &pose, l->matches, FEATURES_MAX, &kept) ||
-        kept < LEAST_ALONE)
+        !enough(l, kept, &pose))
         return 0;
     *found = (struct camera_fit){.camera_from_world = pose, .other = pose};
     return kept;
