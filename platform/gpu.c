@@ -538,7 +538,11 @@ void gpu_draw(const struct gpu_job *job)
     job->target->g->counts.draws++;
     glBindFramebuffer(GL_FRAMEBUFFER, job->target->drawn);
     glViewport(0, 0, job->target->width, job->target->height);
-    glDisable(GL_CULL_FACE);
+    glFrontFace(GL_CW); // a picture's top row comes first, which turns triangles over
+    if (job->closed)
+        glEnable(GL_CULL_FACE);
+    else
+        glDisable(GL_CULL_FACE);
     glDisable(GL_BLEND);
     if (job->depth_test) {
         glEnable(GL_DEPTH_TEST);

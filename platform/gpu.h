@@ -100,6 +100,7 @@ struct gpu_job {
     struct gpu_program *program; // with its uniforms as last set
     const struct gpu_mesh *mesh;
     const struct gpu_texture *textures[4]; // as many as the program has samplers
+    bool closed;                           // leave out triangles seen from behind: those that run clockwise
     bool depth_test;                       // the nearer one wins; else drawn over what is there
 };
 void gpu_draw(const struct gpu_job *job);

@@ -335,6 +335,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
                                    .program = p->program,
                                    .mesh = p->mesh,
                                    .textures = {p->now_picture, p->now_depth},
+                                   .closed = true,
                                    .depth_test = true});
     }
     return gpu_check(p->gpu);

@@ -102,6 +102,41 @@ static void memory_is_bounded(void **state)
     }
 }
 
+static struct painter_result draw_from(struct painter *p, double back_m, double error_px)
+{
+    struct painter_view view = {.world_from_camera = round_him(0)};
+    struct painter_result result;
+    struct vec3 back = quat_rotate(view.world_from_camera.rotation, v3(0, 0, -back_m));
+    view.world_from_camera.translation = v3_add(view.world_from_camera.translation, back);
+    painter_set_error(p, error_px);
+    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    return result;
+}
+
+// Auto draws at paper exactly where paper's predicted error is below the threshold,
+// and from farther away every level is wrong by fewer pixels.
+static void auto_is_as_wrong_as_it_may_be(void **state)
+{
+    (void)state;
+    struct painter *p = painter_at(DETAIL_AUTO, (size_t)64 << 20);
+    double full_px[2], paper_px[2];
+    for (int far = 0; far < 2; far++) {
+        const double back_m = 3 * far;
+        struct painter_result full = draw_from(p, back_m, 0), paper = draw_from(p, back_m, 1e3);
+        EXPECT_INT(full.level, DETAIL_FULL);
+        EXPECT_INT(paper.level, DETAIL_PAPER);
+        full_px[far] = full.error_px, paper_px[far] = paper.error_px;
+        EXPECT_AT_LEAST(paper_px[far], full_px[far]);
+        EXPECT_INT(draw_from(p, back_m, paper_px[far] * 0.99).level, DETAIL_FULL);
+        EXPECT_INT(draw_from(p, back_m, paper_px[far] * 1.01).level, DETAIL_PAPER);
+    }
+    print_message("predicted: full %.2f and %.2f px, paper %.2f and %.2f px\n", full_px[0], full_px[1], paper_px[0],
+                  paper_px[1]);
+    EXPECT_AT_MOST(full_px[1], 0.7 * full_px[0]);
+    EXPECT_AT_MOST(paper_px[1], 0.7 * paper_px[0]);
+    painter_close(&p);
+}
+
 static int make(void **state)
 {
     (void)state;
@@ -127,6 +162,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(few_calls_and_nothing_anew),
         cmocka_unit_test(memory_is_bounded),
+        cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
     };
     return cmocka_run_group_tests(tests, make, end);
 }

@@ -429,45 +429,6 @@ static void the_likeness_may_come_later(void **state)
     stage_close(&stage);
 }
 
-// Auto draws at paper exactly where paper's predicted error is below the threshold,
-// and what is twice as far is wrong by half as many pixels.
-static void auto_is_as_wrong_as_it_may_be(void **state)
-{
-    (void)state;
-    static struct painted film;
-    static struct drawn got;
-    struct skeleton s = whole_body(0);
-    paint(&film, &ideal, &s, &whole_measures);
-    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
-    struct stage stage;
-    stage_open(&stage, &ideal, &frame, 1, &whole_measures);
-    struct painter *p = painter_on(&stage, &ideal, DETAIL_AUTO);
-    double full_px[2], paper_px[2];
-    for (int far = 0; far < 2; far++) {
-        const struct pose viewer = {{0, 0, 0, 1}, {0, 0, far ? -2.5 : 0}};
-        painter_set_error(p, 0);
-        draw(p, viewer, 0, film.rgb, &got);
-        EXPECT_INT(got.result.level, DETAIL_FULL);
-        full_px[far] = got.result.error_px;
-        painter_set_error(p, 1e3);
-        draw(p, viewer, 0, film.rgb, &got);
-        EXPECT_INT(got.result.level, DETAIL_PAPER);
-        paper_px[far] = got.result.error_px;
-        EXPECT_AT_LEAST(paper_px[far], 1e-3);
-        for (int above = 0; above < 2; above++) {
-            painter_set_error(p, paper_px[far] * (above ? 1.01 : 0.99));
-            draw(p, viewer, 0, film.rgb, &got);
-            EXPECT_INT(got.result.level, above ? DETAIL_PAPER : DETAIL_FULL);
-        }
-    }
-    print_message("predicted: full %.2f and %.2f px, paper %.2f and %.2f px\n", full_px[0], full_px[1], paper_px[0],
-                  paper_px[1]);
-    EXPECT_AT_MOST(fabs(full_px[1] / full_px[0] - 0.5), 0.03);
-    EXPECT_AT_MOST(paper_px[1], paper_px[0]);
-    painter_close(&p);
-    stage_close(&stage);
-}
-
 static bool magenta(const uint8_t *c) { return c[0] > c[1] + 100 && c[2] > c[1] + 100; }
 
 // From all round, at full detail, not a pixel of the wall behind is on the actor;
@@ -636,7 +597,6 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cylinders_fall_where_the_reference_says), cmocka_unit_test(the_film_is_given_back),
         cmocka_unit_test(the_likeness_may_come_later),
-        cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
         cmocka_unit_test(the_figure_lies_on_what_was_seen),        cmocka_unit_test(the_wall_behind_never_comes_along),
         cmocka_unit_test(the_nearer_part_hides_the_farther),       cmocka_unit_test(the_same_again_is_the_same),
         cmocka_unit_test(nobody_leaves_the_picture_alone),

@@ -169,7 +169,7 @@ static void test_nothing_is_drawn_when_nothing_changes(void **state)
     draw(&g);
     at(&g, 0.5);
     // The take is prepared, and the orbit comes to rest on him.
-    for (int64_t i = 0, until = clock_now_ns() + 100000000000; i < 40 || s->freshness < 1; i++) {
+    for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->freshness < 1; i++) {
         draw(&g);
         EXPECT_TRUE(clock_now_ns() < until);
     }
@@ -302,7 +302,7 @@ static void test_the_take_is_there_at_once_and_better_soon(void **state)
     EXPECT_TRUE(!t->picture.prepared);
     int plain = 0, both = 0, better = 0;
     double share = 0;
-    for (int64_t until = clock_now_ns() + 100000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
+    for (int64_t until = clock_now_ns() + 200000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
         draw(&g);
         EXPECT_AT_LEAST(t->show.prepared, share);
         share = t->show.prepared;

@@ -96,12 +96,12 @@ static void pixels_survive(void **state)
         rgb[i] = (uint8_t)(i * 37 + 11);
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
-    static const char *const samplers[] = {"camera_picture", "actor_picture"};
+    static const char *const samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
     struct gpu_program_text text = {.name = "compose",
                                     .vertex = shader_find("whole.vert"),
                                     .fragment = shader_find("compose.frag"),
                                     .samplers = samplers,
-                                    .sampler_count = 2};
+                                    .sampler_count = 3};
     struct gpu_program *program;
     struct gpu_mesh *mesh;
     struct gpu_texture *texture;
@@ -111,8 +111,10 @@ static void pixels_survive(void **state)
     EXPECT_STATUS(gpu_texture_open(&texture, g, GPU_RGB8, W, H, GPU_NEAREST, rgb), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H, 1), OK);
     EXPECT_STATUS(gpu_target_open(&empty, g, W, H, 4), OK);
-    gpu_draw(&(struct gpu_job){
-        .target = target, .program = program, .mesh = mesh, .textures = {texture, gpu_target_texture(empty)}});
+    gpu_draw(&(struct gpu_job){.target = target,
+                               .program = program,
+                               .mesh = mesh,
+                               .textures = {texture, gpu_target_texture(empty), gpu_target_texture(empty)}});
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);
     for (int i = 0; i < W * H; i++)
         for (int c = 0; c < 4; c++)
