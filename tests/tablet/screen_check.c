@@ -22,14 +22,14 @@ struct difference {
     long actor_pixels;
 };
 
-// The middle of the screen, where no controls lie; from the screen's pixels to the picture's.
+// The middle of the screen, where neither controls nor sentences lie; from the screen's pixels to the picture's.
 static struct difference compare(const struct rgb_picture *screen, const uint8_t *camera, const uint8_t *drawn,
                                  const uint8_t *actor, const struct lens *lens)
 {
     struct cover cover = cover_of(lens, (struct ui_box){0, 0, screen->width, screen->height});
     struct difference d = {0};
     long room_pixels = 0;
-    for (int y = screen->height / 5; y < screen->height * 7 / 10; y++)
+    for (int y = screen->height / 3; y < screen->height * 7 / 10; y++)
         for (int x = screen->width / 8; x < screen->width * 7 / 8; x++) {
             int px = (int)((x - cover.x) / cover.scale), py = (int)((y - cover.y) / cover.scale);
             size_t at = (size_t)py * (size_t)lens->width + (size_t)px;
