@@ -14,7 +14,7 @@
 #include <string.h>
 
 enum { FILMED = 240, LOOKED = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
-static const double FILMED_SCALE = 0.5, LOOKED_SCALE = 1, SAME_S = 0.002;
+static const double SCALE = 1, SAME_S = 0.002;
 
 // The true joints of each frame of the take, in its colour camera's axes; and in truth's own world, who stands where.
 struct truth {
@@ -55,6 +55,8 @@ static enum status record(struct views_data *data, const char *sensor, const str
         status = source_open(&source, sensor, SOURCE_SENSOR);
     if (status == OK)
         status = recorder_run(source, writer, "own", place, &options, &result);
+    if (status == OK && !result.located)
+        status = fail(ERR_INPUT, "%s: the sensor cannot be found in the place", sensor);
     source_close(&source);
     enum status closed = recording_close(&writer);
     status = status == OK ? closed : status;
@@ -189,7 +191,7 @@ static enum status find_pictures(struct views_data *data, const struct place *pl
 
 static enum status film_pictures(struct views_data *data, const struct world *world, double seconds)
 {
-    data->lens = world_viewer_calibration(LOOKED_SCALE).color;
+    data->lens = world_viewer_calibration(SCALE).color;
     size_t pixels = pixels_of(&data->lens);
     uint8_t *room = malloc(3 * pixels), *with = malloc(3 * pixels), *mask = malloc(pixels);
     enum status status = room && with && mask ? OK : fail(ERR_MEMORY, "no memory for a picture");
@@ -219,9 +221,9 @@ static enum status film(struct views_data *data, struct truth *truth)
     double seconds = fmin(world_seconds(world), FILMED / 30.0);
     struct pose sensor = world_sensor_pose(world);
     char uri[300];
-    film_sensor(world, &data->scratch, "sensor", FILMED_SCALE, 0, (int)(seconds * 30));
+    film_sensor(world, &data->scratch, "sensor", SCALE, 0, (int)(seconds * 30));
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&data->scratch, "sensor"));
-    struct place place = film_true_place(world, FILMED_SCALE);
+    struct place place = film_true_place(world, SCALE);
     status = record(data, uri, &place);
     truth->sensor = sensor.translation;
     for (int64_t i = 0; status == OK && i < take_frame_count(data->own); i++) {

@@ -24,7 +24,7 @@ struct views_data {
     int count;
 };
 
-// folder NULL: films the small world, the sensor at half size. Else as bench_folder.h has it.
+// folder NULL: films the small world. Else as bench_folder.h has it.
 // On error *data is to be closed all the same.
 MUST_CHECK enum status views_data_open(struct views_data *data, const char *folder);
 void views_data_close(struct views_data *data);
