@@ -11,7 +11,7 @@
 #define INDEPENDENT_POINTS 150.0
 // Of the silhouette, a sample of the model: a limb is not as round as its solid is, by this much. Tighter, a limb that is
 // beside its place in the picture would rather stay there than cross the gap.
-#define FREE_SIGMA_M 0.050
+#define FREE_SIGMA_M 0.030
 #define BESIDE_RATE 0.4   // of that weight beside the person: the mask ends where readings do, a little short of the rim
 #define FREE_REACH_M 0.25  // beyond this a sample's pull fades
 
