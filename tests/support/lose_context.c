@@ -4,7 +4,7 @@
 #include <signal.h>
 #include <string.h>
 
-enum { CHECKS = 60, LOST = 0x8253 }; // GL_GUILTY_CONTEXT_RESET
+enum { CHECKS = 150, LOST = 0x8253 }; // GL_GUILTY_CONTEXT_RESET
 
 static int contexts, checks; // contexts that asked how to hear of a reset; questions of the present one
 
