@@ -189,6 +189,7 @@ static void test_bad_recordings(void **state)
     EXPECT_SENTENCE(PROCESS(CAPTURE, "export", file, "--take", "two", "--as", "joints-csv", "--out", other), "two");
     EXPECT_SENTENCE(PROCESS(REENACT, "render", file, "--take", "one", "--camera", uri("good"), "--out",
                             scratch_file(&scratch, "pictures")), "place");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--into", file), "place");
     EXPECT_SENTENCE(PROCESS(REENACT, "locate", file, "--camera", uri("good"), "--out", other), "place");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--out", file, "--take", "x"), "good.reenact");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--into", file, "--take", "one"), "one");
