@@ -1,11 +1,14 @@
 #include "capture/map_internal.h"
 
+#include "locate/relocate.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 // A second sweep does not move what takes and other sweeps were located by: tags and points
 // of the place keep their numbers and stay where they are to the last bit. What is new is
-// adjusted to them, with all sightings of this sweep.
+// adjusted to them, with all sightings of this sweep. Only a tag that somebody hung elsewhere
+// gets a new place.
 
 static const double SAME_SIDE_M = 1e-4; // a ruler's reading, written down twice
 
@@ -48,6 +51,55 @@ enum status map_take_in(struct map *m, const struct place *before, const struct 
     return status;
 }
 
+static const double AGREE_RMS_PX = 6; // pictures of a tag that hangs where it was fit better
+enum { LEAST_OTHERS = 2 };            // of two tags that disagree nobody knows which was moved
+enum { LEAST_POINTS = 20 };
+
+// Where a frame is by more than a single tag: by the place's points, else by tags that agree.
+static bool place_by_many(const struct map *m, struct map_desk *d, const struct map_frame *f, struct fit_tag *tags,
+                          int tag_count, struct pose *camera_from_world)
+{
+    const struct lens *lens = &m->calibration.color;
+    struct camera_fit fit;
+    int agree;
+    map_lay_out(d, m, f);
+    int count = relocate_match(m->points, m->held_points, &d->index, d->matches, MAP_FEATURES);
+    if (relocate(m->points, &d->index, lens, d->matches, count, camera_from_world, &agree) && agree >= LEAST_POINTS)
+        return true;
+    if (fit_camera(tags, tag_count, lens->fx, lens->fy, AGREE_RMS_PX, &fit) != OK || fit.used < LEAST_OTHERS)
+        return false;
+    *camera_from_world = fit.camera_from_world;
+    return true;
+}
+
+enum status map_release_moved(struct map *m)
+{
+    int votes[MAPPER_MAX_TAGS] = {0}; // pictures in which the tag is where it was, less those where it is not
+    const struct lens *lens = &m->calibration.color;
+    struct map_desk *d = malloc(sizeof *d);
+    if (!d)
+        return fail(ERR_MEMORY, "no memory to look for tags that were moved");
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        struct fit_tag tags[FIT_MAX_TAGS];
+        struct pose pose;
+        int count = map_fit_tags(m, f, tags), at = 0;
+        if (!count || !place_by_many(m, d, f, tags, count, &pose))
+            continue;
+        for (int32_t k = 0; k < f->seen_count && at < count; k++) // as map_fit_tags has them
+            if (m->tags[f->which[k]].mapped)
+                votes[m->tags[f->which[k]].id] +=
+                    fit_tag_rms(&tags[at++], &pose, lens->fx, lens->fy) < AGREE_RMS_PX ? 1 : -1;
+    }
+    free(d);
+    for (int32_t t = 0; t < m->tag_count; t++)
+        if (m->tags[t].held && votes[m->tags[t].id] < 0) {
+            m->tags[t].moved = true;
+            m->tags[t].held = m->tags[t].mapped = false;
+        }
+    return OK;
+}
+
 enum status map_check_shared(const struct map *m)
 {
     for (int32_t i = 0; i < m->frame_count; i++)
@@ -75,6 +127,8 @@ void map_measure_with(struct map *m, const struct place *before)
     for (int32_t i = 0; i < before->tag_count; i++) {
         const struct place_tag *old = &before->tags[i];
         struct map_tag *tag = &m->tags[i]; // those of the place come first
+        if (tag->moved)
+            continue;
         tag->rms_px = rms_of_both(old->rms_px, old->sightings, tag->rms_px, tag->sightings);
         tag->sightings += old->sightings;
         earlier += old->sightings;

@@ -40,7 +40,8 @@ struct map_tag {
     double side_m;
     struct tag_pattern pattern;
     bool mapped;
-    bool held; // stays where it is, and the world with it
+    bool held;  // stays where it is, and the world with it
+    bool moved; // hangs elsewhere than an earlier sweep had it
     struct pose world_from_tag;
     double rms_px;
     int32_t sightings;
@@ -110,6 +111,9 @@ MUST_CHECK enum status map_start_by_points(struct map *m);
 // The tags listed and those of the place, which are held; its points. Fills tags, points and their counts.
 MUST_CHECK enum status map_take_in(struct map *m, const struct place *before, const struct mapper_tag *tags,
                                    int32_t tag_count);
+// Tags of the place that are not where its points and other tags say are placed anew, as if they
+// were new. ERR_MEMORY.
+MUST_CHECK enum status map_release_moved(struct map *m);
 // ERR_INPUT: the sweep shows nothing of the place.
 MUST_CHECK enum status map_check_shared(const struct map *m);
 // After map_measure: counts the sightings of earlier sweeps in.

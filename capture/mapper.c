@@ -268,12 +268,14 @@ static void report_lost(const struct map *m, struct mapper_report *r)
 
 static void report_tags(const struct mapper *m, struct mapper_report *r)
 {
-    r->first_unseen = r->first_apart = r->first_unlisted = -1;
+    r->first_unseen = r->first_apart = r->first_unlisted = r->first_moved = -1;
     for (int32_t id = 0; id < TAG_NUMBERS; id++) {
         const struct map_tag *tag = NULL;
         for (int32_t i = 0; i < m->map.tag_count; i++)
             if (m->map.tags[i].id == id)
                 tag = &m->map.tags[i];
+        if (tag && tag->moved && r->tags_moved++ == 0)
+            r->first_moved = id;
         if (tag && tag->mapped)
             r->tags_mapped++;
         else if (tag && !m->seen_in[id] && r->tags_unseen++ == 0)
@@ -371,27 +373,16 @@ static enum status hand_over(struct mapper *m, struct place *out)
     return status;
 }
 
-// Tags of an earlier sweep that pictures show, but none of them where the tag was. After map_measure.
-static void report_moved(const struct map *m, struct mapper_report *r)
-{
-    for (int32_t t = 0; t < m->tag_count; t++) {
-        bool seen = false;
-        for (int32_t i = 0; i < m->frame_count; i++)
-            for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].seen_count; k++)
-                seen = seen || m->frames[i].which[k] == t;
-        if (m->tags[t].held && seen && !m->tags[t].sightings && r->tags_moved++ == 0)
-            r->first_moved = m->tags[t].id;
-    }
-}
-
 enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report)
 {
     *out = (struct place){0};
-    *report = (struct mapper_report){.first_moved = -1};
+    *report = (struct mapper_report){0};
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
     const struct place *before = m->options.before;
-    enum status status = map_grow(&m->map, m->options.most_points > 0);
+    enum status status = before ? map_release_moved(&m->map) : OK;
+    if (status == OK)
+        status = map_grow(&m->map, m->options.most_points > 0);
     if (status == OK && before)
         status = map_check_shared(&m->map);
     if (status == OK && m->options.most_points)
@@ -399,7 +390,6 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     if (status == OK)
         map_measure(&m->map);
     if (status == OK && before) {
-        report_moved(&m->map, report);
         map_measure_with(&m->map, before);
         report->floor_from_depth = true;
     } else if (status == OK) {

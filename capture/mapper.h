@@ -31,7 +31,8 @@ struct mapper_options {
     int32_t most_points;  // natural points kept of this sweep. Default 4000; 0: none are looked for
     int32_t most_views;   // views of this sweep kept as background. Default 40
     // The place that the sweep adds to; must outlive the mapper. Default NULL: a new one. The world
-    // stays as it is there, and so do tags and points; what is new is placed by those in sight.
+    // stays as it is there, and so do points and tags, but for tags that were hung elsewhere since;
+    // what is new is placed by those in sight.
     // Views are added only if the calibration is the same.
     const struct place *before;
 };
@@ -63,7 +64,7 @@ struct mapper_report {
     int32_t first_apart;
     int32_t tags_unlisted; // seen in at least two frames, not listed: ignored
     int32_t first_unlisted;
-    int32_t tags_moved; // of `before`, seen where they cannot be: left as they were
+    int32_t tags_moved; // of `before`, that hang elsewhere now: placed anew, or left out if that is not possible
     int32_t first_moved;
     bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest point. With `before`: true
 };

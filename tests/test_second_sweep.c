@@ -266,7 +266,7 @@ static void what_does_not_belong_is_refused(void **state)
     EXPECT_TRUE(m == NULL && strstr(status_sentence(), "list") != NULL);
 }
 
-// A tag that was hung elsewhere after the first sweep: said, and no reason to move anything.
+// A tag that was hung elsewhere after the first sweep: said, placed anew, and nothing else is moved.
 static void a_moved_tag_is_noticed(void **state)
 {
     (void)state;
@@ -281,10 +281,14 @@ static void a_moved_tag_is_noticed(void **state)
             moved = i;
     tags[moved].world_from_tag.translation.z += 0.3;
     EXPECT_STATUS(map(&known, room.tag_count, 0, FIRST_END, &both, &report), OK);
-    printf("tag %d moved: %d noticed, the first %d\n", (int)tags[moved].id, (int)report.tags_moved,
-           (int)report.first_moved);
+    double error_m = corner_error(&both, moved, moved + 1, world_from(&room.first, room.first.tag_count));
+    printf("tag %d moved by 300 mm: %d noticed, the first %d; now within %.1f mm\n", (int)tags[moved].id,
+           (int)report.tags_moved, (int)report.first_moved, error_m * 1e3);
     EXPECT_INT(report.tags_moved, 1);
     EXPECT_INT(report.first_moved, tags[moved].id);
+    EXPECT_INT(both.tags[moved].id, tags[moved].id);
+    EXPECT_AT_MOST(error_m, 0.015);
+    tags[moved] = both.tags[moved]; // all others are as they were
     expect_kept(&known, &both);
     place_free(&both);
 }
