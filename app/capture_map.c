@@ -231,8 +231,8 @@ static void warn(const char *program, const struct mapper_report *r, int64_t dam
                 program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
     if (r->tags_moved)
         fprintf(stderr,
-                "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far as "
-                "the sweep shows it beside others\n",
+                "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
+                "as the sweep shows it beside others\n",
                 program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
         fprintf(stderr,

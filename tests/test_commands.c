@@ -113,6 +113,7 @@ static void test_help_and_usage(void **state)
     EXPECT_INT(PROCESS(CAPTURE, "nonsense").exit_code, 2);
     EXPECT_INT(PROCESS(REENACT, "--help").exit_code, 0);
     EXPECT_INT(PROCESS(CAPTURE, "record", "--take", "x").exit_code, 2);
+    EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--out", "a", "--into", "b").exit_code, 2);
 }
 
 static void test_an_empty_room_is_recorded_all_the_same(void **state)
