@@ -10,12 +10,12 @@
 #include <unistd.h>
 
 struct arguments {
-    const char *sensor, *tags, *out;
+    const char *sensor, *tags, *out, *into;
     double seconds, decimate;
     bool json;
 };
 
-enum { KEY_SENSOR = COMMAND_KEY, KEY_TAGS, KEY_OUT, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
+enum { KEY_SENSOR = COMMAND_KEY, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
 
 static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
@@ -24,6 +24,10 @@ static const struct argp_option options[] = {
      "the side is the outer edge of the black square; without it natural points and depth make the place",
      0},
     {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
+    {"into", KEY_INTO, "FILE", 0,
+     "add to the place in this recording, in the same axes; begin where the place is known. Takes and tags stay as "
+     "they are; --tags lists new ones",
+     0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
      0},
     {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
@@ -45,6 +49,9 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_OUT:
         a->out = value;
         return 0;
+    case KEY_INTO:
+        a->into = value;
+        return 0;
     case KEY_JSON:
         a->json = true;
         return 0;
@@ -63,7 +70,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
         return 0;
     case ARGP_KEY_END:
         command_need(state, a->sensor, "--sensor");
-        command_need(state, a->out, "--out");
+        if (!a->into == !a->out)
+            argp_error(state, "either --out FILE, for a new recording, or --into FILE, for a place that is there");
         return 0;
     default:
         return ARGP_ERR_UNKNOWN;
@@ -125,7 +133,30 @@ static enum status write_place(const char *path, const struct place *place)
     return status;
 }
 
-static void print_json(const char *path, const struct place *place, const struct mapper_report *r, int64_t damaged)
+// The place is replaced as a whole, or the file stays as it was.
+static enum status rewrite_place(const char *path, const struct place *place)
+{
+    struct recording_writer *writer;
+    enum status status = recording_append(&writer, path);
+    if (status != OK)
+        return status;
+    status = recording_put_place(writer, place);
+    enum status closed = recording_close(&writer);
+    return status != OK ? status : closed;
+}
+
+static enum status read_place(const char *path, struct place *out)
+{
+    struct recording *recording = NULL;
+    enum status status = recording_open(&recording, path);
+    if (status == OK)
+        status = recording_read_place(recording, out);
+    recording_free(&recording);
+    return status == NOTHING ? fail(ERR_INPUT, "%s holds no place yet; film one with map --out", path) : status;
+}
+
+static void print_json(const char *path, const struct place *before, const struct place *place,
+                       const struct mapper_report *r, int64_t damaged)
 {
     struct json *root = json_new_object();
     json_add_string(root, "file", path);
@@ -138,6 +169,10 @@ static void print_json(const char *path, const struct place *place, const struct
     json_add_number(root, "tags_unseen", r->tags_unseen);
     json_add_number(root, "tags_apart", r->tags_apart);
     json_add_number(root, "tags_unlisted", r->tags_unlisted);
+    json_add_number(root, "tags_moved", r->tags_moved);
+    json_add_number(root, "tags_new", place->tag_count - before->tag_count);
+    json_add_number(root, "points_new", place->point_count - before->point_count);
+    json_add_number(root, "views_new", place->view_count - before->view_count);
     json_add_number(root, "points", place->point_count);
     json_add_number(root, "views", place->view_count);
     json_add_number(root, "rms_px", place->rms_px);
@@ -167,10 +202,14 @@ static void print_json(const char *path, const struct place *place, const struct
     json_free(&root);
 }
 
-static void print_text(const char *path, const struct place *place, const struct mapper_report *r)
+static void print_text(const char *path, const struct place *before, const struct place *place,
+                       const struct mapper_report *r)
 {
     printf("%s: a place with %d tags and %d natural points, from %d of %d pictures\n", path, (int)place->tag_count,
            (int)place->point_count, (int)r->frames_placed, (int)r->frames);
+    if (before->tag_count || before->point_count)
+        printf("new are %d tags and %d points\n", (int)(place->tag_count - before->tag_count),
+               (int)(place->point_count - before->point_count));
     printf("%s fit to %.2f pixels", place->tag_count ? "tags" : "points", place->rms_px);
     if (place->rms_m > 0)
         printf(", depth to %.0f mm", place->rms_m * 1e3);
@@ -190,6 +229,11 @@ static void warn(const char *program, const struct mapper_report *r, int64_t dam
     if (r->tags_unlisted)
         fprintf(stderr, "%s: warning: tag %d%s in the pictures but not listed, and ignored; measure it and list it\n",
                 program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
+    if (r->tags_moved)
+        fprintf(stderr,
+                "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
+                "as the sweep shows it beside others\n",
+                program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
         fprintf(stderr,
                 "%s: warning: the floor is in no depth picture, so height 0 is the lowest thing that was recognised; "
@@ -208,13 +252,17 @@ static int map_place(const char *program, const struct arguments *a, const struc
 {
     struct source *source = NULL;
     struct mapper *mapper = NULL;
-    struct place place = {0};
+    struct place before = {0}, place = {0};
     struct mapper_report report = {0};
     struct mapper_options wanted = mapper_default_options();
+    const char *file = a->into ? a->into : a->out;
     int64_t damaged = 0;
     if (a->decimate > 0)
         wanted.quad_decimate = a->decimate;
-    enum status status = source_open(&source, a->sensor, SOURCE_SENSOR);
+    wanted.before = a->into ? &before : NULL;
+    enum status status = a->into ? read_place(a->into, &before) : OK;
+    if (status == OK)
+        status = source_open(&source, a->sensor, SOURCE_SENSOR);
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
     if (status == OK)
@@ -228,18 +276,19 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK && !live && command_stopped())
         status = NOTHING;
     if (status == OK)
-        status = write_place(a->out, &place);
+        status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
     if (status == OK) {
         warn(program, &report, damaged);
         if (a->json)
-            print_json(a->out, &place, &report, damaged);
+            print_json(file, &before, &place, &report, damaged);
         else
-            print_text(a->out, &place, &report);
+            print_text(file, &before, &place, &report);
     }
-    place_free(&place);
     mapper_close(&mapper);
+    place_free(&place);
+    place_free(&before);
     if (status == NOTHING) {
-        fprintf(stderr, "%s: stopped; no file was made\n", program);
+        fprintf(stderr, "%s: stopped; %s\n", program, a->into ? "the file stays as it was" : "no file was made");
         return 1;
     }
     return status == OK ? 0 : command_failed(program);
@@ -251,16 +300,18 @@ int capture_map(int argc, char **argv)
     const struct argp argp = {
         options,
         parse,
-        "--sensor URI [--tags TAGS.json] --out FILE",
+        "--sensor URI [--tags TAGS.json] (--out FILE | --into FILE)",
         "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
         "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together. Without --tags "
-        "the place is known by its natural points alone: move slowly, and come back to where you began.",
+        "the place is known by its natural points alone: move slowly, and come back to where you began. "
+        "With --into another sweep adds what the first one did not see; what is known already must be in sight now "
+        "and then.",
         NULL,
         NULL,
         NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
-    if (file_exists(a.out)) {
+    if (a.out && file_exists(a.out)) {
         (void)fail(ERR_EXISTS, "%s exists already; choose another name or remove it", a.out);
         return command_failed(argv[0]);
     }

@@ -110,7 +110,7 @@ static enum status adjust_all(struct map *m, int rounds, bool hold_frames, doubl
                 fill_frame(m, i, loose_px, corners, depths, sightings, &filled);
         }
         for (int32_t i = 0; i < m->tag_count; i++)
-            squares[i] = (struct adjust_square){m->tags[i].world_from_tag, m->tags[i].side_m};
+            squares[i] = (struct adjust_square){m->tags[i].world_from_tag, m->tags[i].side_m, m->tags[i].held};
         for (int32_t i = 0; i < m->point_count; i++)
             points[i] = m->points[i].world;
         struct adjust_problem problem = {
@@ -128,8 +128,8 @@ static enum status adjust_all(struct map *m, int rounds, bool hold_frames, doubl
             .corner_count = filled.corners,
             .plane_depth_count = filled.depths,
             .sighting_count = hold_frames ? 0 : filled.sightings,
-            .held_square = m->reference,
             .held_camera = m->held_frame,
+            .held_points = m->held_points,
             .hold_cameras = hold_frames,
             .most_rounds = rounds,
             .cost = cost,

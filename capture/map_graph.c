@@ -212,7 +212,7 @@ static enum status grow_sure(struct map *m)
 static enum status grow_by_points(struct map *m)
 {
     int placed;
-    enum status status = map_start_by_points(m);
+    enum status status = m->extends ? OK : map_start_by_points(m);
     if (status == OK)
         status = map_follow(m, &placed);
     if (status == OK)
@@ -220,18 +220,26 @@ static enum status grow_by_points(struct map *m)
     return status == OK ? map_close_loops(m) : status;
 }
 
-enum status map_grow(struct map *m, bool use_points)
+static enum status start_by_tag(struct map *m)
 {
-    m->held_frame = m->reference = -1;
-    if (!m->tag_count)
-        return grow_by_points(m);
-    m->reference = most_seen(m);
-    if (m->reference < 0)
+    int32_t reference = most_seen(m);
+    if (reference < 0)
         return fail(ERR_INPUT,
                     "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "
                     "flat, whole and well lit, and their numbers in the list");
-    m->tags[m->reference].mapped = true;
-    m->tags[m->reference].world_from_tag = POSE_IDENTITY;
+    m->tags[reference].mapped = m->tags[reference].held = true;
+    m->tags[reference].world_from_tag = POSE_IDENTITY;
+    return OK;
+}
+
+enum status map_grow(struct map *m, bool use_points)
+{
+    m->held_frame = -1;
+    if (!m->tag_count)
+        return grow_by_points(m);
+    enum status started = m->extends ? OK : start_by_tag(m);
+    if (started != OK)
+        return started;
     for (;;) {
         enum status status = grow_sure(m);
         int placed = 0;

@@ -40,6 +40,8 @@ struct map_tag {
     double side_m;
     struct tag_pattern pattern;
     bool mapped;
+    bool held;  // stays where it is, and the world with it
+    bool moved; // hangs elsewhere than an earlier sweep had it
     struct pose world_from_tag;
     double rms_px;
     int32_t sightings;
@@ -51,11 +53,12 @@ struct map {
     int32_t frame_count, frame_capacity;
     struct map_tag *tags;
     int32_t tag_count;
-    struct place_point *points; // room for MAP_MOST_CANDIDATES
+    struct place_point *points;
     int32_t *point_sightings;
-    int32_t point_count;
-    int32_t reference;  // index of the tag that holds the world still; -1: a frame does
-    int32_t held_frame; // which; -1: a tag does
+    int32_t point_count, point_capacity;
+    int32_t held_points; // so many, the first ones, are an earlier sweep's and stay
+    int32_t held_frame;  // that holds the world still; -1: tags or points do
+    bool extends;        // a place that is there: its tags and points are held
     double rms_px, rms_m;
 };
 
@@ -92,7 +95,7 @@ void map_add_new_points(struct map *m, struct map_frame *f);
 // Finds points from placed frame to placed frame and sharpens their poses by them.
 MUST_CHECK enum status map_add_points(struct map *m);
 // Looks for all points in all frames again and adjusts everything, twice. The `most`
-// best points stay, with their most typical descriptors.
+// best new points stay, with their most typical descriptors.
 MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
 
 // ---- map_follow.c: frames placed by points
@@ -103,6 +106,20 @@ MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);
 MUST_CHECK enum status map_follow(struct map *m, int *placed);
 // Without tags: the frame with most depth holds the world, its points are the map.
 MUST_CHECK enum status map_start_by_points(struct map *m);
+
+// ---- map_extend.c: a place that is there already, held still while a sweep adds to it
+// The tags listed and those of the place, which are held; its points. Fills tags, points and their counts.
+MUST_CHECK enum status map_take_in(struct map *m, const struct place *before, const struct mapper_tag *tags,
+                                   int32_t tag_count);
+// Tags of the place that are not where its points and other tags say are placed anew, as if they
+// were new. ERR_MEMORY.
+MUST_CHECK enum status map_release_moved(struct map *m);
+// ERR_INPUT: the sweep shows nothing of the place.
+MUST_CHECK enum status map_check_shared(const struct map *m);
+// After map_measure: counts the sightings of earlier sweeps in.
+void map_measure_with(struct map *m, const struct place *before);
+// Copies of the earlier sweeps' views. ERR_MEMORY.
+MUST_CHECK enum status map_keep_views(const struct place *before, struct place *out);
 
 // ---- map_loops.c
 // Points that came into the map twice, because the way there led round, become one.

@@ -80,7 +80,8 @@ static int unite(struct map *m, struct map_frame *f, struct desk *d)
             s->point = old;
         } else {
             int32_t a = root(d->instead, s->point), b = root(d->instead, old);
-            d->instead[a > b ? a : b] = a > b ? b : a; // the lower number was there first
+            if (a >= m->held_points || b >= m->held_points)
+                d->instead[a > b ? a : b] = a > b ? b : a; // the lower number was there first
         }
         united++;
     }

@@ -27,7 +27,7 @@ void map_assign(struct map_frame *f, const struct map_desk *d, int count)
 void map_add_new_points(struct map *m, struct map_frame *f)
 {
     struct pose world_from_camera = pose_inverse(f->camera_from_world);
-    for (int32_t i = 0; i < f->feature_count && m->point_count < MAP_MOST_CANDIDATES; i++) {
+    for (int32_t i = 0; i < f->feature_count && m->point_count < m->point_capacity; i++) {
         struct map_feature *s = &f->features[i];
         if (s->point >= 0 || !(s->depth > 0))
             continue;
@@ -64,7 +64,7 @@ static void merge_twins(struct map *m)
         return; // twins do no harm
     for (int32_t i = 0; i < m->point_count; i++) {
         instead[i] = i;
-        for (int32_t k = 0; k < i; k++) {
+        for (int32_t k = 0; k < i && i >= m->held_points; k++) {
             struct vec3 d = v3_sub(m->points[i].world, m->points[k].world);
             if (instead[k] == k && fabs(d.x) < SAME_M && fabs(d.y) < SAME_M && fabs(d.z) < SAME_M &&
                 feature_distance(m->points[i].descriptor, m->points[k].descriptor) < SAME_BITS) {
@@ -134,7 +134,7 @@ static void forget_bad(struct map *m)
     for (int32_t i = 0; i < m->frame_count; i++)
         for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
             struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= 0 && m->point_sightings[s->point] < LEAST_SIGHTINGS)
+            if (s->point >= m->held_points && m->point_sightings[s->point] < LEAST_SIGHTINGS)
                 s->point = -1;
         }
     count_sightings(m);
@@ -185,7 +185,7 @@ static int most_sightings_first(const void *left, const void *right)
     return (a->point > b->point) - (a->point < b->point);
 }
 
-// The `most` points with most sightings stay. ERR_MEMORY.
+// What is held stays, and of the other points the `most` with most sightings. ERR_MEMORY.
 static enum status keep_best(struct map *m, int32_t most)
 {
     struct ranked *order = malloc((size_t)(m->point_count + 1) * sizeof *order);
@@ -193,8 +193,10 @@ static enum status keep_best(struct map *m, int32_t most)
     struct place_point *chosen = malloc((size_t)(m->point_count + 1) * sizeof *chosen);
     enum status status =
         order && now && chosen ? OK : fail(ERR_MEMORY, "no memory to choose among %d points", (int)m->point_count);
-    int32_t count = 0;
-    for (int32_t i = 0; i < m->point_count && status == OK; i++) {
+    int32_t count = 0, held = m->held_points;
+    for (int32_t i = 0; i < held && status == OK; i++)
+        now[i] = i;
+    for (int32_t i = held; i < m->point_count && status == OK; i++) {
         now[i] = -1;
         if (m->point_sightings[i] >= LEAST_SIGHTINGS && v3_finite(m->points[i].world))
             order[count++] = (struct ranked){i, m->point_sightings[i]};
@@ -204,10 +206,10 @@ static enum status keep_best(struct map *m, int32_t most)
         count = count < most ? count : most;
         for (int32_t n = 0; n < count; n++) {
             chosen[n] = m->points[order[n].point];
-            now[order[n].point] = n;
+            now[order[n].point] = held + n;
         }
-        memcpy(m->points, chosen, (size_t)count * sizeof *chosen);
-        m->point_count = count;
+        memcpy(m->points + held, chosen, (size_t)count * sizeof *chosen);
+        m->point_count = held + count;
         for (int32_t i = 0; i < m->frame_count; i++)
             for (int32_t k = 0; k < m->frames[i].feature_count; k++)
                 if (m->frames[i].features[k].point >= 0)
@@ -220,7 +222,7 @@ static enum status keep_best(struct map *m, int32_t most)
     return status;
 }
 
-// Gives each point the descriptor that differs least from its other sightings'. ERR_MEMORY.
+// Gives each new point the descriptor that differs least from its other sightings'. ERR_MEMORY.
 static enum status typical_descriptors(struct map *m)
 {
     enum { MOST = 12 };
@@ -232,7 +234,7 @@ static enum status typical_descriptors(struct map *m)
             if (s->point >= 0 && count[s->point] < MOST)
                 seen[s->point * MOST + count[s->point]++] = s->feature.descriptor;
         }
-    for (int32_t i = 0; i < m->point_count && seen && count; i++) {
+    for (int32_t i = m->held_points; i < m->point_count && seen && count; i++) {
         int least = 1 << 30;
         for (int a = 0; a < count[i]; a++) {
             int sum = 0;

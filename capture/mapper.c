@@ -37,7 +37,8 @@ static enum status check(const struct calibration *calibration, const struct map
                     (int)MAP_MOST_CANDIDATES);
     if (tag_count < 0 || tag_count > MAPPER_MAX_TAGS)
         return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
-    if (!tag_count && (!depth_usable(calibration) || !options->most_points))
+    if (!tag_count && !(options->before && options->before->tag_count) &&
+        (!depth_usable(calibration) || !options->most_points))
         return fail(ERR_INPUT, "without tags only depth that belongs to the colour's pixels says how large a place "
                                "is, and this sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
@@ -54,21 +55,13 @@ static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t
 {
     struct map *map = &m->map;
     size_t pixels = (size_t)map->calibration.color.width * (size_t)map->calibration.color.height;
-    map->tags = calloc((size_t)tag_count + 1, sizeof *map->tags);
     map->frames = calloc(MAP_MOST_FRAMES, sizeof *map->frames);
-    map->points = malloc(MAP_MOST_CANDIDATES * sizeof *map->points);
-    map->point_sightings = malloc(MAP_MOST_CANDIDATES * sizeof *map->point_sightings);
     m->gray = malloc(pixels);
-    if (!map->tags || !map->frames || !map->points || !map->point_sightings || !m->gray)
+    if (!map->frames || !m->gray)
         return fail(ERR_MEMORY, "no memory to map a place");
-    for (int32_t i = 0; i < tag_count; i++) {
-        map->tags[i].id = tags[i].id;
-        map->tags[i].side_m = tags[i].side_m;
-        if (!tag_pattern(tags[i].id, &map->tags[i].pattern))
-            return fail(ERR_MEMORY, "no memory for the pattern of tag %d", (int)tags[i].id);
-    }
-    map->tag_count = tag_count;
-    enum status status = refiner_open(&m->refiner, &map->calibration.color);
+    enum status status = map_take_in(map, m->options.before, tags, tag_count);
+    if (status == OK)
+        status = refiner_open(&m->refiner, &map->calibration.color);
     return status == OK ? tag_finder_open(&m->finder, m->options.quad_decimate) : status;
 }
 
@@ -275,12 +268,14 @@ static void report_lost(const struct map *m, struct mapper_report *r)
 
 static void report_tags(const struct mapper *m, struct mapper_report *r)
 {
-    r->first_unseen = r->first_apart = r->first_unlisted = -1;
+    r->first_unseen = r->first_apart = r->first_unlisted = r->first_moved = -1;
     for (int32_t id = 0; id < TAG_NUMBERS; id++) {
         const struct map_tag *tag = NULL;
         for (int32_t i = 0; i < m->map.tag_count; i++)
             if (m->map.tags[i].id == id)
                 tag = &m->map.tags[i];
+        if (tag && tag->moved && r->tags_moved++ == 0)
+            r->first_moved = id;
         if (tag && tag->mapped)
             r->tags_mapped++;
         else if (tag && !m->seen_in[id] && r->tags_unseen++ == 0)
@@ -297,19 +292,23 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
 }
 
 // How much two views differ: metres, with a radian worth two.
-static double apart(const struct map_frame *a, const struct map_frame *b)
+static double apart(struct pose camera_a_from_world, struct pose camera_b_from_world)
 {
-    struct pose wa = pose_inverse(a->camera_from_world), wb = pose_inverse(b->camera_from_world);
+    struct pose wa = pose_inverse(camera_a_from_world), wb = pose_inverse(camera_b_from_world);
     return v3_distance(wa.translation, wb.translation) + 2 * pose_angle(wa, wb);
 }
 
-// Hands the pictures that lie furthest apart to the place, one after the other.
+// Hands the pictures that lie furthest apart, and from those it has, to the place, one after the other.
 static void hand_over_views(struct map *map, int32_t most, struct place *out)
 {
     double distance[MAP_MOST_FRAMES];
-    for (int32_t i = 0; i < map->frame_count; i++)
+    for (int32_t i = 0; i < map->frame_count; i++) {
         distance[i] = map->frames[i].placed && map->frames[i].jpeg ? 1e9 : -1;
-    while (out->view_count < most) {
+        for (int32_t k = 0; k < out->view_count && distance[i] > 0; k++)
+            distance[i] = fmin(distance[i], apart(map->frames[i].camera_from_world,
+                                                  pose_inverse(out->views[k].world_from_camera)));
+    }
+    for (most += out->view_count; out->view_count < most;) {
         int32_t best = -1;
         for (int32_t i = 0; i < map->frame_count; i++)
             if (distance[i] > 0.1 && (best < 0 || distance[i] > distance[best]))
@@ -328,17 +327,32 @@ static void hand_over_views(struct map *map, int32_t most, struct place *out)
         distance[best] = -1;
         for (int32_t i = 0; i < map->frame_count; i++)
             if (distance[i] > 0)
-                distance[i] = fmin(distance[i], apart(&map->frames[i], f));
+                distance[i] = fmin(distance[i], apart(map->frames[i].camera_from_world, f->camera_from_world));
     }
+}
+
+static bool same_lens(const struct lens *a, const struct lens *b)
+{
+    return a->width == b->width && a->height == b->height && a->fx == b->fx && a->fy == b->fy && a->cx == b->cx &&
+           a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
+}
+
+// Views are read with the calibration of the place.
+static bool same_calibration(const struct calibration *a, const struct calibration *b)
+{
+    return same_lens(&a->color, &b->color) && same_lens(&a->depth, &b->depth) && a->registered == b->registered;
 }
 
 static enum status hand_over(struct mapper *m, struct place *out)
 {
     struct map *map = &m->map;
-    *out = (struct place){.calibration = map->calibration, .rms_px = map->rms_px, .rms_m = map->rms_m};
+    const struct place *before = m->options.before;
+    const struct calibration *calibration = before ? &before->calibration : &map->calibration;
+    *out = (struct place){.calibration = *calibration, .rms_px = map->rms_px, .rms_m = map->rms_m};
     out->tags = calloc((size_t)map->tag_count + 1, sizeof *out->tags);
     out->points = calloc((size_t)map->point_count + 1, sizeof *out->points);
-    out->views = calloc((size_t)m->options.most_views + 1, sizeof *out->views);
+    size_t views = (size_t)(before ? before->view_count : 0) + (size_t)m->options.most_views;
+    out->views = calloc(views + 1, sizeof *out->views);
     if (!out->tags || !out->points || !out->views) {
         place_free(out);
         return fail(ERR_MEMORY, "no memory for the map of the place");
@@ -351,8 +365,12 @@ static enum status hand_over(struct mapper *m, struct place *out)
     }
     memcpy(out->points, map->points, (size_t)map->point_count * sizeof *out->points);
     out->point_count = map->point_count;
-    hand_over_views(map, m->options.most_views, out);
-    return OK;
+    enum status status = before ? map_keep_views(before, out) : OK;
+    if (status != OK)
+        place_free(out);
+    else if (same_calibration(calibration, &map->calibration))
+        hand_over_views(map, m->options.most_views, out);
+    return status;
 }
 
 enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report)
@@ -361,13 +379,22 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     *report = (struct mapper_report){0};
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
-    enum status status = map_grow(&m->map, m->options.most_points > 0);
+    const struct place *before = m->options.before;
+    enum status status = before ? map_release_moved(&m->map) : OK;
+    if (status == OK)
+        status = map_grow(&m->map, m->options.most_points > 0);
+    if (status == OK && before)
+        status = map_check_shared(&m->map);
     if (status == OK && m->options.most_points)
         status = map_polish_points(&m->map, m->options.most_points);
     if (status == OK)
         map_measure(&m->map);
-    if (status == OK)
+    if (status == OK && before) {
+        map_measure_with(&m->map, before);
+        report->floor_from_depth = true;
+    } else if (status == OK) {
         status = map_level(&m->map, &report->floor_from_depth);
+    }
     if (status == OK)
         status = hand_over(m, out);
     report_tags(m, report);

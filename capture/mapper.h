@@ -3,6 +3,7 @@
 //
 //     mapper_open, mapper_add for each frame, mapper_finish, mapper_close
 //
+// A second sweep may add to a place that is there: mapper_options.before.
 // Scale comes from the tags' known sides and the sensor's depth together; without any
 // tag from depth alone, and natural points make the place.
 // Deterministic: the same frames give the same place. One handle, one thread.
@@ -27,14 +28,20 @@ MUST_CHECK enum status mapper_read_tags(const char *path, struct mapper_tag **ta
 
 struct mapper_options {
     double quad_decimate; // the tag finder's, 1..8. Default 1
-    int32_t most_points;  // natural points kept. Default 4000; 0: none are looked for
-    int32_t most_views;   // views kept as background. Default 40
+    int32_t most_points;  // natural points kept of this sweep. Default 4000; 0: none are looked for
+    int32_t most_views;   // views of this sweep kept as background. Default 40
+    // The place that the sweep adds to; must outlive the mapper. Default NULL: a new one. The world
+    // stays as it is there, and so do points and tags, but for tags that were hung elsewhere since;
+    // what is new is placed by those in sight.
+    // Views are added only if the calibration is the same.
+    const struct place *before;
 };
 struct mapper_options mapper_default_options(void);
 
-// tag_count 0: a place of natural points; the calibration must say `registered`.
+// tag_count 0: a place of natural points (or what `before` has); the calibration must say `registered`
+// unless `before` has tags. Tags of `before` need not be listed again.
 // Copies what it needs. ERR_INPUT: a senseless lens or option, neither tags nor depth, a number
-// twice. ERR_MEMORY.
+// twice, another side than in `before`. ERR_MEMORY.
 MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration *calibration,
                                    const struct mapper_tag *tags, int32_t tag_count,
                                    const struct mapper_options *options);
@@ -57,12 +64,14 @@ struct mapper_report {
     int32_t first_apart;
     int32_t tags_unlisted; // seen in at least two frames, not listed: ignored
     int32_t first_unlisted;
-    bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest point
+    int32_t tags_moved; // of `before`, that hang elsewhere now: placed anew, or left out if that is not possible
+    int32_t first_moved;
+    bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest point. With `before`: true
 };
 
 // The place, in world axes as place.h has them. The caller owns *out: place_free.
 // ERR_INPUT: no listed tag was seen, or none could be placed; without tags: too little to
-// recognise. ERR_MEMORY, ERR_SOLVER.
+// recognise; with `before`: nothing of it was seen. ERR_MEMORY, ERR_SOLVER.
 // On error *out is zeroed. Call it once.
 MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
 

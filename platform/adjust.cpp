@@ -1,5 +1,6 @@
 #include "platform/adjust.h"
 
+#include <algorithm>
 #include <ceres/ceres.h>
 #include <cstddef>
 #include <memory>
@@ -190,17 +191,25 @@ enum status solve(const adjust_problem &in)
         return true;
     };
     // The group with most blocks is eliminated first; its blocks never meet in one error.
-    int camera_group = in.sighting_count ? 1 : 0;
+    // What is held is in no equation, so held points are no such group.
+    int camera_group = std::any_of(in.sightings, in.sightings + in.sighting_count,
+                                   [&](const adjust_sighting &s) { return s.point >= in.held_points; })
+                           ? 1
+                           : 0;
     for (size_t i = 0; i < cameras.size(); i++)
         if (add_pose(&cameras[i].camera_from_world.rotation.x, camera_group) &&
             (in.hold_cameras || (int32_t)i == in.held_camera))
             problem.SetParameterBlockConstant(&cameras[i].camera_from_world.rotation.x);
     for (size_t i = 0; i < squares.size(); i++)
-        if (add_pose(&squares[i].world_from_square.rotation.x, 1) && (int32_t)i == in.held_square)
+        if (add_pose(&squares[i].world_from_square.rotation.x, 1) && squares[i].held)
             problem.SetParameterBlockConstant(&squares[i].world_from_square.rotation.x);
-    for (auto &p : points)
-        if (problem.HasParameterBlock(&p.x))
-            order->AddElementToGroup(&p.x, 0);
+    for (size_t i = 0; i < points.size(); i++) {
+        if (!problem.HasParameterBlock(&points[i].x))
+            continue;
+        order->AddElementToGroup(&points[i].x, 0);
+        if ((int32_t)i < in.held_points)
+            problem.SetParameterBlockConstant(&points[i].x);
+    }
 
     ceres::Solver::Options options;
     options.linear_solver_ordering.reset(order);

@@ -16,6 +16,7 @@ struct adjust_camera {
 struct adjust_square {
     struct pose world_from_square; // in and out
     double side_m;                 // known
+    bool held;                     // stays where it is
 };
 
 // The four corners of a square in a camera. Ideal pixels: (fx x / z, fy y / z).
@@ -49,8 +50,8 @@ struct adjust_problem {
     const struct adjust_sighting *sightings;
     int32_t camera_count, square_count, point_count;
     int32_t corner_count, plane_depth_count, sighting_count;
-    int32_t held_square; // stays where it is; -1: none does
-    int32_t held_camera; // the same
+    int32_t held_camera; // stays where it is; -1: none does
+    int32_t held_points; // so many, the first ones, stay where they are
     bool hold_cameras;   // all of them stay where they are
     int32_t most_rounds; // of Ceres
     double *cost;        // out: the robust cost in the end; or NULL

@@ -113,6 +113,7 @@ static void test_help_and_usage(void **state)
     EXPECT_INT(PROCESS(CAPTURE, "nonsense").exit_code, 2);
     EXPECT_INT(PROCESS(REENACT, "--help").exit_code, 0);
     EXPECT_INT(PROCESS(CAPTURE, "record", "--take", "x").exit_code, 2);
+    EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--out", "a", "--into", "b").exit_code, 2);
 }
 
 static void test_an_empty_room_is_recorded_all_the_same(void **state)
@@ -189,6 +190,7 @@ static void test_bad_recordings(void **state)
     EXPECT_SENTENCE(PROCESS(CAPTURE, "export", file, "--take", "two", "--as", "joints-csv", "--out", other), "two");
     EXPECT_SENTENCE(PROCESS(REENACT, "render", file, "--take", "one", "--camera", uri("good"), "--out",
                             scratch_file(&scratch, "pictures")), "place");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--into", file), "place");
     EXPECT_SENTENCE(PROCESS(REENACT, "locate", file, "--camera", uri("good"), "--out", other), "place");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--out", file, "--take", "x"), "good.reenact");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--into", file, "--take", "one"), "one");
