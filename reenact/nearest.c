@@ -181,18 +181,21 @@ static int16_t key_of(const struct nearest *n, int64_t point, int dimension)
     return known ? n->points[block * n->places + place].at[dimension % 3][point % BLOCK] : -ANYWHERE;
 }
 
+// Where they are spread most: the largest variance.
 static int widest_dimension(const struct nearest *n, const int64_t *points, int64_t count)
 {
-    int widest = 0, most = -1;
+    int widest = 0;
+    double most = -1;
     for (int d = 0; d < 3 * n->places; d++) {
-        int low = key_of(n, points[0], d), high = low;
-        for (int64_t i = 1; i < count; i++) {
-            int key = key_of(n, points[i], d);
-            low = key < low ? key : low;
-            high = key > high ? key : high;
+        int64_t sum = 0, squares = 0;
+        for (int64_t i = 0; i < count; i++) {
+            int64_t key = key_of(n, points[i], d);
+            sum += key;
+            squares += key * key;
         }
-        if (high - low > most) {
-            most = high - low;
+        double spread = (double)squares - (double)sum / (double)count * (double)sum;
+        if (spread > most) {
+            most = spread;
             widest = d;
         }
     }
@@ -456,11 +459,38 @@ static KERNEL void ask_promising(struct search *s, int first)
         ask_block(s, promising);
 }
 
-static KERNEL void bound_group(const struct search *s, int64_t group, int16_t *restrict sums)
+// The takes of eleven parts are more than the caches hold: what is going to be asked for is on its way before.
+static KERNEL void fetch_block(const struct nearest *n, int64_t block)
+{
+    enum { LINE = 64 };
+    const char *points = (const char *)&n->points[block * n->places];
+    for (size_t i = 0; i < (size_t)n->places * sizeof *n->points; i += LINE)
+        __builtin_prefetch(points + i);
+    __builtin_prefetch(&n->known[block]);
+    __builtin_prefetch(n->own[block]);
+}
+
+// The block whose box is nearest comes first: it sets the mark for the others.
+static KERNEL void ask_group(struct search *s, int64_t group)
 {
     const struct nearest *n = s->n;
+    int64_t left = blocks_of(n->count) - group * LANES;
+    int blocks = left < LANES ? (int)left : LANES, best = 0;
+    lanes sums;
     memcpy(sums, n->least_own[group], sizeof *n->least_own);
     add_boxes(n, &n->boxes[group * n->places], &s->wanted, 0, s->wanted.count, sums);
+    if (!within(sums, s->limit))
+        return;
+    for (int i = 0; i < blocks; i++) {
+        best = sums[i] < sums[best] ? i : best;
+        if (sums[i] <= s->limit)
+            fetch_block(n, group * LANES + i);
+    }
+    if (sums[best] <= s->limit)
+        ask_block(s, group * LANES + best);
+    for (int i = 0; i < blocks; i++)
+        if (i != best && sums[i] <= s->limit)
+            ask_block(s, group * LANES + i);
 }
 
 // Where groups are settled: those whose box is near enough. First the block to which the nearest boxes lead.
@@ -469,7 +499,6 @@ static KERNEL void ask_settled(struct search *s)
     const struct nearest *n = s->n;
     int64_t blocks = blocks_of(n->count), groups = groups_of(blocks), promising = 0;
     int16_t least = SUM_MOST;
-    lanes sums;
     for (int64_t g = 0; g < groups; g += LANES) {
         int16_t *wide = n->bounds[g / LANES];
         memcpy(wide, n->wide_own[g / LANES], sizeof *n->wide_own);
@@ -480,23 +509,11 @@ static KERNEL void ask_settled(struct search *s)
                 promising = g + i;
             }
     }
-    if (blocks > 0) {
-        int best = 0;
-        bound_group(s, promising, sums);
-        for (int i = 1; i < LANES && promising * LANES + i < blocks; i++)
-            best = sums[i] < sums[best] ? i : best;
-        ask_block(s, promising * LANES + best);
-    }
-    for (int64_t g = 0; g < groups; g++) {
-        if (n->bounds[g / LANES][g % LANES] > s->limit)
-            continue;
-        bound_group(s, g, sums);
-        if (!within(sums, s->limit))
-            continue;
-        for (int i = 0; i < LANES && g * LANES + i < blocks; i++)
-            if (sums[i] <= s->limit)
-                ask_block(s, g * LANES + i);
-    }
+    if (groups > 0)
+        ask_group(s, promising);
+    for (int64_t g = 0; g < groups; g++)
+        if (n->bounds[g / LANES][g % LANES] <= s->limit && g != promising)
+            ask_group(s, g);
 }
 
 #if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
