@@ -459,7 +459,8 @@ static KERNEL void ask_promising(struct search *s, int first)
         ask_block(s, promising);
 }
 
-// The takes of eleven parts are more than the caches hold: what is going to be asked for is on its way before.
+// Several indexes that are searched in turn are more than the near caches hold: what is going to be looked at is on
+// its way before.
 static KERNEL void fetch_block(const struct nearest *n, int64_t block)
 {
     enum { LINE = 64 };

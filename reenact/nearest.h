@@ -35,9 +35,10 @@ void nearest_close(struct nearest **n);
 // Its number is how many were there before.
 void nearest_add(struct nearest *n, const struct nearest_point *point);
 
-// Puts blocks that are alike side by side, wherever they were in the order of points, so that most searches pass over
-// sixteen at once. Changes no answer. Worth it for points of few places; blocks of many are seldom alike. Points that
-// are added later are found, too, but are not in order. ERR_MEMORY: nothing has changed.
+// Puts points that are alike side by side, wherever they were in the order of points, as the leaves of a k-d tree, so
+// that most searches pass over 128 at once. Changes no answer. Worth it for points of few places; of many places, those
+// next to each other in time are the more alike. Points may be added later; they are found, too, but are not in order.
+// ERR_MEMORY: nothing has changed.
 MUST_CHECK enum status nearest_settle(struct nearest *n);
 
 // NOTHING: no point can be chosen. Ties: the lowest number.
