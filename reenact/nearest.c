@@ -41,7 +41,7 @@ struct nearest {
     // Once settled: the boxes of whole groups, sixteen side by side.
     struct box_lanes *wide_boxes; // [sixteen groups][place]
     lanes *wide_own;              // [sixteen groups], the groups'
-    lanes *bounds;              // [group], nearest_find's working memory
+    lanes *bounds;                // [group], nearest_find's working memory
 };
 
 static int64_t blocks_of(int64_t count) { return (count + BLOCK - 1) / BLOCK; }
