@@ -37,7 +37,11 @@ struct nearest {
     uint32_t *known;            // [block]: places known in every point
     struct box_lanes *boxes;    // [group][place]
     lanes *least_own;           // [group], the blocks'
-    lanes *bounds;              // [group], nearest_find's working memory
+    int64_t (*numbers)[BLOCK];  // [block]
+    // Once settled: the boxes of whole groups, sixteen side by side.
+    struct box_lanes *wide_boxes; // [sixteen groups][place]
+    lanes *wide_own;              // [sixteen groups], the groups'
+    lanes *bounds;                // [group], nearest_find's working memory
 };
 
 static int64_t blocks_of(int64_t count) { return (count + BLOCK - 1) / BLOCK; }
@@ -60,8 +64,9 @@ enum status nearest_open(struct nearest **out, int places, double unit_m, int64_
     n->known = calloc(blocks, sizeof *n->known);
     n->boxes = calloc(groups * (size_t)places, sizeof *n->boxes);
     n->least_own = calloc(groups, sizeof *n->least_own);
+    n->numbers = calloc(blocks, sizeof *n->numbers);
     n->bounds = calloc(groups, sizeof *n->bounds);
-    if (!n->points || !n->own || !n->known || !n->boxes || !n->least_own || !n->bounds) {
+    if (!n->points || !n->own || !n->known || !n->boxes || !n->least_own || !n->numbers || !n->bounds) {
         nearest_close(&n);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -78,6 +83,9 @@ void nearest_close(struct nearest **n)
     free((*n)->known);
     free((*n)->boxes);
     free((*n)->least_own);
+    free((*n)->numbers);
+    free((*n)->wide_boxes);
+    free((*n)->wide_own);
     free((*n)->bounds);
     free(*n);
     *n = NULL;
@@ -98,22 +106,43 @@ static int16_t own_units(const struct nearest *n, double own_m)
     return u < n->place_most ? (int16_t)u : n->place_most;
 }
 
-void nearest_add(struct nearest *n, const struct nearest_point *point)
+// Makes a group's box, in the sixteen it belongs to, hold one of its blocks.
+static void widen(struct nearest *n, int64_t block)
 {
-    assert(n->count < n->capacity && point->own_m >= 0);
+    int64_t group = block / LANES, wide = group / LANES;
+    int lane = (int)(group % LANES), of_block = (int)(block % LANES);
+    bool first = of_block == 0;
+    for (int p = 0; p < n->places; p++) {
+        const struct box_lanes *from = &n->boxes[group * n->places + p];
+        struct box_lanes *to = &n->wide_boxes[wide * n->places + p];
+        for (int axis = 0; axis < 3; axis++) {
+            int16_t low = from->low[axis][of_block], high = from->high[axis][of_block];
+            if (first || low < to->low[axis][lane])
+                to->low[axis][lane] = low;
+            if (first || high > to->high[axis][lane])
+                to->high[axis][lane] = high;
+        }
+    }
+    if (first || n->least_own[group][of_block] < n->wide_own[wide][lane])
+        n->wide_own[wide][lane] = n->least_own[group][of_block];
+}
+
+// The next point, in units.
+static void put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32_t known, int16_t own)
+{
     int64_t block = n->count / BLOCK, group = block / LANES;
     int lane = (int)(n->count % BLOCK), lane_of_block = (int)(block % LANES);
     bool first = lane == 0;
     n->count++;
-    n->known[block] = first ? point->known : n->known[block] & point->known;
+    n->numbers[block][lane] = number;
+    n->known[block] = first ? known : n->known[block] & known;
     for (int p = 0; p < n->places; p++) {
-        const double *place = &point->place[p].x;
         struct point_lanes *at = &n->points[block * n->places + p];
         struct box_lanes *box = &n->boxes[group * n->places + p];
-        bool known = point->known >> p & 1;
+        bool is_known = known >> p & 1;
         for (int axis = 0; axis < 3; axis++) {
-            int16_t u = known ? units(place[axis], n->unit_m) : 0;
-            int16_t low = known ? u : -ANYWHERE, high = known ? u : ANYWHERE;
+            int16_t u = places[p][axis];
+            int16_t low = is_known ? u : -ANYWHERE, high = is_known ? u : ANYWHERE;
             int16_t *box_low = &box->low[axis][lane_of_block], *box_high = &box->high[axis][lane_of_block];
             at->at[axis][lane] = u;
             if (first || low < *box_low)
@@ -122,10 +151,141 @@ void nearest_add(struct nearest *n, const struct nearest_point *point)
                 *box_high = high;
         }
     }
-    int16_t own = own_units(n, point->own_m), *least = &n->least_own[group][lane_of_block];
+    int16_t *least = &n->least_own[group][lane_of_block];
     n->own[block][lane] = own;
     if (first || own < *least)
         *least = own;
+    if (n->wide_boxes)
+        widen(n, block);
+}
+
+void nearest_add(struct nearest *n, const struct nearest_point *point)
+{
+    assert(n->count < n->capacity && point->own_m >= 0);
+    int16_t at[NEAREST_PLACES_MOST][3] = {{0}};
+    for (int p = 0; p < n->places; p++)
+        if (point->known >> p & 1)
+            for (int axis = 0; axis < 3; axis++)
+                at[p][axis] = units((&point->place[p].x)[axis], n->unit_m);
+    put(n, n->count, at, point->known, own_units(n, point->own_m));
+}
+
+// ---------------------------------------------------------------- settling
+
+// A point's coordinate in one dimension (place and axis); those in blocks where it is unknown come first.
+static int16_t key_of(const struct nearest *n, int64_t point, int dimension)
+{
+    int64_t block = point / BLOCK;
+    int place = dimension / 3;
+    bool known = n->known[block] >> place & 1;
+    return known ? n->points[block * n->places + place].at[dimension % 3][point % BLOCK] : -ANYWHERE;
+}
+
+// Where they are spread most: the largest variance.
+static int widest_dimension(const struct nearest *n, const int64_t *points, int64_t count)
+{
+    int widest = 0;
+    double most = -1;
+    for (int d = 0; d < 3 * n->places; d++) {
+        int64_t sum = 0, squares = 0;
+        for (int64_t i = 0; i < count; i++) {
+            int64_t key = key_of(n, points[i], d);
+            sum += key;
+            squares += key * key;
+        }
+        double spread = (double)squares - (double)sum / (double)count * (double)sum;
+        if (spread > most) {
+            most = spread;
+            widest = d;
+        }
+    }
+    return widest;
+}
+
+// Whether point a comes before b: no two are alike.
+static bool before(const struct nearest *n, int dimension, int64_t a, int64_t b)
+{
+    int16_t at_a = key_of(n, a, dimension), at_b = key_of(n, b, dimension);
+    return at_a < at_b || (at_a == at_b && a < b);
+}
+
+// Hoare's selection: no point before `middle` comes after one from there on.
+static void divide(const struct nearest *n, int dimension, int64_t *points, int64_t count, int64_t middle)
+{
+    int64_t low = 0, high = count - 1;
+    while (low < high) {
+        int64_t pivot = points[low + (high - low) / 2], i = low, j = high;
+        while (i <= j) {
+            while (before(n, dimension, points[i], pivot))
+                i++;
+            while (before(n, dimension, pivot, points[j]))
+                j--;
+            if (i <= j) {
+                int64_t swapped = points[i];
+                points[i++] = points[j];
+                points[j--] = swapped;
+            }
+        }
+        if (middle <= j)
+            high = j;
+        else if (middle >= i)
+            low = i;
+        else
+            return;
+    }
+}
+
+// Halves, across the widest dimension, until a half is a block: a k-d tree, but halves end where groups and blocks do.
+static void order(const struct nearest *n, int64_t *points, int64_t count)
+{
+    while (count > BLOCK) {
+        int64_t group = LANES * BLOCK, unit = count > LANES * group ? LANES * group : count > group ? group : BLOCK;
+        int64_t half = (count / 2 + unit - 1) / unit * unit;
+        divide(n, widest_dimension(n, points, count), points, count, half);
+        order(n, points, half);
+        points += half;
+        count -= half;
+    }
+}
+
+// Point in_order[i] of `old` becomes slot i. Of a place that is unknown somewhere in its block, no more is known.
+static void rearrange(struct nearest *n, const struct nearest *old, const int64_t *in_order)
+{
+    n->count = 0;
+    for (int64_t to = 0; to < old->count; to++) {
+        int64_t from = in_order[to], block = from / BLOCK;
+        int lane = (int)(from % BLOCK);
+        int16_t at[NEAREST_PLACES_MOST][3] = {{0}};
+        for (int p = 0; p < n->places; p++)
+            for (int axis = 0; axis < 3; axis++)
+                at[p][axis] = old->points[block * n->places + p].at[axis][lane];
+        put(n, old->numbers[block][lane], at, old->known[block], old->own[block][lane]);
+    }
+}
+
+enum status nearest_settle(struct nearest *n)
+{
+    struct nearest *settled;
+    enum status status = nearest_open(&settled, n->places, n->unit_m, n->capacity);
+    if (status != OK)
+        return status;
+    size_t wide = (size_t)groups_of(groups_of(blocks_of(n->capacity) + 1) + 1);
+    int64_t *in_order = malloc((size_t)(n->count + 1) * sizeof *in_order);
+    settled->wide_boxes = calloc(wide * (size_t)n->places, sizeof *n->wide_boxes);
+    settled->wide_own = calloc(wide, sizeof *n->wide_own);
+    if (in_order && settled->wide_boxes && settled->wide_own) {
+        for (int64_t i = 0; i < n->count; i++)
+            in_order[i] = i;
+        order(n, in_order, n->count);
+        rearrange(settled, n, in_order);
+        struct nearest old = *n;
+        *n = *settled;
+        *settled = old;
+    } else
+        status = fail(ERR_MEMORY, "out of memory");
+    free(in_order);
+    nearest_close(&settled);
+    return status;
 }
 
 // ---------------------------------------------------------------- bounds
@@ -154,12 +314,13 @@ static inline int16_t outside(int16_t low, int16_t high, int16_t at)
     return most > 0 ? most : 0;
 }
 
-static KERNEL void add_boxes(const struct nearest *n, int64_t group, const struct wanted *w, int from, int to,
-                             int16_t *restrict sums)
+// boxes: of the first place.
+static KERNEL void add_boxes(const struct nearest *n, const struct box_lanes *boxes, const struct wanted *w, int from,
+                             int to, int16_t *restrict sums)
 {
     int16_t most = n->place_most;
     for (int k = from; k < to; k++) {
-        const struct box_lanes *b = &n->boxes[group * n->places + w->place[k]];
+        const struct box_lanes *b = &boxes[w->place[k]];
         const int16_t *at = w->at[k];
         for (int i = 0; i < LANES; i++) {
             int16_t d = length_at_least(outside(b->low[0][i], b->high[0][i], at[0]),
@@ -251,10 +412,10 @@ static KERNEL void ask_block(struct search *s, int64_t block)
         if (!points_within(sums, s->limit))
             return;
     }
-    int64_t first = block * BLOCK, left = n->count - first;
+    int64_t left = n->count - block * BLOCK;
     for (int i = 0; i < BLOCK && i < left; i++)
         if (sums[i] <= s->limit)
-            ask(s, first + i);
+            ask(s, n->numbers[block][i]);
 }
 
 static struct wanted wanted_of(const struct nearest *n, const struct nearest_point *point)
@@ -283,7 +444,7 @@ static KERNEL void ask_promising(struct search *s, int first)
     for (int64_t g = 0; g < groups; g++) {
         int16_t *sums = n->bounds[g], here = (int16_t)(g & 0x7fff);
         memcpy(sums, n->least_own[g], sizeof *n->bounds);
-        add_boxes(n, g, &s->wanted, 0, first, sums);
+        add_boxes(n, &n->boxes[g * n->places], &s->wanted, 0, first, sums);
         for (int i = 0; i < LANES; i++) {
             where[i] = sums[i] < leasts[i] ? here : where[i];
             leasts[i] = sums[i] < leasts[i] ? sums[i] : leasts[i];
@@ -298,6 +459,64 @@ static KERNEL void ask_promising(struct search *s, int first)
         ask_block(s, promising);
 }
 
+// Several indexes that are searched in turn are more than the near caches hold: what is going to be looked at is on
+// its way before.
+static KERNEL void fetch_block(const struct nearest *n, int64_t block)
+{
+    enum { LINE = 64 };
+    const char *points = (const char *)&n->points[block * n->places];
+    for (size_t i = 0; i < (size_t)n->places * sizeof *n->points; i += LINE)
+        __builtin_prefetch(points + i);
+    __builtin_prefetch(&n->known[block]);
+    __builtin_prefetch(n->own[block]);
+}
+
+// The block whose box is nearest comes first: it sets the mark for the others.
+static KERNEL void ask_group(struct search *s, int64_t group)
+{
+    const struct nearest *n = s->n;
+    int64_t left = blocks_of(n->count) - group * LANES;
+    int blocks = left < LANES ? (int)left : LANES, best = 0;
+    lanes sums;
+    memcpy(sums, n->least_own[group], sizeof *n->least_own);
+    add_boxes(n, &n->boxes[group * n->places], &s->wanted, 0, s->wanted.count, sums);
+    if (!within(sums, s->limit))
+        return;
+    for (int i = 0; i < blocks; i++) {
+        best = sums[i] < sums[best] ? i : best;
+        if (sums[i] <= s->limit)
+            fetch_block(n, group * LANES + i);
+    }
+    if (sums[best] <= s->limit)
+        ask_block(s, group * LANES + best);
+    for (int i = 0; i < blocks; i++)
+        if (i != best && sums[i] <= s->limit)
+            ask_block(s, group * LANES + i);
+}
+
+// Where groups are settled: those whose box is near enough. First the block to which the nearest boxes lead.
+static KERNEL void ask_settled(struct search *s)
+{
+    const struct nearest *n = s->n;
+    int64_t blocks = blocks_of(n->count), groups = groups_of(blocks), promising = 0;
+    int16_t least = SUM_MOST;
+    for (int64_t g = 0; g < groups; g += LANES) {
+        int16_t *wide = n->bounds[g / LANES];
+        memcpy(wide, n->wide_own[g / LANES], sizeof *n->wide_own);
+        add_boxes(n, &n->wide_boxes[g / LANES * n->places], &s->wanted, 0, s->wanted.count, wide);
+        for (int i = 0; i < LANES && g + i < groups; i++)
+            if (wide[i] < least) {
+                least = wide[i];
+                promising = g + i;
+            }
+    }
+    if (groups > 0)
+        ask_group(s, promising);
+    for (int64_t g = 0; g < groups; g++)
+        if (n->bounds[g / LANES][g % LANES] <= s->limit && g != promising)
+            ask_group(s, g);
+}
+
 #if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
 // Twice as wide where the processor can; all is in whole numbers, so the answer is the same. The choice is made
 // before the thread sanitizer is ready for it.
@@ -309,13 +528,17 @@ ask_all(struct search *s)
     const struct nearest *n = s->n;
     int64_t blocks = blocks_of(n->count);
     int first = s->wanted.count < FIRST ? s->wanted.count : FIRST;
+    if (n->wide_boxes) {
+        ask_settled(s);
+        return;
+    }
     ask_promising(s, first);
     for (int64_t b = 0; b < blocks; b += LANES) {
         int16_t *sums = n->bounds[b / LANES];
         if (!within(sums, s->limit))
             continue;
         if (first < s->wanted.count) {
-            add_boxes(n, b / LANES, &s->wanted, first, s->wanted.count, sums);
+            add_boxes(n, &n->boxes[b / LANES * n->places], &s->wanted, first, s->wanted.count, sums);
             if (!within(sums, s->limit))
                 continue;
         }

@@ -169,7 +169,7 @@ static enum status open_selector(struct painter *p)
         if (e->has_color && e->has_skeleton)
             status = selector_add(p->selector, i, &e->skeleton, take_body(p->take));
     }
-    return status;
+    return status == OK ? selector_settle(p->selector) : status;
 }
 
 enum status painter_give_likeness(struct painter *p, struct likeness *likeness)

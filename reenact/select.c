@@ -244,6 +244,14 @@ enum status selector_add(struct selector *s, int64_t frame, const struct skeleto
     return OK;
 }
 
+enum status selector_settle(struct selector *s)
+{
+    enum status status = OK;
+    for (int p = 0; p < PART_COUNT && status == OK; p++)
+        status = nearest_settle(s->parts[p]);
+    return status;
+}
+
 void selector_exclude(struct selector *s, int64_t frame, enum part p)
 {
     int64_t low = 0, high = s->count; // the first whose frame is not before `frame`

@@ -31,6 +31,9 @@ void selector_close(struct selector **s);
 MUST_CHECK enum status selector_add(struct selector *s, int64_t frame, const struct skeleton *in_camera,
                                     const struct body *body);
 
+// After the last frame of a take: parts are found faster from now on, alike. ERR_MEMORY: nothing has changed.
+MUST_CHECK enum status selector_settle(struct selector *s);
+
 // Never to be chosen again for this part: its pictures do not show it.
 void selector_exclude(struct selector *s, int64_t frame, enum part p);
 

@@ -269,6 +269,8 @@ static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
             if (dice_uniform(&dice) < (n % 3 ? 0.03 : 0))
                 frames[n].confidence[j] = dice_uniform(&dice) < 0.5 ? 0 : 0.5f;
         EXPECT_STATUS(selector_open(&alone[n], 1), OK);
+        if (n == LONG - 60)
+            EXPECT_STATUS(selector_settle(s), OK);
         EXPECT_STATUS(selector_add(s, n, &frames[n], &plain_body), OK);
         EXPECT_STATUS(selector_add(alone[n], n, &frames[n], &plain_body), OK);
     }

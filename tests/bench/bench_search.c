@@ -153,6 +153,11 @@ static enum status fill(struct take_of_limbs *t)
         printf("search: %d frames, adding one: %.2f us to the index of whole bodies, %.1f us with all that is known of "
                "its parts\n",
                t->count, 1e3 * index_ms / t->count, 1e3 * (bench_clock_ms() - started_ms) / t->count);
+    started_ms = bench_clock_ms();
+    if (status == OK)
+        status = selector_settle(t->selector);
+    if (status == OK)
+        printf("search: settling them: %.0f ms\n", bench_clock_ms() - started_ms);
     return status;
 }
 
