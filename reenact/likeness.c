@@ -52,13 +52,7 @@ static enum status choose_frames(struct likeness *f, const struct take *take, in
     return OK;
 }
 
-struct tint likeness_tint(const struct likeness *f, const struct calibration *calibration, const struct sight *sight,
-                          const uint8_t *rgb, struct pose world_from_camera)
-{
-    return (struct tint){&f->surface, f->skins, &f->coat, calibration, sight, rgb, world_from_camera};
-}
-
-enum pass { PASS_FIRST, PASS_SHAPE, PASS_OUTLINE, PASS_COLOR, PASS_TINT, PASSES };
+enum pass { PASS_FIRST, PASS_SHAPE, PASS_OUTLINE, PASS_COLOR, PASSES };
 
 // False: it is not wanted any more.
 static bool went_on(const struct likeness_watch *watch, double share)
@@ -69,7 +63,7 @@ static bool went_on(const struct likeness_watch *watch, double share)
 // A frame, read ahead.
 struct reading {
     struct sight sight;
-    uint8_t *rgb; // of the colours' passes: the frame's own colours, nobody else's among them
+    uint8_t *rgb; // of the colours' pass: the frame's own colours, nobody else's among them
     enum status status;
     char sentence[512]; // of an error, which is known on the thread that read it
 };
@@ -81,7 +75,7 @@ struct run {
     enum pass pass;
     struct volume *into;      // of the shape's passes
     struct outline_gaps gaps; // of the outlines' pass
-    struct coat_maker *coat;  // of the colours' passes
+    struct coat_maker *coat;  // of the colours' pass
     struct reading reading[2];
     int frame;          // number in the list of the one that is worked on
     enum status status; // how that went
@@ -110,13 +104,16 @@ static void close_run(struct run *r)
     }
 }
 
-static bool wants_colors(enum pass pass) { return pass == PASS_COLOR || pass == PASS_TINT; }
+// Every how many frames are enough: the first shape is only there to lay frames on, outlines are means over many.
+static int stride_of(enum pass pass) { return pass == PASS_FIRST || pass == PASS_OUTLINE ? 2 : 1; }
+
+static struct reading *reading_of(struct run *r, int i) { return &r->reading[i / stride_of(r->pass) % 2]; }
 
 // NOTHING: it shows nobody, or has no colours where they are wanted.
 static enum status read_frame(const struct run *r, struct reading *reading, int64_t frame)
 {
     enum status status = sight_read(&reading->sight, r->take, frame);
-    if (status != OK || !wants_colors(r->pass))
+    if (status != OK || r->pass != PASS_COLOR)
         return status;
     struct take_pictures seen;
     status = take_read(r->take, frame, TAKE_COLOR, &seen);
@@ -127,7 +124,7 @@ static enum status read_frame(const struct run *r, struct reading *reading, int6
 
 static void read_ahead(struct run *r, int i)
 {
-    struct reading *reading = &r->reading[i % 2];
+    struct reading *reading = reading_of(r, i);
     if (i >= r->likeness->frame_count)
         return;
     reading->status = read_frame(r, reading, r->likeness->frames[i]);
@@ -139,19 +136,14 @@ static void read_ahead(struct run *r, int i)
 static void lay(struct run *r, int i, const struct posture *joints)
 {
     struct likeness *f = r->likeness;
-    struct reading *reading = &r->reading[i % 2];
+    struct reading *reading = reading_of(r, i);
     struct adjustment *a = &f->adjustments[i], none = adjustment_none(), start = none;
     if (r->pass == PASS_FIRST) { // joints are wrong, but not all the same way
         *a = none;
     } else if (r->pass == PASS_SHAPE) {
         if (i > 0)
             start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
-        *a = align(f->volume, &f->rest, &reading->sight, joints, &start, NULL);
-    } else if (r->pass == PASS_TINT) {
-        start = *a;
-        struct tint tint = likeness_tint(f, take_calibration(r->take), &reading->sight, reading->rgb,
-                                         take_entry(r->take, f->frames[i])->world_from_camera);
-        *a = align(f->volume, &f->rest, &reading->sight, joints, &start, &tint);
+        *a = align(f->volume, &f->rest, &reading->sight, joints, &start);
     }
 }
 
@@ -159,7 +151,7 @@ static void lay(struct run *r, int i, const struct posture *joints)
 static enum status one_frame(struct run *r, int i)
 {
     struct likeness *f = r->likeness;
-    struct reading *reading = &r->reading[i % 2];
+    struct reading *reading = reading_of(r, i);
     const struct take_entry *e = take_entry(r->take, f->frames[i]);
     struct posture joints;
     if (reading->status != OK)
@@ -175,7 +167,7 @@ static enum status one_frame(struct run *r, int i)
     }
     struct skeleton better = posture_skeleton(&f->rest, &posture);
     sight_label(&reading->sight, &better);
-    if (wants_colors(r->pass))
+    if (r->pass == PASS_COLOR)
         coat_add(r->coat, &reading->sight, reading->rgb, &posture, e->world_from_camera,
                  (double)(e->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9);
     else
@@ -188,7 +180,7 @@ static void half_step(void *context, int half)
 {
     struct run *r = context;
     if (half == 1) {
-        read_ahead(r, r->frame + 1);
+        read_ahead(r, r->frame + stride_of(r->pass));
         return;
     }
     r->status = one_frame(r, r->frame);
@@ -202,11 +194,14 @@ static enum status all_frames(struct likeness *f, struct run *r, enum pass pass,
     r->likeness = f;
     r->pass = pass;
     read_ahead(r, 0);
-    for (int i = 0; i < f->frame_count; i++) {
+    bool halved = pass != PASS_FIRST;
+    for (int i = 0; i < f->frame_count; i += stride_of(pass)) {
         if (!went_on(watch, (pass + (double)i / f->frame_count) / PASSES))
             return NOTHING;
-        if (pass == PASS_FIRST && i == f->frame_count / 2)
+        if (!halved && i >= f->frame_count / 2) {
             volume_leave_empty(r->into, r->into);
+            halved = true;
+        }
         r->frame = i;
         parallel(2, 2, half_step, r);
         if (r->status < 0)
@@ -249,26 +244,17 @@ static enum status make_shape(struct likeness *f, struct run *r, const struct li
 
 static enum status make_coat(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
-    static const enum pass rounds[] = {PASS_COLOR, PASS_TINT}; // the second laid on the colours of the first
     f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
     if (!f->skins)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < f->surface.point_count; i++)
         f->skins[i] = rest_skin(&f->rest, f->surface.points[i]);
-    enum status status = OK;
-    for (size_t round = 0; round < COUNT_OF(rounds) && status == OK; round++) {
-        struct coat next = {0};
-        status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
-        if (status == OK)
-            status = all_frames(f, r, rounds[round], watch);
-        if (status == OK)
-            status = coat_make(r->coat, &next);
-        coat_close(&r->coat);
-        if (status == OK) {
-            coat_free(&f->coat);
-            f->coat = next;
-        }
-    }
+    enum status status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
+    if (status == OK)
+        status = all_frames(f, r, PASS_COLOR, watch);
+    if (status == OK)
+        status = coat_make(r->coat, &f->coat);
+    coat_close(&r->coat);
     return status;
 }
 
@@ -286,6 +272,8 @@ enum status likeness_make(struct likeness *out, struct take *take, const struct 
         status = make_shape(out, &run, watch);
     if (status == OK)
         status = make_coat(out, &run, watch);
+    if (status == OK)
+        status = coarse_make(&out->coarse, &out->surface, &out->coat);
     close_run(&run);
     if (status != OK)
         likeness_free(out);
@@ -297,6 +285,7 @@ void likeness_free(struct likeness *f)
     volume_close(&f->volume);
     surface_free(&f->surface);
     coat_free(&f->coat);
+    coarse_free(&f->coarse);
     free(f->skins);
     free(f->frames);
     free(f->adjustments);
