@@ -104,11 +104,6 @@ static void close_run(struct run *r)
     }
 }
 
-// Every how many frames are enough: the first shape is only there to lay frames on, outlines are means over many.
-static int stride_of(enum pass pass) { return pass == PASS_FIRST || pass == PASS_OUTLINE ? 2 : 1; }
-
-static struct reading *reading_of(struct run *r, int i) { return &r->reading[i / stride_of(r->pass) % 2]; }
-
 // NOTHING: it shows nobody, or has no colours where they are wanted.
 static enum status read_frame(const struct run *r, struct reading *reading, int64_t frame)
 {
@@ -124,7 +119,7 @@ static enum status read_frame(const struct run *r, struct reading *reading, int6
 
 static void read_ahead(struct run *r, int i)
 {
-    struct reading *reading = reading_of(r, i);
+    struct reading *reading = &r->reading[i % 2];
     if (i >= r->likeness->frame_count)
         return;
     reading->status = read_frame(r, reading, r->likeness->frames[i]);
@@ -136,7 +131,7 @@ static void read_ahead(struct run *r, int i)
 static void lay(struct run *r, int i, const struct posture *joints)
 {
     struct likeness *f = r->likeness;
-    struct reading *reading = reading_of(r, i);
+    struct reading *reading = &r->reading[i % 2];
     struct adjustment *a = &f->adjustments[i], none = adjustment_none(), start = none;
     if (r->pass == PASS_FIRST) { // joints are wrong, but not all the same way
         *a = none;
@@ -151,7 +146,7 @@ static void lay(struct run *r, int i, const struct posture *joints)
 static enum status one_frame(struct run *r, int i)
 {
     struct likeness *f = r->likeness;
-    struct reading *reading = reading_of(r, i);
+    struct reading *reading = &r->reading[i % 2];
     const struct take_entry *e = take_entry(r->take, f->frames[i]);
     struct posture joints;
     if (reading->status != OK)
@@ -180,7 +175,7 @@ static void half_step(void *context, int half)
 {
     struct run *r = context;
     if (half == 1) {
-        read_ahead(r, r->frame + stride_of(r->pass));
+        read_ahead(r, r->frame + 1);
         return;
     }
     r->status = one_frame(r, r->frame);
@@ -194,14 +189,11 @@ static enum status all_frames(struct likeness *f, struct run *r, enum pass pass,
     r->likeness = f;
     r->pass = pass;
     read_ahead(r, 0);
-    bool halved = pass != PASS_FIRST;
-    for (int i = 0; i < f->frame_count; i += stride_of(pass)) {
+    for (int i = 0; i < f->frame_count; i++) {
         if (!went_on(watch, (pass + (double)i / f->frame_count) / PASSES))
             return NOTHING;
-        if (!halved && i >= f->frame_count / 2) {
+        if (pass == PASS_FIRST && i == f->frame_count / 2)
             volume_leave_empty(r->into, r->into);
-            halved = true;
-        }
         r->frame = i;
         parallel(2, 2, half_step, r);
         if (r->status < 0)
