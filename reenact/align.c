@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { ROUNDS = 8, UNKNOWNS = 6 * PART_COUNT, POINTS = 4000, TINTS = 3000, COARSE_PX = 3, FINE_PX = 1 };
+enum { ROUNDS = 8, UNKNOWNS = 6 * PART_COUNT, POINTS = 4000 };
 
 // Least squares in units of metres: a reading is good to this much,
 static const double READING_M = 0.01;
@@ -13,8 +13,7 @@ static const double JOINTS_M = 0.06, JOINTS_RAD = 0.5;  // the joints are known 
 static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from the start to that.
 static const double HEAD_RAD = 1.2;                     // joints do not tell how a head is turned
 static const double OUTLIER_M = 0.025;
-static const double TINT = 0.1, TINT_OUTLIER = 0.15; // likewise for colours, of 1
-static const double SURELY_SEEN = 1;                 // frames; a surface that is only guessed holds nothing
+static const double SURELY_SEEN = 1; // frames; a surface that is only guessed holds nothing
 
 struct adjustment adjustment_none(void)
 {
@@ -93,7 +92,6 @@ struct state {
     struct posture joints, start, now;
     struct vec3 middle[PART_COUNT]; // of each part, about which it turns; camera axes
     int every;                      // pixels between two that are used
-    const struct tint *tint;        // may be NULL
 };
 
 // Camera-axes motion of part p: x -> x + w cross (x - middle) + t; unknowns t, w.
@@ -149,23 +147,6 @@ static void add_readings(const struct state *s, struct system *system)
         }
 }
 
-static void add_tints(const struct state *s, struct system *system, int reach)
-{
-    struct tint_row rows[TINTS];
-    int n = s->tint ? tint_rows(s->tint, &s->now, reach, rows, TINTS) : 0, count[PART_COUNT] = {0};
-    for (int i = 0; i < n; i++)
-        count[rows[i].part]++;
-    for (int i = 0; i < n; i++) {
-        const struct tint_row *row = &rows[i];
-        double robust = TINT_OUTLIER * TINT_OUTLIER / (TINT_OUTLIER * TINT_OUTLIER + row->value * row->value);
-        double share = fmin(1, PART_READINGS / count[row->part]);
-        int index[6];
-        double j[6];
-        part_row(s, row->part, row->at, row->along, index, j);
-        add_row(system, index, j, 6, row->value, robust * robust * share / (TINT * TINT));
-    }
-}
-
 static void add_links(const struct state *s, struct system *system)
 {
     for (int l = 0; l < PART_LINKS; l++) {
@@ -204,7 +185,7 @@ static void add_prior(const struct state *s, struct system *system, int p, const
     }
 }
 
-static void one_round(struct state *s, struct system *system, int reach)
+static void one_round(struct state *s, struct system *system)
 {
     memset(system, 0, sizeof *system);
     for (int p = 0; p < PART_COUNT; p++) {
@@ -214,7 +195,6 @@ static void one_round(struct state *s, struct system *system, int reach)
         add_prior(s, system, p, &s->start.part[p], BEFORE_M, BEFORE_RAD);
     }
     add_readings(s, system);
-    add_tints(s, system, reach);
     add_links(s, system);
     solve(system);
     for (int p = 0; p < PART_COUNT; p++) {
@@ -228,10 +208,10 @@ static void one_round(struct state *s, struct system *system, int reach)
 }
 
 struct adjustment align(const struct volume *volume, const struct rest *rest, struct sight *sight,
-                        const struct posture *joints, const struct adjustment *start, const struct tint *tint)
+                        const struct posture *joints, const struct adjustment *start)
 {
     struct system system;
-    struct state s = {.volume = volume, .rest = rest, .sight = sight, .joints = *joints, .tint = tint};
+    struct state s = {.volume = volume, .rest = rest, .sight = sight, .joints = *joints};
     s.start = s.now = posture_adjusted(joints, start);
     s.every = 1;
     int count[PART_COUNT];
@@ -242,7 +222,7 @@ struct adjustment align(const struct volume *volume, const struct rest *rest, st
             struct skeleton better = posture_skeleton(rest, &s.now);
             sight_label(sight, &better);
         }
-        one_round(&s, &system, round < ROUNDS / 2 ? COARSE_PX : FINE_PX);
+        one_round(&s, &system);
     }
     struct adjustment out;
     for (int p = 0; p < PART_COUNT; p++)

@@ -2,7 +2,6 @@
 // centimetres wrong, depth is not. Every part may move and turn a little; parts
 // that meet stay together, and what was not seen stays where the joints say. Pure.
 #pragma once
-#include "reenact/tint.h"
 #include "reenact/volume.h"
 
 // What turns the joints' posture into the better one, in each part's rest axes.
@@ -14,7 +13,6 @@ struct posture posture_adjusted(const struct posture *posture, const struct adju
 struct adjustment adjustment_mix(const struct adjustment *a, const struct adjustment *b, double t);
 
 // joints: the posture that the frame's skeleton gives. start: where to begin, for
-// example the frame's before. The sight's labels are used and made better. tint: the
-// likeness's and the frame's colours, of the same sight; NULL: depth alone.
+// example the frame's before. The sight's labels are used and made better.
 struct adjustment align(const struct volume *volume, const struct rest *rest, struct sight *sight,
-                        const struct posture *joints, const struct adjustment *start, const struct tint *tint);
+                        const struct posture *joints, const struct adjustment *start);

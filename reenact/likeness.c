@@ -52,13 +52,7 @@ static enum status choose_frames(struct likeness *f, const struct take *take, in
     return OK;
 }
 
-struct tint likeness_tint(const struct likeness *f, const struct calibration *calibration, const struct sight *sight,
-                          const uint8_t *rgb, struct pose world_from_camera)
-{
-    return (struct tint){&f->surface, f->skins, &f->coat, calibration, sight, rgb, world_from_camera};
-}
-
-enum pass { PASS_FIRST, PASS_SHAPE, PASS_OUTLINE, PASS_COLOR, PASS_TINT, PASSES };
+enum pass { PASS_FIRST, PASS_SHAPE, PASS_OUTLINE, PASS_COLOR, PASSES };
 
 // False: it is not wanted any more.
 static bool went_on(const struct likeness_watch *watch, double share)
@@ -69,7 +63,7 @@ static bool went_on(const struct likeness_watch *watch, double share)
 // A frame, read ahead.
 struct reading {
     struct sight sight;
-    uint8_t *rgb; // of the colours' passes: the frame's own colours, nobody else's among them
+    uint8_t *rgb; // of the colours' pass: the frame's own colours, nobody else's among them
     enum status status;
     char sentence[512]; // of an error, which is known on the thread that read it
 };
@@ -81,7 +75,7 @@ struct run {
     enum pass pass;
     struct volume *into;      // of the shape's passes
     struct outline_gaps gaps; // of the outlines' pass
-    struct coat_maker *coat;  // of the colours' passes
+    struct coat_maker *coat;  // of the colours' pass
     struct reading reading[2];
     int frame;          // number in the list of the one that is worked on
     enum status status; // how that went
@@ -110,13 +104,11 @@ static void close_run(struct run *r)
     }
 }
 
-static bool wants_colors(enum pass pass) { return pass == PASS_COLOR || pass == PASS_TINT; }
-
 // NOTHING: it shows nobody, or has no colours where they are wanted.
 static enum status read_frame(const struct run *r, struct reading *reading, int64_t frame)
 {
     enum status status = sight_read(&reading->sight, r->take, frame);
-    if (status != OK || !wants_colors(r->pass))
+    if (status != OK || r->pass != PASS_COLOR)
         return status;
     struct take_pictures seen;
     status = take_read(r->take, frame, TAKE_COLOR, &seen);
@@ -146,12 +138,7 @@ static void lay(struct run *r, int i, const struct posture *joints)
     } else if (r->pass == PASS_SHAPE) {
         if (i > 0)
             start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
-        *a = align(f->volume, &f->rest, &reading->sight, joints, &start, NULL);
-    } else if (r->pass == PASS_TINT) {
-        start = *a;
-        struct tint tint = likeness_tint(f, take_calibration(r->take), &reading->sight, reading->rgb,
-                                         take_entry(r->take, f->frames[i])->world_from_camera);
-        *a = align(f->volume, &f->rest, &reading->sight, joints, &start, &tint);
+        *a = align(f->volume, &f->rest, &reading->sight, joints, &start);
     }
 }
 
@@ -175,7 +162,7 @@ static enum status one_frame(struct run *r, int i)
     }
     struct skeleton better = posture_skeleton(&f->rest, &posture);
     sight_label(&reading->sight, &better);
-    if (wants_colors(r->pass))
+    if (r->pass == PASS_COLOR)
         coat_add(r->coat, &reading->sight, reading->rgb, &posture, e->world_from_camera,
                  (double)(e->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9);
     else
@@ -249,26 +236,17 @@ static enum status make_shape(struct likeness *f, struct run *r, const struct li
 
 static enum status make_coat(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
-    static const enum pass rounds[] = {PASS_COLOR, PASS_TINT}; // the second laid on the colours of the first
     f->skins = malloc(sizeof *f->skins * (size_t)f->surface.point_count);
     if (!f->skins)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < f->surface.point_count; i++)
         f->skins[i] = rest_skin(&f->rest, f->surface.points[i]);
-    enum status status = OK;
-    for (size_t round = 0; round < COUNT_OF(rounds) && status == OK; round++) {
-        struct coat next = {0};
-        status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
-        if (status == OK)
-            status = all_frames(f, r, rounds[round], watch);
-        if (status == OK)
-            status = coat_make(r->coat, &next);
-        coat_close(&r->coat);
-        if (status == OK) {
-            coat_free(&f->coat);
-            f->coat = next;
-        }
-    }
+    enum status status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
+    if (status == OK)
+        status = all_frames(f, r, PASS_COLOR, watch);
+    if (status == OK)
+        status = coat_make(r->coat, &f->coat);
+    coat_close(&r->coat);
     return status;
 }
 
@@ -286,6 +264,8 @@ enum status likeness_make(struct likeness *out, struct take *take, const struct 
         status = make_shape(out, &run, watch);
     if (status == OK)
         status = make_coat(out, &run, watch);
+    if (status == OK)
+        status = coarse_make(&out->coarse, &out->surface, &out->coat);
     close_run(&run);
     if (status != OK)
         likeness_free(out);
@@ -297,6 +277,7 @@ void likeness_free(struct likeness *f)
     volume_close(&f->volume);
     surface_free(&f->surface);
     coat_free(&f->coat);
+    coarse_free(&f->coarse);
     free(f->skins);
     free(f->frames);
     free(f->adjustments);

@@ -3,6 +3,7 @@
 // the colours of the whole take; pure; deterministic.
 #pragma once
 #include "reenact/align.h"
+#include "reenact/coarse.h"
 #include "reenact/coat.h"
 
 struct likeness {
@@ -11,6 +12,7 @@ struct likeness {
     struct surface surface;
     struct skin *skins; // of the surface's points
     struct coat coat;
+    struct coarse coarse; // the surface and its colours, for small pictures
     int64_t *frames; // whose adjustments are known, rising
     struct adjustment *adjustments;
     int frame_count;
@@ -31,10 +33,6 @@ struct likeness_watch {
 MUST_CHECK enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays,
                                      int max_frames, const struct likeness_watch *watch);
 void likeness_free(struct likeness *f);
-
-// The likeness's colours beside those of a frame (rgb, sight) that stood at world_from_camera; borrows them all.
-struct tint likeness_tint(const struct likeness *f, const struct calibration *calibration, const struct sight *sight,
-                          const uint8_t *rgb, struct pose world_from_camera);
 
 // How the joints' posture of `frame` is to be adjusted, by the known frames about it.
 struct adjustment likeness_adjustment(const struct likeness *f, int64_t frame);

@@ -8,6 +8,7 @@
 enum { VERTEX = 20, INNER_PX = 3 };
 
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
+static const double COARSE_PX_A_M = 1 / 0.009; // up to here a step of the fine mesh is finer than a pixel
 
 enum uniform {
     VIEWER_FROM_PART,
@@ -37,16 +38,21 @@ static const char *const uniform_names[UNIFORMS] = {
     [ABSENT] = "absent",
 };
 
+// A mesh that comes to the GPU bit by bit.
+struct brought {
+    struct gpu_mesh *mesh;
+    float *vertices; // what it is made of, until it is all there
+    uint16_t *corners;
+    int float_count, corner_count, brought_floats, brought_corners;
+};
+
 struct likeness_painter {
     struct gpu *gpu;
     struct take *take;
     struct likeness likeness;
     struct sight sight;
     struct gpu_program *program;
-    struct gpu_mesh *mesh;        // NULL: no likeness was given
-    float *vertices;              // what the mesh is made of, until it is all there
-    uint16_t *corners;
-    int brought_floats, brought_corners;
+    struct brought fine, coarse;  // without meshes: no likeness was given
     struct gpu_texture *now_picture, *now_depth;
     uint8_t *color, *depth;       // their pixels
     int64_t frame;                // whose pictures are there; -1: nobody's
@@ -71,11 +77,10 @@ void lens_uniform(const struct lens *l, float out[12])
 
 // ---------------------------------------------------------------- opening
 
-static void put_vertex(const struct likeness *f, int i, float v[VERTEX])
+static void put_vertex(const struct likeness *f, int i, const float c[3], float v[VERTEX])
 {
     const struct vec3 *p = &f->surface.points[i], *n = &f->surface.normals[i];
     const struct skin *s = &f->skins[i];
-    const float *c = f->coat.color[i];
     const float values[VERTEX] = {
         (float)p->x,  (float)p->y,  (float)p->z,  f->coat.time_s[i],
         (float)n->x,  (float)n->y,  (float)n->z,  f->coat.filled[i],
@@ -86,32 +91,51 @@ static void put_vertex(const struct likeness *f, int i, float v[VERTEX])
     memcpy(v, values, sizeof values);
 }
 
+static void drop_mesh(struct brought *b)
+{
+    gpu_mesh_close(&b->mesh);
+    free(b->vertices);
+    free(b->corners);
+    *b = (struct brought){0};
+}
+
 static void drop_likeness(struct likeness_painter *p)
 {
-    gpu_mesh_close(&p->mesh);
+    drop_mesh(&p->fine);
+    drop_mesh(&p->coarse);
     likeness_free(&p->likeness);
-    free(p->vertices);
-    free(p->corners);
-    p->vertices = NULL;
-    p->corners = NULL;
-    p->brought_floats = p->brought_corners = 0;
     p->frame = -1;
 }
 
-static enum status open_mesh(struct likeness_painter *p)
+// points: numbers of the surface's points; NULL: all of them, as they are.
+static enum status open_mesh(struct likeness_painter *p, struct brought *b, const int32_t *points, int point_count,
+                             float (*colors)[3], const int32_t *corners, int corner_count)
 {
-    const struct surface *s = &p->likeness.surface;
-    if (s->point_count > UINT16_MAX)
+    if (point_count > UINT16_MAX)
         return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
-    p->vertices = malloc(sizeof *p->vertices * VERTEX * (size_t)s->point_count);
-    p->corners = malloc(sizeof *p->corners * (size_t)s->corner_count);
-    if (!p->vertices || !p->corners)
+    b->float_count = VERTEX * point_count;
+    b->corner_count = corner_count;
+    b->vertices = malloc(sizeof *b->vertices * (size_t)b->float_count);
+    b->corners = malloc(sizeof *b->corners * (size_t)corner_count);
+    if (!b->vertices || !b->corners)
         return fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < s->point_count; i++)
-        put_vertex(&p->likeness, i, p->vertices + VERTEX * (size_t)i);
-    for (int i = 0; i < s->corner_count; i++)
-        p->corners[i] = (uint16_t)s->corners[i];
-    return gpu_mesh_open(&p->mesh, p->gpu, NULL, VERTEX, s->point_count, NULL, s->corner_count);
+    for (int i = 0; i < point_count; i++)
+        put_vertex(&p->likeness, points ? points[i] : i, colors[i], b->vertices + VERTEX * (size_t)i);
+    for (int i = 0; i < corner_count; i++)
+        b->corners[i] = (uint16_t)corners[i];
+    return gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, point_count, NULL, corner_count);
+}
+
+static enum status open_meshes(struct likeness_painter *p)
+{
+    const struct likeness *f = &p->likeness;
+    const struct surface *s = &f->surface;
+    const struct coarse *c = &f->coarse;
+    enum status status =
+        open_mesh(p, &p->fine, NULL, s->point_count, f->coat.color, s->corners, s->corner_count);
+    return status == OK
+               ? open_mesh(p, &p->coarse, c->points, c->point_count, c->color, c->corners, c->corner_count)
+               : status;
 }
 
 enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness)
@@ -123,34 +147,41 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
     for (int i = 0; i < LIGHT_TERMS; i++)
         light[i][0] = p->likeness.coat.light.term[i];
     gpu_program_set(p->program, LIGHT, light[0], LIGHT_TERMS);
-    enum status status = open_mesh(p);
+    enum status status = open_meshes(p);
     if (status != OK)
         drop_likeness(p);
     return status;
 }
 
-bool likeness_painter_given(const struct likeness_painter *p) { return p->mesh; }
+bool likeness_painter_given(const struct likeness_painter *p) { return p->coarse.mesh; }
+
+// At most *bytes, and takes off what it took. True: all is there.
+static bool bring(struct brought *b, size_t *bytes)
+{
+    if (!b->vertices)
+        return true;
+    int floats = b->float_count - b->brought_floats;
+    floats = (size_t)floats < *bytes / sizeof(float) ? floats : (int)(*bytes / sizeof(float));
+    gpu_mesh_write_vertices(b->mesh, b->brought_floats, b->vertices + b->brought_floats, floats);
+    b->brought_floats += floats;
+    *bytes -= sizeof(float) * (size_t)floats;
+    int corners = b->corner_count - b->brought_corners;
+    corners = (size_t)corners < *bytes / sizeof(uint16_t) ? corners : (int)(*bytes / sizeof(uint16_t));
+    gpu_mesh_write_indices(b->mesh, b->brought_corners, b->corners + b->brought_corners, corners);
+    b->brought_corners += corners;
+    *bytes -= sizeof(uint16_t) * (size_t)corners;
+    if (b->brought_corners < b->corner_count)
+        return false;
+    free(b->vertices);
+    free(b->corners);
+    b->vertices = NULL;
+    b->corners = NULL;
+    return true;
+}
 
 bool likeness_painter_bring(struct likeness_painter *p, size_t bytes)
 {
-    if (!p->mesh || !p->vertices)
-        return p->mesh;
-    int floats = VERTEX * p->likeness.surface.point_count - p->brought_floats;
-    floats = (size_t)floats < bytes / sizeof(float) ? floats : (int)(bytes / sizeof(float));
-    gpu_mesh_write_vertices(p->mesh, p->brought_floats, p->vertices + p->brought_floats, floats);
-    p->brought_floats += floats;
-    bytes -= sizeof(float) * (size_t)floats;
-    int corners = p->likeness.surface.corner_count - p->brought_corners;
-    corners = (size_t)corners < bytes / sizeof(uint16_t) ? corners : (int)(bytes / sizeof(uint16_t));
-    gpu_mesh_write_indices(p->mesh, p->brought_corners, p->corners + p->brought_corners, corners);
-    p->brought_corners += corners;
-    if (p->brought_corners < p->likeness.surface.corner_count)
-        return false;
-    free(p->vertices);
-    free(p->corners);
-    p->vertices = NULL;
-    p->corners = NULL;
-    return true;
+    return likeness_painter_given(p) && bring(&p->fine, &bytes) && bring(&p->coarse, &bytes);
 }
 
 void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view)
@@ -258,17 +289,14 @@ static enum status load_frame(struct likeness_painter *p, int64_t frame)
     if (status < 0)
         return status;
     if (status == OK) {
-        const struct calibration *calibration = take_calibration(p->take);
         struct take_pictures seen;
         status = take_read(p->take, frame, TAKE_COLOR, &seen);
         p->has_now = status == OK && seen.color;
         if (p->has_now)
-            status = sight_colors(&p->sight, calibration, seen.color, p->color);
+            status = sight_colors(&p->sight, take_calibration(p->take), seen.color, p->color);
         if (status < 0)
             return status;
-        struct tint tint = likeness_tint(&p->likeness, calibration, &p->sight, p->color, e->world_from_camera);
-        p->adjustment =
-            align(p->likeness.volume, &p->likeness.rest, &p->sight, &joints, &p->adjustment, p->has_now ? &tint : NULL);
+        p->adjustment = align(p->likeness.volume, &p->likeness.rest, &p->sight, &joints, &p->adjustment);
         write_depth(p);
         if (p->has_now)
             gpu_texture_write(p->now_picture, p->color);
@@ -333,7 +361,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
         gpu_program_set(p->program, KIND, kind, 1);
         gpu_draw(&(struct gpu_job){.target = coded ? view->source : view->actor,
                                    .program = p->program,
-                                   .mesh = p->mesh,
+                                   .mesh = view->px_a_m > COARSE_PX_A_M ? p->fine.mesh : p->coarse.mesh,
                                    .textures = {p->now_picture, p->now_depth},
                                    .closed = true,
                                    .depth_test = true});

@@ -29,6 +29,7 @@ struct likeness_view {
     int64_t frame;            // shown, the nearest in time
     struct skeleton skeleton; // in the world, perhaps between two frames
     struct pose world_from_viewer;
+    double px_a_m;            // pixels that a metre of the nearest of it takes
     struct gpu_target *actor;
     struct gpu_target *source; // NULL: not wanted
 };

@@ -487,7 +487,8 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     scene.level = result->level;
     if (!p->likeness)
         return draw_parts(p, &scene, &result->parts);
-    struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera, p->actor,
+    struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera,
+                                  level_pixels_a_metre(&p->lens, &scene.in_viewer), p->actor,
                                   p->coding ? p->source : NULL};
     int parts;
     status = likeness_painter_draw(p->likeness, &shown, &parts);

@@ -117,7 +117,7 @@ static void draw(struct set *s, uint8_t *rgba)
     EXPECT_STATUS(likeness_painter_open(&painter, gpu, s->take, s->rays, &lens), OK);
     EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
     EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
-    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL};
+    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, 1000, target, NULL};
     EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts), OK);
     EXPECT_INT(parts, PART_COUNT);
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);
@@ -137,14 +137,7 @@ static void draw_reference(struct set *s, double *z, double (*rgb)[3])
     EXPECT_STATUS(sight_read(&sight, s->take, s->moment.frame), OK);
     EXPECT_STATUS(posture_of(&l->rest, &e->skeleton, &joints), OK);
     struct adjustment start = likeness_adjustment(l, s->moment.frame);
-    struct take_pictures pictures;
-    const struct calibration *calibration = take_calibration(s->take);
-    uint8_t *clean = malloc(3 * (size_t)calibration->color.width * (size_t)calibration->color.height);
-    EXPECT_STATUS(take_read(s->take, s->moment.frame, TAKE_COLOR, &pictures), OK);
-    EXPECT_STATUS(sight_colors(&sight, calibration, pictures.color, clean), OK);
-    struct tint tint = likeness_tint(l, calibration, &sight, clean, e->world_from_camera);
-    struct adjustment a = align(l->volume, &l->rest, &sight, &joints, &start, &tint);
-    free(clean);
+    struct adjustment a = align(l->volume, &l->rest, &sight, &joints, &start);
     EXPECT_STATUS(posture_of(&l->rest, &s->moment.skeleton, &shown), OK);
     shown = posture_adjusted(&shown, &a);
     joints = posture_adjusted(&joints, &a);

@@ -337,7 +337,7 @@ static void the_figure_lies_on_what_was_seen(void **state)
     struct posture joints;
     struct adjustment none = adjustment_none();
     EXPECT_STATUS(posture_of(&figure.rest, &wrong, &joints), OK);
-    struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none, NULL);
+    struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none);
     joints = posture_adjusted(&joints, &found);
     struct skeleton back = posture_skeleton(&figure.rest, &joints);
     double before = 0, after = 0;
