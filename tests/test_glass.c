@@ -213,7 +213,7 @@ static int set_up(void **state)
     // A display of its own, whatever others there are.
     snprintf(display, sizeof display, ":%d", 1000 + (int)getpid() % 50000);
     const char *const arguments[] = {"/usr/bin/Xvfb", display, "-screen", "0", "1280x800x24", "-fbdir", folder,
-                                     "-nolisten", "tcp", NULL};
+                                     "-nolisten", "tcp", "-noreset", NULL}; // not anew when the last window closes
     xvfb = process_start(arguments);
     setenv("DISPLAY", display, 1);
     for (int i = 0; i < 100 && !read_display(); i++)
