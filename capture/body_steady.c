@@ -5,7 +5,7 @@
 #define DRIFT_S 0.08    // over this time drift is averaged
 #define SPEED_S 0.25    // and speed over this
 #define HOLD_S 2.0      // a limb that is held comes to the mean of its fits in this time
-#define FOLLOW_M 0.04    // this far away nothing is held any more
+#define FOLLOW_M 0.04   // this far away nothing is held any more
 #define FOLLOW_M_S 0.30 // nor when the fits move as fast as this
 #define FASTEST_M_S 6.5 // of a thrown punch (McGill et al. 2010 have 6 to 10 m/s)
 

@@ -81,7 +81,10 @@ static bool superpose(const struct vec3 world[3], const struct vec3 camera[3], s
     return pose_finite(*camera_from_world);
 }
 
-int three_point_poses(const struct vec3 world[3], const struct vec3 ray[3], struct pose camera_from_world[4])
+// The poses that put three points onto three rays (unit length, camera axes).
+// Writes up to four and returns how many; 0 for points in a line or numbers that
+// are not finite. Grunert's equation as in Haralick et al., IJCV 1994.
+static int three_point_poses(const struct vec3 world[3], const struct vec3 ray[3], struct pose camera_from_world[4])
 {
     struct vec3 ab = v3_sub(world[1], world[0]), ac = v3_sub(world[2], world[0]), bc = v3_sub(world[2], world[1]);
     double a2 = v3_dot(bc, bc), b2 = v3_dot(ac, ac), c2 = v3_dot(ab, ab);

@@ -4,11 +4,6 @@
 #pragma once
 #include "locate/points.h"
 
-// The poses that put three points onto three rays (unit length, camera axes).
-// Writes up to four and returns how many; 0 for points in a line or numbers that
-// are not finite. Grunert's equation as in Haralick et al., IJCV 1994.
-int three_point_poses(const struct vec3 world[3], const struct vec3 ray[3], struct pose camera_from_world[4]);
-
 // The feature that shows each point, over the whole picture; only where it is clearly
 // the best and each is the other's best. Best first. Returns how many.
 int relocate_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,

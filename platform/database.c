@@ -377,11 +377,6 @@ void statement_reset(struct statement *s)
     sqlite3_clear_bindings(s->handle);
 }
 
-bool statement_is_null(struct statement *s, int column)
-{
-    return sqlite3_column_type(s->handle, column) == SQLITE_NULL;
-}
-
 int64_t statement_number(struct statement *s, int column)
 {
     return sqlite3_column_int64(s->handle, column);

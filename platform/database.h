@@ -65,7 +65,6 @@ void statement_bind_blob(struct statement *s, int position, const void *bytes, s
 MUST_CHECK enum status statement_step(struct statement *s);
 void statement_reset(struct statement *s); // ready for new values; all are NULL again
 // Columns count from 0. Borrowed until the next step or reset.
-bool statement_is_null(struct statement *s, int column);
 int64_t statement_number(struct statement *s, int column);
 const char *statement_text(struct statement *s, int column); // "" for NULL or when memory ran out
 // NULL for NULL and for a blob of no bytes; *count is then 0.

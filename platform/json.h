@@ -26,7 +26,6 @@ MUST_CHECK enum status json_need_number(const struct json *object, const char *n
 
 // ---- writing: adds never fail visibly; json_print returns NULL when memory ran out on the way
 struct json *json_new_object(void);
-struct json *json_new_array(void);
 void json_add_number(struct json *object, const char *name, double value); // not finite becomes null
 void json_add_bool(struct json *object, const char *name, bool value);
 void json_add_string(struct json *object, const char *name, const char *value);

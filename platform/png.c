@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t png_pixel_bytes(enum png_kind kind) { return (size_t)kind; }
+static size_t pixel_bytes(enum png_kind kind) { return (size_t)kind; }
 
 // ------------------------------------------------------------- reading
 
@@ -97,7 +97,7 @@ enum status png_decode(const uint8_t *bytes, size_t count, const char *name, enu
         status = fail(ERR_INPUT, "%s has %d-bit samples; depth pictures have 16, all others 8", name,
                       png_get_bit_depth(png, info));
     } else {
-        size_t stride = (size_t)*width * png_pixel_bytes(kind);
+        size_t stride = (size_t)*width * pixel_bytes(kind);
         if (png_get_rowbytes(png, info) != stride) {
             status = fail(ERR_INPUT, "%s has an unusual pixel layout", name);
         } else if (!(rows = malloc(stride * (size_t)*height))) {
@@ -179,7 +179,7 @@ enum status png_encode(enum png_kind kind, const void *pixels, int width, int he
     png_write_info(png, info);
     if (kind == PNG_GRAY16)
         png_set_swap(png);
-    size_t stride = (size_t)width * png_pixel_bytes(kind);
+    size_t stride = (size_t)width * pixel_bytes(kind);
     for (int y = 0; y < height; y++)
         png_write_row(png, (png_const_bytep)pixels + stride * (size_t)y);
     png_write_end(png, NULL);

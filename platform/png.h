@@ -2,10 +2,8 @@
 #pragma once
 #include "platform/base.h"
 
-enum png_kind { PNG_GRAY8 = 1, PNG_GRAY16 = 2, PNG_RGB8 = 3, PNG_RGBA8 = 4 };
-
-// What one pixel takes: 1, 2, 3, 4 bytes. 16-bit samples are in the machine's order.
-size_t png_pixel_bytes(enum png_kind kind);
+// 16-bit samples are in the machine's order.
+enum png_kind { PNG_GRAY8 = 1, PNG_GRAY16 = 2, PNG_RGB8 = 3, PNG_RGBA8 = 4 }; // bytes a pixel
 
 // Reads a file as `kind`: palettes are expanded, alpha dropped or made opaque.
 // Asking for gray 16 of an 8-bit picture, or for 8 bit of a 16-bit one, is ERR_INPUT:

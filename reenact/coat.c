@@ -124,7 +124,8 @@ static void harmonics(const float n[3], float y[LIGHT_TERMS])
     y[7] = n[0] * n[0] - n[1] * n[1], y[8] = 3 * n[2] * n[2] - 1;
 }
 
-float coat_lit(const struct light *light, const float n[3])
+// n: world axes, unit.
+static float lit(const struct light *light, const float n[3])
 {
     float y[LIGHT_TERMS], sum = 0;
     harmonics(n, y);
@@ -143,7 +144,7 @@ static bool own_color(const struct word words[KEPT], const struct light *light, 
         float sum[3] = {0}, total[3] = {0};
         for (int k = 0; k < KEPT; k++)
             for (int c = 0; c < 3 && words[k].weight > 0; c++) {
-                float s = coat_lit(light, words[k].normal), w = words[k].weight * odd[k];
+                float s = lit(light, words[k].normal), w = words[k].weight * odd[k];
                 sum[c] += w * s * words[k].rgb[c];
                 total[c] += w * s * s;
             }
@@ -154,7 +155,7 @@ static bool own_color(const struct word words[KEPT], const struct light *light, 
         for (int k = 0; k < KEPT; k++) {
             float off = 0;
             for (int c = 0; c < 3; c++)
-                off += fabsf(sqrtf(words[k].rgb[c] / coat_lit(light, words[k].normal)) - sqrtf(color[c]));
+                off += fabsf(sqrtf(words[k].rgb[c] / lit(light, words[k].normal)) - sqrtf(color[c]));
             odd[k] = 1 / (1 + off * off / (ODD * ODD));
             odd[k] *= odd[k];
         }
@@ -189,7 +190,7 @@ static void fit_light(const struct coat_maker *m, float (*colors)[3], struct lig
             continue;
         float y[LIGHT_TERMS], color = colors[point][c];
         harmonics(w->normal, y);
-        float off = w->rgb[c] - color * coat_lit(light, w->normal);
+        float off = w->rgb[c] - color * lit(light, w->normal);
         double weight = (double)(w->weight / (1 + off * off / (ODD * ODD)));
         for (int r = 0; r < LIGHT_TERMS; r++) {
             for (int q = 0; q < LIGHT_TERMS; q++)

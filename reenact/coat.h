@@ -16,8 +16,6 @@ struct light {
     float term[LIGHT_TERMS];
 };
 
-float coat_lit(const struct light *light, const float normal[3]); // world axes, unit
-
 struct coat {
     float (*color)[3]; // of each point of the surface, linear, in the mean light
     float *time_s;     // when it was seen best, since the take's first frame

@@ -41,24 +41,6 @@ struct part_map part_map_multiply(const struct part_map *a, const struct part_ma
     return map;
 }
 
-struct part_map part_map_between(const struct part_frame *from, const struct part_frame *to)
-{
-    double scale = to->length / from->length;
-    struct part_map map;
-    const struct vec3 *f[3] = {&from->x, &from->y, &from->z}, *t[3] = {&to->x, &to->y, &to->z};
-    for (int i = 0; i < 3; i++) {
-        struct vec3 row = v3(0, 0, 0);
-        for (int k = 0; k < 3; k++)
-            row = v3_add(row, v3_scale(*f[k], scale * (i == 0 ? t[k]->x : i == 1 ? t[k]->y : t[k]->z)));
-        double origin = i == 0 ? to->origin.x : i == 1 ? to->origin.y : to->origin.z;
-        map.row[i][0] = (float)row.x;
-        map.row[i][1] = (float)row.y;
-        map.row[i][2] = (float)row.z;
-        map.row[i][3] = (float)(origin - v3_dot(row, from->origin));
-    }
-    return map;
-}
-
 enum { CAP_RINGS = 8 };
 
 // Ring number i of `rings`: its height and its radius.
@@ -79,7 +61,8 @@ static void ring_at(enum cylinder_shape shape, double cap, int i, int rings, dou
     }
 }
 
-void cylinder_mesh_indices(uint16_t *index, int around, int rings)
+// The triangles between `rings` rings of `around` vertices each: (rings - 1) * around * 6 indices.
+static void fill_indices(uint16_t *index, int around, int rings)
 {
     for (int i = 0; i + 1 < rings; i++)
         for (int k = 0; k < around; k++) {
@@ -114,7 +97,7 @@ enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around
             *v++ = (float)z;
         }
     }
-    cylinder_mesh_indices(out->indices, around, rings);
+    fill_indices(out->indices, around, rings);
     return OK;
 }
 

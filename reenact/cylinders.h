@@ -15,10 +15,6 @@ struct part_map cylinder_map(const struct part_frame *frame, double radius_m);
 struct part_map part_map_of(struct pose a_from_b);
 struct part_map part_map_multiply(const struct part_map *a_from_b, const struct part_map *b_from_c);
 
-// From one skeleton's axes to another's, so that a point of the part comes upon
-// the same point of the part there; scaled with the bone.
-struct part_map part_map_between(const struct part_frame *from, const struct part_frame *to);
-
 // How the mesh ends.
 enum cylinder_shape {
     CYLINDER_OPEN,    // the paper's: a tube
@@ -38,9 +34,6 @@ struct cylinder_mesh {
 MUST_CHECK enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around, int along,
                                           struct cylinder_mesh *out);
 void cylinder_mesh_free(struct cylinder_mesh *mesh);
-
-// The triangles between `rings` rings of `around` vertices each: (rings - 1) * around * 6 indices.
-void cylinder_mesh_indices(uint16_t *indices, int around, int rings);
 
 // Sides that keep a circle of `radius_px` true within `error_px`: 8, 16, 32 or 64.
 int cylinder_sides(double radius_px, double error_px);

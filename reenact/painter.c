@@ -578,5 +578,3 @@ const struct gpu_texture *painter_shadow_texture(struct painter *p)
 }
 
 const struct gpu_texture *painter_paper_texture(struct painter *p) { return gpu_target_texture(p->plain); }
-
-const struct gpu_texture *painter_texture(struct painter *p) { return gpu_target_texture(p->composed); }

@@ -91,10 +91,7 @@ MUST_CHECK enum status painter_read_actor(struct painter *p, uint8_t *rgba);
 // hundredths of a second, at most 65535. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_read_source(struct painter *p, uint8_t *rgb);
 
-// The picture last drawn as a texture, top row first, for whoever shows it in a window.
-const struct gpu_texture *painter_texture(struct painter *p);
-
-// The actor last drawn alone, premultiplied alpha, likewise.
+// The actor last drawn alone as a texture, top row first, premultiplied alpha, for whoever shows it in a window.
 const struct gpu_texture *painter_actor_texture(struct painter *p);
 
 // His shadow in the picture last drawn, premultiplied, likewise: to be laid under him. NULL: there is none.

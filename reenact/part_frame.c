@@ -34,7 +34,8 @@ static void set_front(struct part_frame *f, struct vec3 wanted)
     f->x = v3_cross(f->y, f->z);
 }
 
-struct part_frame part_frame_turned(const struct part_frame *f, struct vec3 eye)
+// The same bone, turned about it so that y leans towards `eye`.
+static struct part_frame turned_to(const struct part_frame *f, struct vec3 eye)
 {
     struct part_frame turned = *f;
     set_front(&turned, v3_sub(eye, v3_add(f->origin, v3_scale(f->z, f->length / 2))));
@@ -46,7 +47,7 @@ bool part_frame_facing(const struct skeleton *s, enum part p, struct vec3 eye, s
     struct part_frame f;
     if (!bone(s, p, &f))
         return false;
-    *out = part_frame_turned(&f, eye);
+    *out = turned_to(&f, eye);
     return true;
 }
 

@@ -27,9 +27,6 @@ bool part_frame_facing(const struct skeleton *skeleton, enum part p, struct vec3
 // trunk direction is known.
 bool part_frame_bodily(const struct skeleton *skeleton, enum part p, struct part_frame *out);
 
-// The same bone, turned about it so that y leans towards `eye`.
-struct part_frame part_frame_turned(const struct part_frame *f, struct vec3 eye);
-
 // A point or direction in the part's axes, metres.
 struct vec3 part_frame_point_in(const struct part_frame *f, struct vec3 p);
 struct vec3 part_frame_direction_in(const struct part_frame *f, struct vec3 d);

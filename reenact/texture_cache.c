@@ -23,7 +23,7 @@ struct texture_cache {
     int64_t now;
     struct source_picture pictures[PICTURES]; // decoded lately
     int64_t picture_used[PICTURES];
-    struct texture_cache_counts counts;
+    size_t bytes; // held now
 };
 
 enum status texture_cache_open(struct texture_cache **out, struct gpu *gpu, struct take *take, size_t max_bytes)
@@ -62,18 +62,16 @@ void texture_cache_close(struct texture_cache **c)
     *c = NULL;
 }
 
-struct texture_cache_counts texture_cache_count(const struct texture_cache *c) { return c->counts; }
-
 static void drop(struct texture_cache *c, int i)
 {
-    c->counts.bytes -= c->entries[i].bytes;
+    c->bytes -= c->entries[i].bytes;
     gpu_texture_close(&c->entries[i].texture);
     c->entries[i] = c->entries[--c->count];
 }
 
 static enum status make_room(struct texture_cache *c, size_t bytes)
 {
-    while (c->count && c->counts.bytes + bytes > c->max_bytes) {
+    while (c->count && c->bytes + bytes > c->max_bytes) {
         int oldest = 0;
         for (int i = 1; i < c->count; i++)
             if (c->entries[i].used < c->entries[oldest].used)
@@ -93,7 +91,6 @@ static enum status make_room(struct texture_cache *c, size_t bytes)
 
 static bool find(struct texture_cache *c, int64_t frame, int part, struct source_texture *out)
 {
-    c->counts.asked++;
     for (int i = 0; i < c->count; i++) {
         struct entry *e = &c->entries[i];
         if (e->frame != frame || e->part != part)
@@ -120,8 +117,7 @@ static enum status keep(struct texture_cache *c, int64_t frame, int part, const 
     status = gpu_texture_open(&e.texture, c->gpu, GPU_RGB8, patch->width, patch->height, GPU_LINEAR, patch->rgb);
     if (status != OK)
         return status;
-    c->counts.bytes += bytes;
-    c->counts.made++;
+    c->bytes += bytes;
     c->entries[c->count++] = e;
     *out = (struct source_texture){e.texture, {e.window[0], e.window[1], e.window[2], e.window[3]}};
     return OK;
@@ -141,7 +137,6 @@ static enum status picture_of(struct texture_cache *c, int64_t frame, bool label
             oldest = i;
     }
     c->picture_used[oldest] = ++c->now;
-    c->counts.decoded++;
     *out = &c->pictures[oldest];
     return source_picture_load(*out, c->take, frame, labelled ? c->rays : NULL);
 }

@@ -24,10 +24,3 @@ MUST_CHECK enum status texture_cache_whole(struct texture_cache *c, int64_t fram
 // which cannot tell parts apart, the whole frame. NOTHING: it shows too little of the part.
 MUST_CHECK enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part p,
                                           struct source_texture *out);
-
-struct texture_cache_counts {
-    int64_t asked, made; // textures
-    int64_t decoded;     // frames read from the take
-    size_t bytes;        // held now
-};
-struct texture_cache_counts texture_cache_count(const struct texture_cache *c);

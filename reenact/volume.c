@@ -137,6 +137,15 @@ static enum status open_cells(struct volume *v, int64_t count)
     return v->cells && v->heeding ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
+static void start_with_cylinders(struct volume *v)
+{
+    for (int c = 0; c < v->cell_count; c++) {
+        v->distance[v->cells[c].at] = v->cells[c].cylinder;
+        v->trust[v->cells[c].at] = CYLINDER_TRUST;
+        v->seen[v->cells[c].at] = 0;
+    }
+}
+
 enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration)
 {
     *out = NULL;
@@ -161,7 +170,7 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
         volume_close(&v);
         return status;
     }
-    volume_clear(v);
+    start_with_cylinders(v);
     *out = v;
     return OK;
 }
@@ -177,15 +186,6 @@ void volume_close(struct volume **v)
     free((*v)->seen);
     free(*v);
     *v = NULL;
-}
-
-void volume_clear(struct volume *v)
-{
-    for (int c = 0; c < v->cell_count; c++) {
-        v->distance[v->cells[c].at] = v->cells[c].cylinder;
-        v->trust[v->cells[c].at] = CYLINDER_TRUST;
-        v->seen[v->cells[c].at] = 0;
-    }
 }
 
 // ---------------------------------------------------------------- gathering

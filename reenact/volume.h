@@ -13,7 +13,6 @@ struct volume;
 // Rest pose and lens are copied. ERR_MEMORY.
 MUST_CHECK enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration);
 void volume_close(struct volume **v);
-void volume_clear(struct volume *v); // back to the cylinders
 
 // Adds what one frame saw, the person being in `posture` (colour camera's axes).
 void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture);

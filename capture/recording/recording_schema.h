@@ -42,7 +42,6 @@ struct take_row {
 
 // CRC-32 as in PNG and zip. Begin with 0, feed on.
 uint32_t crc32_of(uint32_t crc, const void *bytes, size_t count);
-uint32_t crc32_of_number(uint32_t crc, int64_t value); // its 8 bytes, little-endian
 
 // The crc column of a row: over the columns between key and crc, in order.
 uint32_t view_crc(const uint8_t *pose, const uint8_t *depth, size_t depth_bytes, const uint8_t *color,

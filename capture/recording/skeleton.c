@@ -35,30 +35,10 @@ static const char *const joint_names[JOINT_COUNT] = {
     [JOINT_RIGHT_FOOT] = "right_foot",
 };
 
-static const char *const part_names[PART_COUNT] = {
-    [PART_HEAD] = "head",
-    [PART_UPPER_TORSO] = "upper_torso",
-    [PART_LOWER_TORSO] = "lower_torso",
-    [PART_LEFT_UPPER_ARM] = "left_upper_arm",
-    [PART_LEFT_FOREARM] = "left_forearm",
-    [PART_RIGHT_UPPER_ARM] = "right_upper_arm",
-    [PART_RIGHT_FOREARM] = "right_forearm",
-    [PART_LEFT_THIGH] = "left_thigh",
-    [PART_LEFT_SHIN] = "left_shin",
-    [PART_RIGHT_THIGH] = "right_thigh",
-    [PART_RIGHT_SHIN] = "right_shin",
-};
-
 const char *joint_name(enum joint j)
 {
     assert(j >= 0 && j < JOINT_COUNT);
     return joint_names[j];
-}
-
-const char *part_name(enum part p)
-{
-    assert(p >= 0 && p < PART_COUNT);
-    return part_names[p];
 }
 
 bool joint_from_name(const char *name, enum joint *out)

@@ -41,7 +41,6 @@ struct part_ends {
 extern const struct part_ends part_ends[PART_COUNT];
 
 const char *joint_name(enum joint j); // "left_elbow"
-const char *part_name(enum part p);   // "left_forearm"
 bool joint_from_name(const char *name, enum joint *out);
 
 // What is constant over a take.
