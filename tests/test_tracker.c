@@ -1,63 +1,17 @@
 // Joints from depth, against the small world's truth, and all that may happen
 // to a sensor on the way.
+#include "tests/support/tracked_film.h"
 #include "tests/test.h"
-#include "tests/world/world.h"
 
 #include "capture/body_fit.h"
-#include "capture/tracker.h"
 
 #include <stdio.h>
 #include <string.h>
 
-struct set {
-    struct world *world;
-    struct calibration calibration;
-    struct tracker *tracker;
-    size_t pixels;
-    uint16_t *depth;
-    uint8_t *mask, *truth_mask;
-};
-
-static void set_open(struct set *s, const char *figure, const char *motion)
+static void film(struct tracked_film *s, double time_s, uint64_t seed)
 {
-    memset(s, 0, sizeof *s);
-    struct world_options options = world_default_options();
-    options.plain = true;
-    options.motion = motion;
-    EXPECT_TRUE(world_figure_named(figure, &options.figure));
-    EXPECT_STATUS(world_open(&s->world, &options), OK);
-    s->calibration = world_calibration(0.5);
-    s->pixels = (size_t)s->calibration.depth.width * (size_t)s->calibration.depth.height;
-    s->depth = calloc(s->pixels, sizeof *s->depth);
-    s->mask = calloc(s->pixels, 1);
-    s->truth_mask = calloc(s->pixels, 1);
-    assert_true(s->depth && s->mask && s->truth_mask);
-    EXPECT_STATUS(tracker_open(&s->tracker, &s->calibration, NULL), OK);
+    tracked_film_shoot(s, world_sensor_pose(s->world), time_s, seed);
 }
-
-static void set_close(struct set *s)
-{
-    tracker_close(&s->tracker);
-    world_close(&s->world);
-    free(s->depth);
-    free(s->mask);
-    free(s->truth_mask);
-}
-
-static void film_from(struct set *s, struct pose world_from_camera, double time_s, uint64_t seed)
-{
-    struct world_shot shot = {s->calibration.depth, world_from_camera, time_s, true};
-    struct world_picture picture = {.depth = s->depth, .mask = s->truth_mask};
-    EXPECT_STATUS(world_render(s->world, &shot, &picture), OK);
-    EXPECT_STATUS(world_depth_noise(&shot.lens, s->depth, seed, s->depth), OK);
-}
-
-static void film(struct set *s, double time_s, uint64_t seed)
-{
-    film_from(s, world_sensor_pose(s->world), time_s, seed);
-}
-
-static int64_t ns(double time_s) { return (int64_t)llround(time_s * 1e9); }
 
 // No joint is ever NaN, far outside any room, or of a confidence that does not exist.
 static void expect_sane(const struct skeleton *s)
@@ -90,7 +44,7 @@ static bool is_swapped(const struct skeleton *s, const struct skeleton *truth)
     return cross < 0.7 * keep;
 }
 
-static struct score run(struct set *s, double fps, double until_s, bool mirrored)
+static struct score run(struct tracked_film *s, double fps, double until_s, bool mirrored)
 {
     struct score score = {0};
     struct skeleton last = {0};
@@ -100,7 +54,7 @@ static struct score run(struct set *s, double fps, double until_s, bool mirrored
         film(s, t, 500 + (uint64_t)k);
         struct skeleton got, truth = world_joints_in_camera(s->world, t, world_sensor_pose(s->world));
         score.frames++;
-        if (tracker_next(s->tracker, ns(t), s->depth, &got, s->mask) != OK) {
+        if (tracker_next(s->tracker, nanoseconds(t), s->depth, &got, s->mask) != OK) {
             score.nothing++;
             continue;
         }
@@ -147,26 +101,26 @@ static struct score run(struct set *s, double fps, double until_s, bool mirrored
 static void a_full_turn_keeps_left_and_right(void **state)
 {
     (void)state;
-    struct set s;
-    set_open(&s, "woman", "pirouette");
+    struct tracked_film s;
+    tracked_film_open(&s, "woman", "pirouette");
     struct score score = run(&s, 20, 100, false);
     EXPECT_INT(score.nothing, 0);
     EXPECT_INT(score.swapped, 0);
     EXPECT_AT_MOST(score.mean_m, 0.045);
     EXPECT_AT_LEAST(score.within_10cm, 0.95);
     EXPECT_AT_LEAST(score.iou, 0.89);
-    set_close(&s);
+    tracked_film_close(&s);
 }
 
 static void the_check_sees_swapped_sides(void **state)
 {
     (void)state;
-    struct set s;
-    set_open(&s, "man", "pirouette");
+    struct tracked_film s;
+    tracked_film_open(&s, "man", "pirouette");
     struct score score = run(&s, 10, 1, true);
     EXPECT_INT(score.swapped, score.frames);
     EXPECT_AT_LEAST(score.mean_m, 0.1);
-    set_close(&s);
+    tracked_film_close(&s);
 }
 
 static void other_people_are_followed_too(void **state)
@@ -174,27 +128,27 @@ static void other_people_are_followed_too(void **state)
     (void)state;
     static const char *const who[] = {"heavy", "child", "tall"};
     for (size_t k = 0; k < COUNT_OF(who); k++) {
-        struct set s;
-        set_open(&s, who[k], "kata");
+        struct tracked_film s;
+        tracked_film_open(&s, who[k], "kata");
         struct score score = run(&s, 30, 1.2, false);
         EXPECT_INT(score.swapped, 0);
         EXPECT_AT_MOST(score.mean_m, 0.065);
         EXPECT_AT_LEAST(score.within_10cm, 0.88);
         EXPECT_AT_MOST(score.jump_m, 0.25);
-        set_close(&s);
+        tracked_film_close(&s);
     }
 }
 
 static void bones_keep_their_lengths(void **state)
 {
     (void)state;
-    struct set s;
-    set_open(&s, "man", "walk");
+    struct tracked_film s;
+    tracked_film_open(&s, "man", "walk");
     double low[PART_COUNT], high[PART_COUNT];
     for (int k = 0; k < 40; k++) {
         film(&s, k / 30.0, 60 + (uint64_t)k);
         struct skeleton got;
-        EXPECT_STATUS(tracker_next(s.tracker, ns(k / 30.0), s.depth, &got, NULL), OK);
+        EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(k / 30.0), s.depth, &got, NULL), OK);
         for (int p = 0; p < PART_COUNT; p++) {
             double length = v3_distance(got.joint[part_ends[p].from], got.joint[part_ends[p].to]);
             low[p] = k == 0 ? length : fmin(low[p], length);
@@ -203,14 +157,14 @@ static void bones_keep_their_lengths(void **state)
     }
     for (int p = 0; p < PART_COUNT; p++) // they are still learned, by little
         EXPECT_AT_MOST(high[p] / low[p], 1.12);
-    set_close(&s);
+    tracked_film_close(&s);
 }
 
 static void the_same_frames_give_the_same_joints(void **state)
 {
     (void)state;
-    struct set s;
-    set_open(&s, "woman", "kata");
+    struct tracked_film s;
+    tracked_film_open(&s, "woman", "kata");
     struct skeleton first[8];
     for (int turn = 0; turn < 3; turn++) {
         if (turn == 1) { // a new tracker; then the old one, emptied
@@ -222,14 +176,14 @@ static void the_same_frames_give_the_same_joints(void **state)
         for (int k = 0; k < 8; k++) {
             struct skeleton got;
             film(&s, 1 + k / 30.0, 7 + (uint64_t)k);
-            EXPECT_STATUS(tracker_next(s.tracker, ns(1 + k / 30.0), s.depth, &got, NULL), OK);
+            EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(1 + k / 30.0), s.depth, &got, NULL), OK);
             if (turn == 0)
                 first[k] = got;
             for (int j = 0; j < JOINT_COUNT; j++)
                 EXPECT_NEAR(v3_distance(got.joint[j], first[k].joint[j]), 0, 0);
         }
     }
-    set_close(&s);
+    tracked_film_close(&s);
 }
 
 static double mean_error(const struct skeleton *a, const struct skeleton *b)
@@ -243,8 +197,8 @@ static double mean_error(const struct skeleton *a, const struct skeleton *b)
 static void black_repeated_and_backward_frames(void **state)
 {
     (void)state;
-    struct set s;
-    set_open(&s, "woman", "pirouette");
+    struct tracked_film s;
+    tracked_film_open(&s, "woman", "pirouette");
     uint16_t *black = calloc(s.pixels, sizeof *black);
     assert_non_null(black);
     struct skeleton got, truth;
@@ -254,12 +208,12 @@ static void black_repeated_and_backward_frames(void **state)
         film(&s, t, (uint64_t)k);
         truth = world_joints_in_camera(s.world, t, world_sensor_pose(s.world));
         if (k == 10) {
-            EXPECT_STATUS(tracker_next(s.tracker, ns(t), black, &got, s.mask), NOTHING);
+            EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(t), black, &got, s.mask), NOTHING);
             for (int j = 0; j < JOINT_COUNT; j++)
                 EXPECT_TRUE(got.confidence[j] == 0);
             continue;
         }
-        int64_t when = k == 20 ? ns(0.1) : ns(t); // the clock jumps back once
+        int64_t when = k == 20 ? nanoseconds(0.1) : nanoseconds(t); // the clock jumps back once
         EXPECT_STATUS(tracker_next(s.tracker, when, s.depth, &got, s.mask), OK);
         expect_sane(&got);
         EXPECT_AT_MOST(mean_error(&got, &truth), 0.09);
@@ -270,20 +224,14 @@ static void black_repeated_and_backward_frames(void **state)
         }
     }
     free(black);
-    set_close(&s);
-}
-
-// The sensor's pose moved along its own axes.
-static struct pose moved(struct pose world_from_camera, struct vec3 by)
-{
-    return pose_multiply(world_from_camera, (struct pose){{0, 0, 0, 1}, by});
+    tracked_film_close(&s);
 }
 
 static void near_far_and_half_out_of_the_picture(void **state)
 {
     (void)state;
-    struct set s;
-    set_open(&s, "man", "still");
+    struct tracked_film s;
+    tracked_film_open(&s, "man", "still");
     struct pose stand = world_sensor_pose(s.world);
     struct skeleton truth = world_joints_in_camera(s.world, 0, stand);
     double z = truth.joint[JOINT_TORSO].z;
@@ -294,7 +242,7 @@ static void near_far_and_half_out_of_the_picture(void **state)
         struct skeleton want = world_joints_in_camera(s.world, 0, from), got;
         enum status status = NOTHING;
         for (int frame = 0; frame < 6; frame++) {
-            film_from(&s, from, 0, 40 + (uint64_t)frame);
+            tracked_film_shoot(&s, from, 0, 40 + (uint64_t)frame);
             status = tracker_next(s.tracker, frame * 33333333LL, s.depth, &got, s.mask);
             EXPECT_TRUE(status >= 0);
             expect_sane(&got);
@@ -310,17 +258,17 @@ static void near_far_and_half_out_of_the_picture(void **state)
             for (int side = 0; side < 2; side++)
                 EXPECT_TRUE(got.confidence[side ? JOINT_LEFT_FOOT : JOINT_RIGHT_FOOT] == 0);
     }
-    set_close(&s);
+    tracked_film_close(&s);
 }
 
 static void two_people_and_one_is_followed(void **state)
 {
     (void)state;
-    struct set s, other;
-    set_open(&s, "woman", "still");
-    set_open(&other, "man", "still");
+    struct tracked_film s, other;
+    tracked_film_open(&s, "woman", "still");
+    tracked_film_open(&other, "man", "still");
     for (int k = 0; k < 6; k++) {
-        film_from(&other, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)), 0, 90 + (uint64_t)k);
+        tracked_film_shoot(&other, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)), 0, 90 + (uint64_t)k);
         film(&s, 0, 30 + (uint64_t)k);
         for (size_t i = 0; i < s.pixels; i++)
             if (other.truth_mask[i] && other.depth[i] && (!s.depth[i] || other.depth[i] < s.depth[i]))
@@ -331,8 +279,8 @@ static void two_people_and_one_is_followed(void **state)
         expect_sane(&got);
         EXPECT_AT_MOST(fmin(mean_error(&got, &one), mean_error(&got, &two)), 0.09);
     }
-    set_close(&s);
-    set_close(&other);
+    tracked_film_close(&s);
+    tracked_film_close(&other);
 }
 
 static void tiny_pictures_and_noise_do_no_harm(void **state)

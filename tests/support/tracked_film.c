@@ -1,0 +1,46 @@
+#include "tests/support/tracked_film.h"
+
+#include "tests/test.h"
+
+#include <string.h>
+
+void tracked_film_open(struct tracked_film *f, const char *figure, const char *motion)
+{
+    memset(f, 0, sizeof *f);
+    struct world_options options = world_default_options();
+    options.plain = true;
+    options.motion = motion;
+    EXPECT_TRUE(world_figure_named(figure, &options.figure));
+    EXPECT_STATUS(world_open(&f->world, &options), OK);
+    f->calibration = world_calibration(0.5);
+    f->pixels = (size_t)f->calibration.depth.width * (size_t)f->calibration.depth.height;
+    f->depth = calloc(f->pixels, sizeof *f->depth);
+    f->mask = calloc(f->pixels, 1);
+    f->truth_mask = calloc(f->pixels, 1);
+    assert_true(f->depth && f->mask && f->truth_mask);
+    EXPECT_STATUS(tracker_open(&f->tracker, &f->calibration, NULL), OK);
+}
+
+void tracked_film_close(struct tracked_film *f)
+{
+    tracker_close(&f->tracker);
+    world_close(&f->world);
+    free(f->depth);
+    free(f->mask);
+    free(f->truth_mask);
+}
+
+void tracked_film_shoot(struct tracked_film *f, struct pose world_from_camera, double time_s, uint64_t seed)
+{
+    struct world_shot shot = {f->calibration.depth, world_from_camera, time_s, true};
+    struct world_picture picture = {.depth = f->depth, .mask = f->truth_mask};
+    EXPECT_STATUS(world_render(f->world, &shot, &picture), OK);
+    EXPECT_STATUS(world_depth_noise(&shot.lens, f->depth, seed, f->depth), OK);
+}
+
+int64_t nanoseconds(double seconds) { return (int64_t)llround(seconds * 1e9); }
+
+struct pose moved(struct pose world_from_camera, struct vec3 by)
+{
+    return pose_multiply(world_from_camera, (struct pose){{0, 0, 0, 1}, by});
+}

@@ -1,0 +1,26 @@
+// A tracker before a film of the small world, at half a Kinect's size with its
+// noise. What fails is a failed check of the test that asks for it.
+#pragma once
+#include "tests/world/world.h"
+
+#include "capture/tracker.h"
+
+struct tracked_film {
+    struct world *world;
+    struct calibration calibration;
+    struct tracker *tracker;
+    size_t pixels;
+    uint16_t *depth;     // as filmed last, mm
+    uint8_t *truth_mask; // the figure in it
+    uint8_t *mask;       // room for what the tracker says
+};
+
+// figure, motion: of the small world, by name.
+void tracked_film_open(struct tracked_film *f, const char *figure, const char *motion);
+void tracked_film_close(struct tracked_film *f);
+// Films the figure `time_s` after its motion began. seed: of the noise.
+void tracked_film_shoot(struct tracked_film *f, struct pose world_from_camera, double time_s, uint64_t seed);
+
+int64_t nanoseconds(double seconds);
+// A pose moved along its own axes.
+struct pose moved(struct pose world_from_camera, struct vec3 by);
