@@ -1,0 +1,52 @@
+// A painted person, balls and tubes before a magenta wall, filmed into a take of a
+// few frames; and what a painter makes of it. What fails is a failed check of the
+// test that asks for it.
+#pragma once
+#include "reenact/painter.h"
+
+enum { W = 320, H = 240, PIXELS = W * H };
+extern const struct lens ideal, bent; // W x H, without and with distortion
+
+// ---- a take of given frames, 40 ms apart, in a file that lasts as long as it is open
+struct one_frame {
+    struct skeleton skeleton;
+    const uint8_t *rgb; // NULL: no picture
+    const uint16_t *depth;
+    const uint8_t *mask;
+};
+
+struct painted_take {
+    char path[64];
+    struct recording *recording;
+    struct take *take;
+    struct gpu *gpu;
+};
+
+void painted_take_open(struct painted_take *s, const struct lens *color, const struct one_frame *frames, int count,
+                const struct body *body);
+void painted_take_close(struct painted_take *s);
+struct painter *painter_on(struct painted_take *s, const struct lens *lens, enum detail detail);
+
+struct drawn {
+    uint8_t rgb[PIXELS * 3], actor[PIXELS * 4];
+    struct painter_result result;
+};
+// color: the viewer's picture, W x H, RGB.
+void draw_picture(struct painter *p, struct pose world_from_camera, int64_t time_ns, const uint8_t *color,
+                  struct drawn *out);
+
+// ---- the double-precision reference
+// How far along `ray` from the origin the open cylinder about a-b of `radius` is
+// first met at z >= nearest; infinite: never. ray has z = 1, so that it is the depth.
+double tube_depth(struct vec3 ray, struct vec3 a, struct vec3 b, double radius, double nearest);
+
+// ---- the person
+struct skeleton whole_body(double arm); // 2.5 m away; the left hand `arm` metres nearer
+extern const struct body whole_measures;
+
+// What a camera at the origin sees of that person before a magenta wall.
+struct painted {
+    uint8_t rgb[PIXELS * 3], mask[PIXELS];
+    uint16_t depth[PIXELS];
+};
+void paint_person(struct painted *out, const struct lens *lens, const struct skeleton *s, const struct body *body);

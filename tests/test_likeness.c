@@ -1,0 +1,158 @@
+// The likeness of a painted person: it lies where they were seen, is closed, finds
+// its way back when the joints are wrong, and may come after the first picture.
+#include "tests/support/painted_person.h"
+#include "tests/test.h"
+
+#include "reenact/likeness.h"
+#include "reenact/outline.h"
+
+#include <string.h>
+
+static double mean_gap_mm(const struct outline_gaps *g)
+{
+    double sum = 0, count = 0;
+    for (int p = 0; p < PART_COUNT; p++) {
+        sum += g->sum[p];
+        count += g->count[p];
+    }
+    return 1000 * sum / count;
+}
+
+// The figure lies where the body was painted, is closed, finds its way back when the joints are wrong, and is made as
+// wide as it is seen.
+static void the_figure_lies_on_what_was_seen(void **state)
+{
+    (void)state;
+    static struct painted film;
+    struct skeleton s = whole_body(0);
+    paint_person(&film, &ideal, &s, &whole_measures);
+    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
+    struct painted_take stage;
+    painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
+    struct source_rays *rays;
+    struct likeness figure;
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, 10, NULL), OK);
+    long close = 0;
+    for (int i = 0; i < figure.surface.point_count; i++)
+        close += fabs(rest_distance(&figure.rest, figure.surface.points[i])) < 0.015;
+    print_message("%d points, %ld within 15 mm\n", figure.surface.point_count, close);
+    EXPECT_AT_LEAST((double)close, 0.9 * figure.surface.point_count);
+    uint64_t edges = 0; // every edge is there once in either direction
+    for (int c = 0; c < figure.surface.corner_count; c++) {
+        uint64_t from = (uint64_t)figure.surface.corners[c],
+                 to = (uint64_t)figure.surface.corners[c % 3 == 2 ? c - 2 : c + 1];
+        uint64_t edge = (from < to ? from << 32 | to : to << 32 | from) * 0x9e3779b97f4a7c15u;
+        edges += from < to ? edge : -edge;
+    }
+    EXPECT_TRUE(edges == 0);
+
+    struct sight sight;
+    EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
+    EXPECT_STATUS(sight_read(&sight, stage.take, 0), OK);
+    struct skeleton wrong = s;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        wrong.joint[j] = v3_add(s.joint[j], v3(0.02, 0, 0.03));
+    struct posture joints;
+    struct adjustment none = adjustment_none();
+    EXPECT_STATUS(posture_of(&figure.rest, &wrong, &joints), OK);
+    struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none);
+    joints = posture_adjusted(&joints, &found);
+    struct skeleton back = posture_skeleton(&figure.rest, &joints);
+    double before = 0, after = 0;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        before += v3_distance(wrong.joint[j], s.joint[j]) / JOINT_COUNT;
+        after += v3_distance(back.joint[j], s.joint[j]) / JOINT_COUNT;
+    }
+    print_message("joints %.1f mm off, then %.1f mm\n", before * 1000, after * 1000);
+    EXPECT_AT_MOST(after, before / 2);
+
+    double thinner[PART_COUNT]; // the frame's outline says by how much
+    for (int p = 0; p < PART_COUNT; p++)
+        thinner[p] = -0.010;
+    struct outline_gaps as_made = {0}, thinned = {0}, met = {0};
+    outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &as_made);
+    volume_grow(figure.volume, thinner);
+    for (int i = 0; i < 20; i++) // as many frames as a part needs to be sure of
+        outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &thinned);
+    outline_meet(figure.volume, &thinned);
+    outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &met);
+    print_message("outline off by %.1f mm, thinned %.1f mm, met %.1f mm\n", mean_gap_mm(&as_made),
+                  mean_gap_mm(&thinned), mean_gap_mm(&met));
+    EXPECT_NEAR(mean_gap_mm(&thinned) - mean_gap_mm(&as_made), 10, 2);
+    EXPECT_NEAR(mean_gap_mm(&met), 0, 2);
+    sight_close(&sight);
+    likeness_free(&figure);
+    source_rays_close(&rays);
+    painted_take_close(&stage);
+}
+
+struct patience {
+    int told, most;
+    double share;
+};
+
+static bool be_patient(void *self, double share)
+{
+    struct patience *p = self;
+    EXPECT_AT_LEAST(share, p->share);
+    EXPECT_AT_MOST(share, 1);
+    p->share = share;
+    return ++p->told < p->most;
+}
+
+// A likeness that comes later is drawn as paper until it is there, and then as if it
+// had been there from the beginning; and whoever does not want it any more is heard.
+static void the_likeness_may_come_later(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static struct drawn at_once, before, after;
+    static uint8_t green[PIXELS * 3];
+    struct skeleton s = whole_body(0);
+    paint_person(&film, &ideal, &s, &whole_measures);
+    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
+    struct painted_take stage;
+    painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
+    struct painter *p = painter_on(&stage, &ideal, DETAIL_FULL);
+    draw_picture(p, POSE_IDENTITY, 0, green, &at_once);
+    painter_close(&p);
+
+    struct source_rays *rays;
+    struct likeness likeness;
+    struct patience calm = {.most = INT32_MAX}, impatient = {.most = 2};
+    const struct likeness_watch watch = {be_patient, &calm}, hasty = {be_patient, &impatient};
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(likeness_make(&likeness, stage.take, rays, LIKENESS_FRAMES, &hasty), NOTHING);
+    EXPECT_INT(impatient.told, 2);
+    EXPECT_STATUS(likeness_make(&likeness, stage.take, rays, LIKENESS_FRAMES, &watch), OK);
+    EXPECT_AT_LEAST(calm.told, 3);
+
+    struct painter_options o = painter_default_options();
+    o.likeness_later = true;
+    EXPECT_STATUS(painter_open(&p, stage.gpu, stage.take, &ideal, &o), OK);
+    draw_picture(p, POSE_IDENTITY, 0, green, &before);
+    EXPECT_INT(before.result.level, DETAIL_PAPER);
+    EXPECT_INT(before.result.parts, PART_COUNT);
+    EXPECT_STATUS(painter_give_likeness(p, &likeness), OK);
+    int pictures = 0;
+    do
+        draw_picture(p, POSE_IDENTITY, 0, green, &after);
+    while (!painter_settled(p) && ++pictures < 100);
+    print_message("%d pictures until it was all there\n", pictures);
+    EXPECT_AT_LEAST(pictures, 1); // not all at once
+    EXPECT_INT(after.result.level, DETAIL_FULL);
+    EXPECT_TRUE(!memcmp(after.actor, at_once.actor, sizeof after.actor));
+    painter_close(&p);
+    source_rays_close(&rays);
+    painted_take_close(&stage);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_figure_lies_on_what_was_seen),
+        cmocka_unit_test(the_likeness_may_come_later),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
