@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double CUBE_M = 0.018; // twice the step of the volume's grid
+static const double CUBE_M = 2 * VOLUME_STEP_M;
 
 struct group {
     struct vec3 sum; // of its points

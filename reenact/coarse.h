@@ -1,6 +1,6 @@
-// The likeness's surface with a quarter of its triangles, for where its own are finer than the picture: points that lie
-// in the same cube of 18 mm and hang together within it become one of them, so what is closed stays closed and two
-// sides of something thin stay apart. Pure; deterministic.
+// The likeness's surface with a quarter of its triangles, for where its own are finer than the picture: points that
+// lie in the same cube of two steps of the volume and hang together within it become one of them, so what is closed
+// stays closed and two sides of something thin stay apart. Pure; deterministic.
 #pragma once
 #include "reenact/coat.h"
 

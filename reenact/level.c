@@ -1,7 +1,7 @@
 #include "reenact/level.h"
 
 // Half a step of the likeness's grid, and how far it lies beside the readings once it is laid on them.
-static const double FULL_M = 0.0045 + 0.004;
+static const double FULL_M = 0.5 * VOLUME_STEP_M + 0.004;
 
 double level_cylinders_off_m(const struct likeness *l)
 {

@@ -8,7 +8,7 @@
 enum { VERTEX = 20, INNER_PX = 3 };
 
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
-static const double COARSE_PX_A_M = 1 / 0.009; // up to here a step of the fine mesh is finer than a pixel
+static const double COARSE_PX_A_M = 1 / VOLUME_STEP_M; // up to here a step of the fine mesh is finer than a pixel
 
 enum uniform {
     VIEWER_FROM_PART,

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double STEP_M = 0.009;
 static const double REACH_M = 0.12;       // about the parts' cylinders
 static const double END_REACH_M = 0.2;    // about hands and feet, which lie beyond the last joint
 static const float OUTSIDE_M = 0.045F;    // distances are kept up to here
@@ -41,7 +40,7 @@ struct volume {
 
 static struct vec3 place_of(const struct volume *v, int x, int y, int z)
 {
-    return v3_add(v->corner, v3(x * STEP_M, y * STEP_M, z * STEP_M));
+    return v3_add(v->corner, v3(x * VOLUME_STEP_M, y * VOLUME_STEP_M, z * VOLUME_STEP_M));
 }
 
 static struct vec3 point_at(const struct volume *v, int at)
@@ -64,9 +63,9 @@ static void find_size(struct volume *v)
         margin = v->rest.known[p] ? fmax(margin, v->rest.radius[p] + REACH_M) : margin;
     v->corner = v3_sub(low, v3(margin, margin, margin));
     struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
-    v->size[0] = (int)ceil(extent.x / STEP_M) + 1;
-    v->size[1] = (int)ceil(extent.y / STEP_M) + 1;
-    v->size[2] = (int)ceil(extent.z / STEP_M) + 1;
+    v->size[0] = (int)ceil(extent.x / VOLUME_STEP_M) + 1;
+    v->size[1] = (int)ceil(extent.y / VOLUME_STEP_M) + 1;
+    v->size[2] = (int)ceil(extent.z / VOLUME_STEP_M) + 1;
 }
 
 static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (int)g; }
@@ -81,8 +80,8 @@ static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, d
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
     for (int i = 0; i < 3; i++) {
-        from[i] = within(floor((lows[i] - wide) / STEP_M), v->size[i]);
-        to[i] = within(ceil((highs[i] + wide) / STEP_M) + 1, v->size[i]);
+        from[i] = within(floor((lows[i] - wide) / VOLUME_STEP_M), v->size[i]);
+        to[i] = within(ceil((highs[i] + wide) / VOLUME_STEP_M) + 1, v->size[i]);
     }
     for (int z = from[2]; z < to[2]; z++)
         for (int y = from[1]; y < to[1]; y++)
@@ -335,7 +334,7 @@ void volume_leave_empty(struct volume *v, const struct volume *known)
 
 bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen)
 {
-    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / STEP_M);
+    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / VOLUME_STEP_M);
     int x = (int)floor(g.x), y = (int)floor(g.y), z = (int)floor(g.z);
     if (x < 0 || y < 0 || z < 0 || x + 1 >= v->size[0] || y + 1 >= v->size[1] || z + 1 >= v->size[2])
         return false;
@@ -359,7 +358,7 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
     gradient->x = (cx[0][0] * (1 - w) + cx[0][1] * w) * (1 - t) + (cx[1][0] * (1 - w) + cx[1][1] * w) * t;
     gradient->y = (c[0][1] - c[0][0]) * (1 - t) + (c[1][1] - c[1][0]) * t;
     gradient->z = high - low;
-    *gradient = v3_scale(*gradient, 1 / STEP_M);
+    *gradient = v3_scale(*gradient, 1 / VOLUME_STEP_M);
     return fabs(*distance) < (double)OUTSIDE_M * 0.98;
 }
 
@@ -420,7 +419,7 @@ static bool cube_point(const struct volume *v, int at, struct vec3 *out)
                                  (i >> 2) + (axis == 4 ? t : 0)));
             crossings++;
         }
-    *out = v3_add(point_at(v, at), v3_scale(sum, STEP_M / crossings));
+    *out = v3_add(point_at(v, at), v3_scale(sum, VOLUME_STEP_M / crossings));
     return true;
 }
 

@@ -10,6 +10,9 @@
 
 struct volume;
 
+// Between neighbouring points of its grid; what is finer is not kept.
+#define VOLUME_STEP_M 0.009
+
 // Rest pose and lens are copied. ERR_MEMORY.
 MUST_CHECK enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration);
 void volume_close(struct volume **v);
