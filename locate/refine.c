@@ -101,12 +101,6 @@ void refiner_close(struct refiner **r)
     *r = NULL;
 }
 
-void gray_from_rgb(const uint8_t *rgb, size_t pixels, uint8_t *gray)
-{
-    for (size_t i = 0; i < pixels; i++) // BT.601, in 256ths
-        gray[i] = (uint8_t)((77 * rgb[3 * i] + 150 * rgb[3 * i + 1] + 29 * rgb[3 * i + 2] + 128) >> 8);
-}
-
 static bool invert3(const double m[9], double out[9])
 {
     double c0 = m[4] * m[8] - m[5] * m[7], c1 = m[5] * m[6] - m[3] * m[8], c2 = m[3] * m[7] - m[4] * m[6];
