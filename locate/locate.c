@@ -66,8 +66,6 @@ static enum status fill(struct locator *l, const struct place *place)
             return fail(ERR_MEMORY, "no memory to find a camera in the place");
         memcpy(l->points, place->points, points * sizeof *l->points);
         memset(l->vain, 3, points);
-        for (int i = 0; i < LOCATOR_PARTS; i++)
-            l->yield[i] = 1;
         l->point_count = place->point_count;
     }
     l->tag_count = place->tag_count;

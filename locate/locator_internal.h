@@ -7,7 +7,7 @@
 #include "locate/patch.h"
 #include "locate/points.h"
 
-enum { LOCATOR_MOST_TRACKS = 160, LOCATOR_ACROSS = 6, LOCATOR_DOWN = 4, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
+enum { LOCATOR_MOST_TRACKS = 160, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
 
 // Something of known place that the last picture showed: a natural point, or a tag's corner.
 struct point_track {
@@ -61,7 +61,7 @@ struct locator {
     struct anchor anchor;
     int32_t *part_of, *in_parts, part_start[LOCATOR_PARTS + 1]; // points by the part they should be seen in
     struct place_point *some_points;                             // of one part
-    float yield[LOCATOR_PARTS]; // what share of the tracks to be gained in each part a search there gave
+    int unsearched[LOCATOR_PARTS]; // for how many pictures no new points were looked for in each part
     uint8_t *vain; // how often each point was looked for in vain since it was last found, at most 255
     struct pose last; // camera_from_world of the last picture that was placed
 };

@@ -6,15 +6,15 @@
 
 enum {
     ENOUGH_TRACKS = 120, // more make the pose hardly better
-    FEW_TRACKS = 60,     // with fewer, more parts of a picture are searched
-    LOOKS = 2, LOOKS_FOR_FEW = 3,
+    LOOKS = 2,           // parts that are searched in a picture: each costs about the same ...
+    FEW_TRACKS = 60,     // ... unless there are fewer than this
+    LOOKS_FOR_FEW = 4,
     // Each part is divided into squares, as large as two tracks should be apart.
     SQUARES = 10,
     SQUARES_ACROSS = LOCATOR_ACROSS * SQUARES,
     SQUARES_DOWN = LOCATOR_DOWN * SQUARES,
     MOST_VAIN = 15, // searches that say that a point is not to be found: then one in so many is worth it
     NOBODY = 255,
-    FORGET = 60, // pictures after which a part is another one
 };
 static const double NEAR_PX = 4;   // how near a point is looked for around a pose that is known
 static const double APART_PX = 8;  // tracks nearer to each other tell the same
@@ -86,7 +86,7 @@ static void sort_into_parts(struct locator *l, const struct pose *camera_from_wo
             l->in_parts[in_part[l->part_of[i]]++] = i;
 }
 
-static void expect_gain(const struct locator *l, struct expected *e)
+static void expect_gain(struct locator *l, struct expected *e)
 {
     uint8_t *vain = &e->vain[0][0];
     for (int i = 0; i < l->track_count; i++) {
@@ -99,7 +99,7 @@ static void expect_gain(const struct locator *l, struct expected *e)
         if (vain[i] != NOBODY)
             e->gain[part_of(i)] += 1.0f / (float)(1 + vain[i]);
     for (int i = 0; i < LOCATOR_PARTS; i++)
-        e->gain[i] *= l->yield[i];
+        e->gain[i] *= (float)++l->unsearched[i];
 }
 
 // New points in one part of the picture.
@@ -126,12 +126,10 @@ enum status locator_look_for_new(struct locator *l, const uint16_t *depth, const
 {
     struct expected e;
     int looks = l->track_count < FEW_TRACKS ? LOOKS_FOR_FEW : l->track_count < ENOUGH_TRACKS ? LOOKS : 0;
-    if (!looks || !l->point_count)
+    if (looks <= 0 || !l->point_count)
         return OK;
     sort_into_parts(l, camera_from_world, &e);
     expect_gain(l, &e);
-    for (int i = 0; i < LOCATOR_PARTS; i++)
-        l->yield[i] += (1 - l->yield[i]) / FORGET;
     while (looks-- > 0) {
         int best = 0;
         for (int i = 1; i < LOCATOR_PARTS; i++)
@@ -139,13 +137,11 @@ enum status locator_look_for_new(struct locator *l, const uint16_t *depth, const
                 best = i;
         if (e.gain[best] < LEAST_GAIN)
             break;
-        int before = l->track_count;
         enum status status = look_in(l, best, depth, camera_from_world);
         if (status != OK)
             return status;
-        float yield = l->yield[best] * (float)(l->track_count - before) / e.gain[best];
-        l->yield[best] += (fminf(yield, 1) - l->yield[best]) / 2;
         e.gain[best] = 0;
+        l->unsearched[best] = 0;
     }
     return OK;
 }

@@ -42,6 +42,7 @@ static const double BELL_REACH = 4;
 
 struct refiner {
     struct lens lens;
+    double pixel_x, pixel_y; // a pixel's sides on the plane z = 1
     float *ray; // of each pixel on the plane z = 1, distortion undone: x, y
     struct bell bell[BELL_STEPS + 1];
     double linear[256];       // sRGB to linear light
@@ -64,6 +65,8 @@ enum status refiner_open(struct refiner **out, const struct lens *lens)
     if (!r)
         return fail(ERR_MEMORY, "no memory to refine tag corners");
     r->lens = *lens;
+    r->pixel_x = 1 / lens->fx;
+    r->pixel_y = 1 / lens->fy;
     r->ray = malloc((size_t)lens->width * (size_t)lens->height * 2 * sizeof *r->ray);
     if (!r->ray) {
         refiner_close(&r);
@@ -175,10 +178,11 @@ struct window {
 
 static struct window window_of(double by_x, double by_y, double blur_px)
 {
-    double steep = sqrt(by_x * by_x + by_y * by_y), per_px = steep / CELL;
-    double wide = fmax(fabs(by_x), fabs(by_y)) / steep, narrow = fmin(fabs(by_x), fabs(by_y)) / steep;
-    double blur = sqrt(blur_px * blur_px + narrow * narrow / 12);
-    return (struct window){wide * per_px, blur * per_px, blur_px / blur * per_px};
+    double wide = fabs(by_x), narrow = fabs(by_y), blurred = blur_px * (by_x * by_x + by_y * by_y);
+    if (wide < narrow)
+        wide = fabs(by_y), narrow = fabs(by_x);
+    double blur = sqrt(blur_px * blurred + narrow * narrow / 12);
+    return (struct window){wide / CELL, blur / CELL, blurred / blur / CELL};
 }
 
 // How much of each cell along one axis the point at `a` (in cells, 0..RIM) sees,
@@ -212,14 +216,15 @@ static void look_along(const struct refiner *r, double a, const struct window *w
     out->first = first;
     out->count = last - first + 1;
     double below = 0, below_a = 0, below_blur = 0; // of the edge under the cell
+    double sharp = 1 / w->blur, narrow = 1 / w->width, half = w->width / 2;
     for (int i = first; i <= last; i++) {
         double above = 1, above_a = 0, above_blur = 0;
         if (i < last) {
-            struct bell p = bell_at(r, (i + 1 - a + w->width / 2) / w->blur);
-            struct bell m = bell_at(r, (i + 1 - a - w->width / 2) / w->blur);
-            above = (p.integral - m.integral) * w->blur / w->width;
-            above_a = (m.below - p.below) / w->width;
-            above_blur = (p.density - m.density) / w->width * w->blur_by_px;
+            struct bell p = bell_at(r, (i + 1 - a + half) * sharp);
+            struct bell m = bell_at(r, (i + 1 - a - half) * sharp);
+            above = (p.integral - m.integral) * w->blur * narrow;
+            above_a = (m.below - p.below) * narrow;
+            above_blur = (p.density - m.density) * narrow * w->blur_by_px;
         }
         out->share[i - first] = above - below;
         out->by_a[i - first] = above_a - below_a;
@@ -271,15 +276,14 @@ struct gathered {
 static bool predict(const struct refiner *r, const struct model *m, const double inverse[9], const struct sample *s,
                     double *value, double by[PARAMETERS])
 {
-    double w = inverse[6] * s->x + inverse[7] * s->y + inverse[8];
-    double u = (inverse[0] * s->x + inverse[1] * s->y + inverse[2]) / w;
-    double v = (inverse[3] * s->x + inverse[4] * s->y + inverse[5]) / w;
+    double w = 1 / (inverse[6] * s->x + inverse[7] * s->y + inverse[8]);
+    double u = (inverse[0] * s->x + inverse[1] * s->y + inverse[2]) * w;
+    double v = (inverse[3] * s->x + inverse[4] * s->y + inverse[5]) * w;
     if (!(fabs(u) < 1 + 0.75 * CELL && fabs(v) < 1 + 0.75 * CELL))
         return false;
-    double u_x = (inverse[0] - u * inverse[6]) / (w * r->lens.fx),
-           u_y = (inverse[1] - u * inverse[7]) / (w * r->lens.fy);
-    double v_x = (inverse[3] - v * inverse[6]) / (w * r->lens.fx),
-           v_y = (inverse[4] - v * inverse[7]) / (w * r->lens.fy);
+    double w_x = w * r->pixel_x, w_y = w * r->pixel_y;
+    double u_x = (inverse[0] - u * inverse[6]) * w_x, u_y = (inverse[1] - u * inverse[7]) * w_y;
+    double v_x = (inverse[3] - v * inverse[6]) * w_x, v_y = (inverse[4] - v * inverse[7]) * w_y;
     struct window across = window_of(u_x, u_y, m->blur_px), up = window_of(v_x, v_y, m->blur_px);
     struct shade shade = look(r, m, u, v, &across, &up);
     double white = m->white + m->white_u * u + m->white_v * v;

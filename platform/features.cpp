@@ -11,6 +11,13 @@ namespace
 constexpr int CELL_PX = 40;   // the picture is divided into cells of about this size
 constexpr int EDGE_PX = 19;   // nearer to the edge there is no whole descriptor
 constexpr int FAST_STEP = 10; // grey levels by which a corner stands out
+// Smaller copies of the picture, each so many times smaller than the last.
+constexpr float STEP = 1.2f;
+constexpr int LEVELS = 6;
+// The same in a part of a picture: every second copy, which takes less than half of the time and still
+// shows what another copy showed.
+constexpr float COARSE_STEP = 1.44f;
+constexpr int COARSE_LEVELS = 3;
 
 bool better(const cv::KeyPoint &a, const cv::KeyPoint &b)
 {
@@ -38,18 +45,18 @@ std::vector<cv::KeyPoint> spread(std::vector<cv::KeyPoint> &all, int width, int 
     return kept;
 }
 
-cv::Ptr<cv::ORB> finder(int capacity)
+cv::Ptr<cv::ORB> finder(int capacity, float step, int levels)
 {
-    return cv::ORB::create(capacity, 1.2f, 6, EDGE_PX, 0, 2, cv::ORB::FAST_SCORE, 31, FAST_STEP);
+    return cv::ORB::create(capacity, step, levels, EDGE_PX, 0, 2, cv::ORB::FAST_SCORE, 31, FAST_STEP);
 }
 
-void hand_out(const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, int left, int top, struct feature *out,
+void hand_out(const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step, int left, int top, struct feature *out,
               int capacity, int *count)
 {
     for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
         struct feature &f = out[(*count)++];
         f.at = {kept[i].pt.x + (float)left, kept[i].pt.y + (float)top};
-        f.scale = std::pow(1.2f, (float)kept[i].octave);
+        f.scale = std::pow(step, (float)kept[i].octave);
         std::memcpy(f.descriptor, descriptors.ptr((int)i), sizeof f.descriptor);
     }
 }
@@ -74,13 +81,13 @@ enum status features_find(const uint8_t *gray, int width, int height, struct fea
         return OK;
     try {
         const cv::Mat picture(height, width, CV_8UC1, const_cast<uint8_t *>(gray));
-        auto orb = finder(capacity * 4);
+        auto orb = finder(capacity * 4, STEP, LEVELS);
         std::vector<cv::KeyPoint> all;
         orb->detect(picture, all);
         std::vector<cv::KeyPoint> kept = spread(all, width, height, capacity);
         cv::Mat descriptors;
         orb->compute(picture, kept, descriptors);
-        hand_out(kept, descriptors, 0, 0, out, capacity, count);
+        hand_out(kept, descriptors, STEP, 0, 0, out, capacity, count);
         return OK;
     } catch (...) {
         return failed();
@@ -98,8 +105,8 @@ enum status features_find_in(const uint8_t *gray, int stride, int left, int top,
         const cv::Mat picture(height, width, CV_8UC1, const_cast<uint8_t *>(first), (size_t)stride);
         std::vector<cv::KeyPoint> kept;
         cv::Mat descriptors;
-        finder(capacity)->detectAndCompute(picture, cv::noArray(), kept, descriptors);
-        hand_out(kept, descriptors, left, top, out, capacity, count);
+        finder(capacity, COARSE_STEP, COARSE_LEVELS)->detectAndCompute(picture, cv::noArray(), kept, descriptors);
+        hand_out(kept, descriptors, COARSE_STEP, left, top, out, capacity, count);
         return OK;
     } catch (...) {
         return failed();
