@@ -5,7 +5,7 @@
 #include <string.h>
 
 // Tags are read by this many pixels, all of them together.
-enum { TAG_PIXELS = 800, LEAST_TAG_PIXELS = 300 };
+enum { TAG_PIXELS = 800, LEAST_TAG_PIXELS = 200 };
 // Fewer say nothing, without a tag and with one.
 enum { LEAST_TRACKS = 15 };
 static const double FAR_SIGMA = 4;    // a track further off is lost
@@ -13,6 +13,9 @@ static const double CORNER_PX = 1;    // how sure a tag's corner is by brightnes
 static const double FOLLOW_PX = 0.25; // how exactly a patch is found again, as long as nothing else is known
 static const double LEAST_FOLLOW_PX = 0.05;
 enum { MEMORY = 10 }; // pictures that say how exactly
+// Where so many tracks are as near to where the guess has them, the others are looked for only there.
+enum { ENOUGH_TO_TRUST = 24 };
+static const double TRUST_PX = 2;
 static const double CHANGE_PX = 0.05; // by how much more a track errs in the next picture
 static const double NEW_LOOK = 0.08; // a patch seen from this much aside (radians), nearer or further is cut anew
 
@@ -107,6 +110,7 @@ void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, 
 static void find_tracks(struct locator *l, const struct pose *guess)
 {
     int kept = 0;
+    double furthest = 0; // from where the guess has a track
     for (int i = 0; i < l->track_count; i++) {
         struct point_track *t = &l->tracks[i];
         struct vec3 before = pose_apply(l->last, t->world), now = pose_apply(*guess, t->world);
@@ -114,9 +118,14 @@ static void find_tracks(struct locator *l, const struct pose *guess)
             continue;
         // By how much it moves is known better than where it is.
         struct pixel a = lens_project(&l->lens, before), b = lens_project(&l->lens, now);
-        struct pixel at = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
-        if (!patch_follow(&l->picture, &t->patch, &at))
+        const struct pixel guessed = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
+        struct pixel at = guessed;
+        bool near = kept >= ENOUGH_TO_TRUST && furthest < TRUST_PX;
+        if (!(near && patch_follow(&l->picture, &t->patch, true, &at)) &&
+            !patch_follow(&l->picture, &t->patch, false, &at))
             continue;
+        if (!near)
+            furthest = fmax(furthest, hypot(at.x - guessed.x, at.y - guessed.y));
         t->at = at;
         t->ray = lens_ray(&l->lens, at);
         if (kept != i)

@@ -7,7 +7,7 @@
 #include "locate/patch.h"
 #include "locate/points.h"
 
-enum { LOCATOR_MOST_TRACKS = 160, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
+enum { LOCATOR_MOST_TRACKS = 220, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
 
 // Something of known place that the last picture showed: a natural point, or a tag's corner.
 struct point_track {

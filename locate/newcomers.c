@@ -5,20 +5,18 @@
 #include <string.h>
 
 enum {
-    ENOUGH_TRACKS = 120, // more make the pose hardly better
-    LOOKS = 2,           // parts that are searched in a picture: each costs about the same ...
-    FEW_TRACKS = 60,     // ... unless there are fewer than this
-    LOOKS_FOR_FEW = 4,
-    // Each part is divided into squares, as large as two tracks should be apart.
-    SQUARES = 10,
+    ENOUGH_TRACKS = 140, // more make the pose hardly better
+    IN_A_PART = 20,      // more are missing for each part of a picture that is searched
+    MOST_LOOKS = 2,      // parts of one picture: each picture costs about the same
+    SQUARES = 10,        // along the side of a part; each counts as one track to be gained
     SQUARES_ACROSS = LOCATOR_ACROSS * SQUARES,
     SQUARES_DOWN = LOCATOR_DOWN * SQUARES,
     MOST_VAIN = 15, // searches that say that a point is not to be found: then one in so many is worth it
     NOBODY = 255,
 };
 static const double NEAR_PX = 4;   // how near a point is looked for around a pose that is known
-static const double APART_PX = 8;  // tracks nearer to each other tell the same
-static const float LEAST_GAIN = 1; // expected new tracks that are worth a search
+static const double APART_PX = 5;  // tracks nearer to each other tell the same
+static const float LEAST_GAIN = 1; // expected new tracks, times pictures waited, that are worth a search
 
 static bool crowded(const struct locator *l, struct pixel at)
 {
@@ -41,7 +39,8 @@ void locator_add_points(struct locator *l, int found, const struct pose *camera_
 
 // Where in the picture points of the place should be seen.
 struct expected {
-    float gain[LOCATOR_PARTS];           // how many new tracks a search in each part is likely to give
+    // How many new tracks a search in each part is likely to give, times the pictures since the last one there.
+    float gain[LOCATOR_PARTS];
     uint8_t vain[SQUARES_DOWN][SQUARES_ACROSS]; // of the likeliest point in each square; NOBODY: there is none
 };
 
@@ -125,7 +124,8 @@ static enum status look_in(struct locator *l, int part, const uint16_t *depth, c
 enum status locator_look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
 {
     struct expected e;
-    int looks = l->track_count < FEW_TRACKS ? LOOKS_FOR_FEW : l->track_count < ENOUGH_TRACKS ? LOOKS : 0;
+    int missing = ENOUGH_TRACKS - l->track_count, looks = (missing + IN_A_PART - 1) / IN_A_PART;
+    looks = looks < MOST_LOOKS ? looks : MOST_LOOKS;
     if (looks <= 0 || !l->point_count)
         return OK;
     sort_into_parts(l, camera_from_world, &e);

@@ -7,7 +7,8 @@ enum { MOST_ROUNDS = 8, WIDE = PATCH_ACROSS + 2, HIGH = PATCH_DOWN + 2 };
 static const float SETTLED_PX = 0.02f;
 static const float LEAST_SPREAD = 4;       // grey levels, standard deviation
 static const float LEAST_LIKENESS = 0.85f; // correlation in the full picture
-static const double MOST_PX = 16;          // further than this from the start it is another one
+// Further than this from the start it is another one.
+static const double MOST_PX = 16, NEAR_PX = 3;
 
 enum status patch_picture_open(struct patch_picture *p, int width, int height)
 {
@@ -153,10 +154,10 @@ static bool settle(const struct patch_picture *p, int l, const struct patch_leve
     return isfinite(*x) && isfinite(*y);
 }
 
-bool patch_follow(const struct patch_picture *p, const struct patch *patch, struct pixel *at)
+bool patch_follow(const struct patch_picture *p, const struct patch *patch, bool near, struct pixel *at)
 {
     struct pixel now = *at;
-    for (int l = PATCH_LEVELS - 1; l >= 0; l--) {
+    for (int l = near ? 0 : PATCH_LEVELS - 1; l >= 0; l--) {
         double x = at_level(now.x, l), y = at_level(now.y, l);
         float likeness = 0;
         if (!(patch->level[l].spread > 0))
@@ -171,7 +172,7 @@ bool patch_follow(const struct patch_picture *p, const struct patch *patch, stru
         if (l == 0 || likeness > 0.6f) // a copy that shows something else misleads
             now = (struct pixel){(x + 0.5) * (1 << l) - 0.5, (y + 0.5) * (1 << l) - 0.5};
     }
-    if (!(hypot(now.x - at->x, now.y - at->y) < MOST_PX))
+    if (!(hypot(now.x - at->x, now.y - at->y) < (near ? NEAR_PX : MOST_PX)))
         return false;
     *at = now;
     return true;

@@ -32,5 +32,6 @@ struct patch {
 // False, *out not to be used: at the picture's edge, or too even to be found again.
 bool patch_cut(const struct patch_picture *p, struct pixel at, struct patch *out);
 
-// Looks for the patch near *at, within about ten pixels. False, *at untouched: not there.
-bool patch_follow(const struct patch_picture *p, const struct patch *patch, struct pixel *at);
+// Looks for the patch near *at: within about ten pixels; near: within one or two, in a third of the
+// time. False, *at untouched: not there.
+bool patch_follow(const struct patch_picture *p, const struct patch *patch, bool near, struct pixel *at);

@@ -12,7 +12,7 @@ enum {
     PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
     MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
-    FEW_ROUNDS = 3,  // from corners known to a pixel; more change them by less than the noise does
+    FEW_ROUNDS = 2,  // from corners known to a pixel; more change them by less than the noise does
     NOISE_ROUND = 1, // in which the picture's noise is estimated: the first one has no say in it
     SLOPES = 1024,
     BELL_STEPS = 1024, // of the table of the normal distribution, over +- BELL_REACH
@@ -39,6 +39,7 @@ struct bell {
     double density;
 };
 static const double BELL_REACH = 4;
+static const double GOLDEN = 0.6180339887498949; // multiples of it are spread evenly over 0 .. 1, without their whole part
 
 struct refiner {
     struct lens lens;
@@ -147,19 +148,18 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], in
         twice_area += at[i].x * at[(i + 1) % 4].y - at[(i + 1) % 4].x * at[i].y;
     int left = (int)fmax(0, floor(x0)), right = (int)fmin(lens->width - 1, ceil(x1));
     int top = (int)fmax(0, floor(y0)), bottom = (int)fmin(lens->height - 1, ceil(y1));
-    // Of a large tag every second, third ... pixel, as they come along the rows; the stride is no
-    // whole number, so that it does not fall into step with the rows.
-    double stride = fmax(1, fabs(twice_area) / 2 / most), next = 0;
-    int inside = 0;
-    for (int y = top; y <= bottom; y++) {
-        for (int x = left; x <= right; x++) {
-            const float *ray = r->ray + ((size_t)y * (size_t)lens->width + (size_t)x) * 2;
+    // Of a large tag every second, third ... pixel along each row; where it begins is another place in
+    // each row, so that the pixels do not stand in columns.
+    double stride = fmax(1, fabs(twice_area) / 2 / most), phase = 0;
+    for (int y = top; y <= bottom; y++, phase += GOLDEN - (phase + GOLDEN >= 1)) {
+        for (double along = phase * stride; along < right - left + 1; along += stride) {
+            size_t pixel = (size_t)y * (size_t)lens->width + (size_t)(left + (int)along);
+            const float *ray = r->ray + pixel * 2;
             double u, v;
             apply(inverse, (double)ray[0], (double)ray[1], &u, &v);
-            if (!(fabs(u) < reach && fabs(v) < reach) || inside++ < next || r->count == MAX_SAMPLES)
+            if (!(fabs(u) < reach && fabs(v) < reach) || r->count == MAX_SAMPLES)
                 continue;
-            next += stride;
-            const uint8_t *p = rgb + ((size_t)y * (size_t)lens->width + (size_t)x) * 3;
+            const uint8_t *p = rgb + pixel * 3;
             double light = 0.2126 * r->linear[p[0]] + 0.7152 * r->linear[p[1]] + 0.0722 * r->linear[p[2]];
             r->samples[r->count++] = (struct sample){(double)ray[0], (double)ray[1], light};
         }
