@@ -62,6 +62,11 @@ double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixe
     return count >= 6 && (high - low) * 1e-3 < 5 * depth_sigma(z) + 0.01 * z ? z : 0;
 }
 
+static bool near_to(struct pixel a, struct pixel b, double distance)
+{
+    return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y) < distance * distance;
+}
+
 // The feature within the radius that looks most like the point; -1: none, or not clearly.
 static int best_feature(const struct place_point *point, const struct feature_index *index, const struct lens *lens,
                         struct pixel at, double radius, int *bits)
@@ -81,9 +86,10 @@ static int best_feature(const struct place_point *point, const struct feature_in
             if (dx * dx + dy * dy > radius * radius)
                 continue;
             int d = feature_distance(point->descriptor, f->descriptor);
+            if (d >= second && d >= *bits)
+                continue;
             // The same corner in another copy of the picture is no rival.
-            bool same =
-                best >= 0 && hypot(f->at.x - index->features[best].at.x, f->at.y - index->features[best].at.y) < 3;
+            bool same = best >= 0 && near_to(f->at, index->features[best].at, 3);
             if (d < *bits) {
                 if (!same)
                     second = *bits;
