@@ -7,10 +7,12 @@
 
 enum {
     CELL_PX = 16,
-    MOST_BITS = 64, // of 256 that may differ
+    MOST_BITS = 64,      // of 256 that may differ
+    MOST_BITS_NEAR = 80, // the same within NEAR_PX: then one in ten shows something else
     CLEARLY = 80,   // percent: the best must differ by less than this share of the second best
     LEAST_POINTS = 12,
 };
+static const double NEAR_PX = 4;
 
 void feature_index_build(struct feature_index *index, const struct feature *features, int count,
                          const struct lens *lens)
@@ -100,7 +102,7 @@ static int best_feature(const struct place_point *point, const struct feature_in
             }
         }
     }
-    return *bits <= MOST_BITS && *bits * 100 < CLEARLY * second ? best : -1;
+    return *bits <= (radius > NEAR_PX ? MOST_BITS : MOST_BITS_NEAR) && *bits * 100 < CLEARLY * second ? best : -1;
 }
 
 int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
@@ -197,11 +199,10 @@ static int search(const struct place_point *points, int32_t point_count, const s
                   const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
                   double radius_px, struct pose *pose, struct point_match *matches, int capacity, int *first)
 {
-    static const double LAST_PX = 4;
     struct fit_point seen[FEATURES_MAX];
     int count;
     *first = 0;
-    for (double radius = radius_px;; radius = fmax(radius / 2.5, LAST_PX)) {
+    for (double radius = radius_px;; radius = fmax(radius / 2.5, NEAR_PX)) {
         count = points_match(points, point_count, index, lens, pose, radius, matches, capacity);
         *first = *first ? *first : count;
         if (count < LEAST_POINTS)
@@ -209,7 +210,7 @@ static int search(const struct place_point *points, int32_t point_count, const s
         points_gather(points, index, depth, lens, matches, count, seen);
         for (double loose = radius / 3; loose > 0.5; loose /= 3)
             fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, pose);
-        if (radius <= LAST_PX)
+        if (radius <= NEAR_PX)
             break;
     }
     try_mirrored(tags, tag_count, seen, count, lens, pose);
@@ -226,14 +227,14 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
 {
     // A small far tag alone may be off by more than the first search reaches. That
     // shows: most of what seemed to match at first does not in the end.
-    static const double NEAR_PX = 40, FAR_PX = 120;
+    static const double FIRST_PX = 40, FAR_PX = 120;
     struct point_match far_matches[FEATURES_MAX];
     struct pose near = *camera_from_world, far = near;
     int first, first_far;
     if (capacity > FEATURES_MAX)
         capacity = FEATURES_MAX;
     int kept =
-        search(points, point_count, index, depth, lens, tags, tag_count, NEAR_PX, &near, matches, capacity, &first);
+        search(points, point_count, index, depth, lens, tags, tag_count, FIRST_PX, &near, matches, capacity, &first);
     if (2 * kept < first) {
         int kept_far = search(points, point_count, index, depth, lens, tags, tag_count, FAR_PX, &far, far_matches,
                               capacity, &first_far);
