@@ -11,6 +11,8 @@ static const double LEAST_PREDICTED_PX = 10;
 // A predicted tag must look the part: nothing has read its number.
 static const double PREDICTED_LIKENESS = 0.8;
 
+enum { LEAST_FOLLOWED = 30, MOST_FOLLOWED = 200 }; // locator_options.points
+
 // Without a tag, so many points must agree; of fewer than CLEARLY_ENOUGH at least one in ONE_IN of all that
 // should be in sight: a thing that stands elsewhere too, or came into a bent map twice, leads to a
 // pose from which nothing else is where it should be.
@@ -18,7 +20,8 @@ enum { LEAST_ALONE = 20, CLEARLY_ENOUGH = 40, ONE_IN = 16 };
 
 struct locator_options locator_default_options(void)
 {
-    return (struct locator_options){.quad_decimate = 1, .max_rms_px = 2.5, .max_position_sigma_m = 0.05};
+    return (struct locator_options){
+        .quad_decimate = 1, .features = 1000, .points = 140, .max_rms_px = 2.5, .max_position_sigma_m = 0.05};
 }
 
 static enum status check(const struct place *place, const struct lens *lens, const struct locator_options *options)
@@ -26,6 +29,11 @@ static enum status check(const struct place *place, const struct lens *lens, con
     enum status status = lens_check(lens, "color");
     if (status != OK)
         return status;
+    if (options->features < 100 || options->features > FEATURES_MAX)
+        return fail(ERR_INPUT, "features must lie between 100 and %d, not %d", FEATURES_MAX, (int)options->features);
+    if (options->points < LEAST_FOLLOWED || options->points > MOST_FOLLOWED)
+        return fail(ERR_INPUT, "points must lie between %d and %d, not %d", LEAST_FOLLOWED, MOST_FOLLOWED,
+                    (int)options->points);
     if (!(options->max_rms_px > 0))
         return fail(ERR_INPUT, "max_rms_px must be greater than 0, not %g", options->max_rms_px);
     if (!(options->max_position_sigma_m > 0))
@@ -274,7 +282,7 @@ static enum status index_features(struct locator *l, enum status status, int cou
 enum status locator_find_features(struct locator *l, const uint16_t *depth)
 {
     int count;
-    enum status status = features_find(l->gray, l->lens.width, l->lens.height, l->features, FEATURES_MAX, &count);
+    enum status status = features_find(l->gray, l->lens.width, l->lens.height, l->features, l->options.features, &count);
     return index_features(l, status, count, depth);
 }
 

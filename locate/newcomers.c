@@ -5,7 +5,6 @@
 #include <string.h>
 
 enum {
-    ENOUGH_TRACKS = 140, // more make the pose hardly better
     IN_A_PART = 20,      // more are missing for each part of a picture that is searched
     MOST_LOOKS = 2,      // parts of one picture: each picture costs about the same
     SQUARES = 10,        // along the side of a part; each counts as one track to be gained
@@ -124,7 +123,7 @@ static enum status look_in(struct locator *l, int part, const uint16_t *depth, c
 enum status locator_look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
 {
     struct expected e;
-    int missing = ENOUGH_TRACKS - l->track_count, looks = (missing + IN_A_PART - 1) / IN_A_PART;
+    int missing = l->options.points - l->track_count, looks = (missing + IN_A_PART - 1) / IN_A_PART;
     looks = looks < MOST_LOOKS ? looks : MOST_LOOKS;
     if (looks <= 0 || !l->point_count)
         return OK;

@@ -205,8 +205,27 @@ static enum status read_folder(const char *data, struct walk *w)
 
 // ---------------------------------------------------------------- the contenders
 
+// Ours, from a small tablet's to the best. What finding anew needs is not followed, and the other way round.
+static const struct setting {
+    const char *name;
+    bool followed;
+    double quad_decimate;
+    int features, points;
+} settings[] = {
+    {"ours, followed", true, 1, 1000, 140},
+    {"followed by 40 points", true, 1, 1000, 40},
+    {"followed by 80 points", true, 1, 1000, 80},
+    {"followed by 200 points", true, 1, 1000, 200},
+    {"ours, found anew each time", false, 1, 1000, 140},
+    {"anew, decimate 2", false, 2, 1000, 140},
+    {"anew, decimate 2, 500 features", false, 2, 500, 140},
+    {"anew, decimate 3, 250 features", false, 3, 250, 140},
+};
+enum { SETTINGS = COUNT_OF(settings), PEERS = 2 };
+
 struct runner {
     const struct walk *walk;
+    const struct setting *setting;
     struct locator *locator;
     struct camera_track *track;
     struct apriltag_peer *peer;
@@ -242,14 +261,24 @@ static enum status measure_find(void *self, int item, struct bench_measure *out)
     return status == AMBIGUOUS ? NOTHING : status;
 }
 
+static struct locator_options options_of(const struct setting *s)
+{
+    struct locator_options options = locator_default_options();
+    options.quad_decimate = s->quad_decimate;
+    options.features = s->features;
+    options.points = s->points;
+    return options;
+}
+
 static enum status measure_track(void *self, int item, struct bench_measure *out)
 {
     struct runner *r = self;
     struct location at;
     struct camera_motion motion;
     if (item == 0) { // a new round
+        struct locator_options options = options_of(r->setting);
         camera_track_close(&r->track);
-        enum status status = camera_track_open(&r->track, &r->walk->place, &r->walk->lens, NULL);
+        enum status status = camera_track_open(&r->track, &r->walk->place, &r->walk->lens, &options);
         if (status != OK)
             return status;
     }
@@ -277,29 +306,29 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
 static enum status run(struct bench *b, bool still)
 {
     static struct walk w;
-    struct runner r[5] = {{0}};
+    struct runner r[SETTINGS + PEERS];
+    struct bench_contender contenders[SETTINGS + PEERS];
     const char *data = bench_inputs(b)->data;
     enum status status = data && !still ? read_folder(data, &w) : make(&w, still);
-    for (int i = 0; i < 5; i++)
+    for (size_t i = 0; i < COUNT_OF(r); i++)
         r[i] = (struct runner){.walk = &w, .last = -1};
-    for (int i = 0; i < 2 && status == OK; i++) {
-        struct locator_options options = locator_default_options();
-        options.quad_decimate = i + 1;
-        status = locator_open(&r[i].locator, &w.place, &w.lens, &options);
-        if (status == OK)
-            status = apriltag_peer_open(&r[3 + i].peer, i + 1);
+    for (size_t i = 0; i < SETTINGS && status == OK; i++) {
+        const struct setting *s = &settings[i];
+        struct locator_options options = options_of(s);
+        r[i].setting = s;
+        if (!s->followed)
+            status = locator_open(&r[i].locator, &w.place, &w.lens, &options);
+        contenders[i] = (struct bench_contender){s->name, s->followed ? measure_track : measure_find, &r[i], false};
     }
-    if (status == OK) {
-        const struct bench_contender contenders[] = {
-            {"ours, followed", measure_track, &r[2], false},
-            {"ours, found anew each time", measure_find, &r[0], false},
-            {"ours, anew, decimate 2", measure_find, &r[1], false},
-            {"libapriltag, every pixel", measure_peer, &r[3], true},
-            {"libapriltag, decimate 2", measure_peer, &r[4], false},
-        };
+    for (int i = 0; i < PEERS && status == OK; i++) {
+        struct runner *peer = &r[SETTINGS + i];
+        status = apriltag_peer_open(&peer->peer, i + 1);
+        contenders[SETTINGS + i] = (struct bench_contender){
+            i ? "libapriltag, decimate 2" : "libapriltag, every pixel", measure_peer, peer, i == 0};
+    }
+    if (status == OK)
         status = bench_run(b, contenders, COUNT_OF(contenders), w.count);
-    }
-    for (int i = 0; i < 5; i++) {
+    for (size_t i = 0; i < COUNT_OF(r); i++) {
         locator_close(&r[i].locator);
         camera_track_close(&r[i].track);
         apriltag_peer_close(&r[i].peer);
