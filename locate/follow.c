@@ -106,33 +106,41 @@ void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, 
         l->tracks[i].weighed = true;
 }
 
+// The last track takes the place of one that is dropped.
+static void drop_track(struct locator *l, int i)
+{
+    l->track_count--;
+    if (i < l->track_count)
+        l->tracks[i] = l->tracks[l->track_count];
+}
+
 // Finds the tracks in the new picture; those not found are dropped.
 static void find_tracks(struct locator *l, const struct pose *guess)
 {
-    int kept = 0;
     double furthest = 0; // from where the guess has a track
-    for (int i = 0; i < l->track_count; i++) {
+    for (int i = 0; i < l->track_count;) {
         struct point_track *t = &l->tracks[i];
         struct vec3 before = pose_apply(l->last, t->world), now = pose_apply(*guess, t->world);
-        if (!locator_in_picture(&l->lens, before) || !locator_in_picture(&l->lens, now))
+        if (!locator_in_picture(&l->lens, before) || !locator_in_picture(&l->lens, now)) {
+            drop_track(l, i);
             continue;
+        }
         // By how much it moves is known better than where it is.
         struct pixel a = lens_project(&l->lens, before), b = lens_project(&l->lens, now);
         const struct pixel guessed = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
         struct pixel at = guessed;
-        bool near = kept >= ENOUGH_TO_TRUST && furthest < TRUST_PX;
+        bool near = i >= ENOUGH_TO_TRUST && furthest < TRUST_PX;
         if (!(near && patch_follow(&l->picture, &t->patch, true, &at)) &&
-            !patch_follow(&l->picture, &t->patch, false, &at))
+            !patch_follow(&l->picture, &t->patch, false, &at)) {
+            drop_track(l, i);
             continue;
+        }
         if (!near)
             furthest = fmax(furthest, hypot(at.x - guessed.x, at.y - guessed.y));
         t->at = at;
         t->ray = lens_ray(&l->lens, at);
-        if (kept != i)
-            l->tracks[kept] = *t;
-        kept++;
+        i++;
     }
-    l->track_count = kept;
 }
 
 enum what {
@@ -186,18 +194,17 @@ static int gather(const struct locator *l, const uint16_t *depth, enum what what
 // Drops the tracks that disagree with the pose. How many points of the place agree.
 static int drop_bad(struct locator *l, const struct pose *camera_from_world)
 {
-    int kept = 0, points = 0;
-    for (int i = 0; i < l->track_count; i++) {
-        struct point_track *t = &l->tracks[i];
+    int points = 0;
+    for (int i = 0; i < l->track_count;) {
+        const struct point_track *t = &l->tracks[i];
         struct fit_point p = {t->world, t->ray.x, t->ray.y, t->sigma_px, 0, {0}};
-        if (!(fit_point_error(&p, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA))
+        if (!(fit_point_error(&p, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA)) {
+            drop_track(l, i);
             continue;
+        }
         points += t->point >= 0;
-        if (kept != i)
-            l->tracks[kept] = *t;
-        kept++;
+        i++;
     }
-    l->track_count = kept;
     return points;
 }
 
@@ -241,23 +248,18 @@ static int use_tags(struct locator *l, struct fit_tag *tags, const struct pose *
 static enum status look_ahead(struct locator *l, const struct fit_tag *tags, const uint16_t *depth,
                               const struct pose *camera_from_world)
 {
-    int kept = 0;
     struct vec3 eye = pose_inverse(*camera_from_world).translation;
-    for (int i = 0; i < l->track_count; i++) {
+    for (int i = 0; i < l->track_count;) {
         struct point_track *t = &l->tracks[i];
         struct vec3 from = v3_sub(eye, t->world);
-        if (t->point < 0)
-            continue;
-        if (v3_distance(from, t->cut_from) > NEW_LOOK * v3_length(from)) {
+        bool changed = t->point >= 0 && v3_distance(from, t->cut_from) > NEW_LOOK * v3_length(from);
+        if (changed)
             t->cut_from = from;
-            if (!patch_cut(&l->picture, t->at, &t->patch))
-                continue;
-        }
-        if (kept != i)
-            l->tracks[kept] = *t;
-        kept++;
+        if (t->point < 0 || (changed && !patch_cut(&l->picture, t->at, &t->patch)))
+            drop_track(l, i);
+        else
+            i++;
     }
-    l->track_count = kept;
     l->last = *camera_from_world;
     enum status status = locator_look_for_new(l, depth, camera_from_world);
     add_corners(l, tags, camera_from_world);

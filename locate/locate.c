@@ -21,7 +21,7 @@ enum { LEAST_ALONE = 20, CLEARLY_ENOUGH = 40, ONE_IN = 16 };
 struct locator_options locator_default_options(void)
 {
     return (struct locator_options){
-        .quad_decimate = 1, .features = 1000, .points = 140, .max_rms_px = 2.5, .max_position_sigma_m = 0.05};
+        .quad_decimate = 1, .features = 1000, .points = 150, .max_rms_px = 2.5, .max_position_sigma_m = 0.05};
 }
 
 static enum status check(const struct place *place, const struct lens *lens, const struct locator_options *options)

@@ -25,7 +25,7 @@ static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
 static const double SETTLED = 5e-4; // a step in (u, v); what is left after it is ten times less
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
-static const double LEAST_NOISE = 0.006, CORNER_FLOOR_PX = 0.002;
+static const double LEAST_NOISE = 0.006, START_NOISE = 0.1, CORNER_FLOOR_PX = 0.002;
 
 struct sample {
     double x, y;  // on the plane z = 1
@@ -348,10 +348,11 @@ static void gather(const struct refiner *r, const struct model *m, double noise,
     g->gradient[8] += prior * (BLUR_START_PX - m->blur_px);
 }
 
-// Black and white as the first idea of the pattern's place has them.
-static bool start_light(const struct refiner *r, struct model *m)
+// Black and white as the first idea of the pattern's place has them. *noise: how much each varies, encoded;
+// more than the picture's noise.
+static bool start_light(const struct refiner *r, struct model *m, double *noise)
 {
-    double inverse[9], sum[2] = {0}, weight[2] = {0};
+    double inverse[9], sum[2] = {0}, sum2[2] = {0}, weight[2] = {0};
     if (!invert3(m->h, inverse))
         return false;
     m->white = 1;
@@ -362,6 +363,7 @@ static bool start_light(const struct refiner *r, struct model *m)
             continue;
         if (value > 0.8 || value < 0.2) {
             sum[value > 0.5] += r->samples[i].value;
+            sum2[value > 0.5] += r->samples[i].value * r->samples[i].value;
             weight[value > 0.5]++;
         }
     }
@@ -369,6 +371,12 @@ static bool start_light(const struct refiner *r, struct model *m)
         return false;
     m->black = sum[0] / weight[0];
     m->white = sum[1] / weight[1];
+    double varies = 0;
+    for (int i = 0; i < 2; i++) {
+        double mean = sum[i] / weight[i], stretch = r->slope[(int)(fmin(fmax(mean, 0), 1) * SLOPES)];
+        varies += (sum2[i] - sum[i] * mean) * stretch * stretch;
+    }
+    *noise = fmin(fmax(sqrt(fmax(varies, 0) / (weight[0] + weight[1])), LEAST_NOISE), START_NOISE);
     return m->white - m->black > LEAST_CONTRAST;
 }
 
@@ -395,16 +403,19 @@ static bool change(struct model *m, const double d[PARAMETERS])
     return isfinite(m->white + m->black + m->white_u + m->white_v);
 }
 
-// Gauss-Newton with Marquardt's damping. Leaves `g` at the model's last state.
-static bool descend(const struct refiner *r, struct model *m, int most_rounds, struct gathered *g, double *noise)
+// Gauss-Newton with Marquardt's damping. Leaves `g` at the model's last state. few: corners are known to a
+// pixel, *noise roughly.
+static bool descend(const struct refiner *r, struct model *m, bool few, struct gathered *g, double *noise)
 {
     double damping = 1e-4;
-    *noise = 0.1;
+    int most_rounds = few ? FEW_ROUNDS : MAX_ROUNDS;
+    if (!few)
+        *noise = START_NOISE;
     gather(r, m, *noise, g);
     for (int round = 0; round < most_rounds; round++) {
         if (g->count < 40)
             return false;
-        if (round == NOISE_ROUND) {
+        if (round == NOISE_ROUND && !few) {
             *noise = fmax(LEAST_NOISE, sqrt(g->cost / fmax(1, g->weight - PARAMETERS)));
             gather(r, m, *noise, g);
         }
@@ -500,7 +511,7 @@ bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const stru
     struct gathered g;
     double noise;
     collect(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
-    if (!start_light(r, &m) || !descend(r, &m, most_pixels < MAX_SAMPLES ? FEW_ROUNDS : MAX_ROUNDS, &g, &noise))
+    if (!start_light(r, &m, &noise) || !descend(r, &m, most_pixels < MAX_SAMPLES, &g, &noise))
         return false;
 
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
