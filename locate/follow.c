@@ -42,7 +42,8 @@ static void add_corners(struct locator *l, const struct fit_tag *tags, const str
         struct vec3 world[4];
         place_tag_corners(&l->tags[l->which[i]], world);
         for (int k = 0; k < 4 && tags[i].used; k++)
-            locator_add_track(l, -1, world[k], CORNER_PX, lens_project(&l->lens, l->sightings[i].ray[k]), camera_from_world);
+            locator_add_track(l, -1, world[k], CORNER_PX, lens_project(&l->lens, l->sightings[i].ray[k]),
+                              camera_from_world);
     }
 }
 

@@ -11,6 +11,9 @@ static const double LEAST_PREDICTED_PX = 10;
 // A predicted tag must look the part: nothing has read its number.
 static const double PREDICTED_LIKENESS = 0.8;
 
+// A point that was never found is as likely as one that was, and then three times not.
+enum { UNKNOWN_VAIN = 3 };
+
 enum { LEAST_FOLLOWED = 30, MOST_FOLLOWED = 200 }; // locator_options.points
 
 // Without a tag, so many points must agree; of fewer than CLEARLY_ENOUGH at least one in ONE_IN of all that
@@ -73,7 +76,7 @@ static enum status fill(struct locator *l, const struct place *place)
         if (!l->points || !l->some_points || !l->part_of || !l->in_parts || !l->vain)
             return fail(ERR_MEMORY, "no memory to find a camera in the place");
         memcpy(l->points, place->points, points * sizeof *l->points);
-        memset(l->vain, 3, points);
+        memset(l->vain, UNKNOWN_VAIN, points);
         l->point_count = place->point_count;
     }
     l->tag_count = place->tag_count;
@@ -282,7 +285,8 @@ static enum status index_features(struct locator *l, enum status status, int cou
 enum status locator_find_features(struct locator *l, const uint16_t *depth)
 {
     int count;
-    enum status status = features_find(l->gray, l->lens.width, l->lens.height, l->features, l->options.features, &count);
+    enum status status =
+        features_find(l->gray, l->lens.width, l->lens.height, l->features, l->options.features, &count);
     return index_features(l, status, count, depth);
 }
 

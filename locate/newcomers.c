@@ -5,15 +5,14 @@
 #include <string.h>
 
 enum {
-    IN_A_PART = 20,      // more are missing for each part of a picture that is searched
-    MOST_LOOKS = 2,      // parts of one picture: each picture costs about the same
-    SQUARES = 10,        // along the side of a part; each counts as one track to be gained
+    IN_A_PART = 20, // more are missing for each part of a picture that is searched
+    MOST_LOOKS = 2, // parts of one picture: each picture costs about the same
+    SQUARES = 10,   // along the side of a part; each counts as one track to be gained
     SQUARES_ACROSS = LOCATOR_ACROSS * SQUARES,
     SQUARES_DOWN = LOCATOR_DOWN * SQUARES,
     MOST_VAIN = 15, // searches that say that a point is not to be found: then one in so many is worth it
-    NOBODY = 255,
+    NOBODY = 255,   // in a square without points
 };
-static const double NEAR_PX = 4;   // how near a point is looked for around a pose that is known
 static const double APART_PX = 5;  // tracks nearer to each other tell the same
 static const float LEAST_GAIN = 1; // expected new tracks, times pictures waited, that are worth a search
 
@@ -112,7 +111,7 @@ static enum status look_in(struct locator *l, int part, const uint16_t *depth, c
         l->some_points[i] = l->points[which[i]];
         l->vain[which[i]] += l->vain[which[i]] < MOST_VAIN;
     }
-    int found = points_match(l->some_points, count, &l->index, &l->lens, camera_from_world, NEAR_PX, l->matches,
+    int found = points_match(l->some_points, count, &l->index, &l->lens, camera_from_world, POINTS_NEAR_PX, l->matches,
                              FEATURES_MAX);
     for (int i = 0; i < found; i++)
         l->matches[i].point = which[l->matches[i].point];

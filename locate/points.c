@@ -8,11 +8,10 @@
 enum {
     CELL_PX = 16,
     MOST_BITS = 64,      // of 256 that may differ
-    MOST_BITS_NEAR = 80, // the same within NEAR_PX: then one in ten shows something else
+    MOST_BITS_NEAR = 80, // the same within POINTS_NEAR_PX: then one in ten shows something else
     CLEARLY = 80,   // percent: the best must differ by less than this share of the second best
     LEAST_POINTS = 12,
 };
-static const double NEAR_PX = 4;
 
 void feature_index_build(struct feature_index *index, const struct feature *features, int count,
                          const struct lens *lens)
@@ -102,7 +101,8 @@ static int best_feature(const struct place_point *point, const struct feature_in
             }
         }
     }
-    return *bits <= (radius > NEAR_PX ? MOST_BITS : MOST_BITS_NEAR) && *bits * 100 < CLEARLY * second ? best : -1;
+    int most = radius > POINTS_NEAR_PX ? MOST_BITS : MOST_BITS_NEAR;
+    return *bits <= most && *bits * 100 < CLEARLY * second ? best : -1;
 }
 
 int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
@@ -202,7 +202,7 @@ static int search(const struct place_point *points, int32_t point_count, const s
     struct fit_point seen[FEATURES_MAX];
     int count;
     *first = 0;
-    for (double radius = radius_px;; radius = fmax(radius / 2.5, NEAR_PX)) {
+    for (double radius = radius_px;; radius = fmax(radius / 2.5, POINTS_NEAR_PX)) {
         count = points_match(points, point_count, index, lens, pose, radius, matches, capacity);
         *first = *first ? *first : count;
         if (count < LEAST_POINTS)
@@ -210,7 +210,7 @@ static int search(const struct place_point *points, int32_t point_count, const s
         points_gather(points, index, depth, lens, matches, count, seen);
         for (double loose = radius / 3; loose > 0.5; loose /= 3)
             fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, pose);
-        if (radius <= NEAR_PX)
+        if (radius <= POINTS_NEAR_PX)
             break;
     }
     try_mirrored(tags, tag_count, seen, count, lens, pose);

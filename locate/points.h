@@ -5,7 +5,10 @@
 #include "locate/fit.h"
 #include "platform/features.h"
 
-enum { FEATURES_MAX = 1000 };
+enum {
+    FEATURES_MAX = 1000,
+    POINTS_NEAR_PX = 4, // a search no wider than this finds few wrong features, so they may look less alike
+};
 
 // The features of one picture, sorted so that those near a pixel are found fast.
 struct feature_index {

@@ -39,7 +39,8 @@ struct bell {
     double density;
 };
 static const double BELL_REACH = 4;
-static const double GOLDEN = 0.6180339887498949; // multiples of it are spread evenly over 0 .. 1, without their whole part
+// Multiples of it, without their whole part, are spread evenly over 0 .. 1.
+static const double GOLDEN = 0.6180339887498949;
 
 struct refiner {
     struct lens lens;

@@ -50,8 +50,8 @@ cv::Ptr<cv::ORB> finder(int capacity, float step, int levels)
     return cv::ORB::create(capacity, step, levels, EDGE_PX, 0, 2, cv::ORB::FAST_SCORE, 31, FAST_STEP);
 }
 
-void hand_out(const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step, int left, int top, struct feature *out,
-              int capacity, int *count)
+void hand_out(const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step, int left, int top,
+              struct feature *out, int capacity, int *count)
 {
     for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
         struct feature &f = out[(*count)++];
