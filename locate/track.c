@@ -109,6 +109,16 @@ static void tell(const struct camera_track *t, const struct location *found, str
                                      v3(k->speed[0], k->speed[1], k->speed[2])};
 }
 
+// How the camera has moved so far says how it moves while the picture is read.
+static void expect(struct camera_track *t)
+{
+    const struct kalman *k = &t->of[0];
+    double covariance[36];
+    for (int i = 0; i < 36; i++)
+        covariance[i] = k->covariance[6 + i / 6][6 + i % 6];
+    locator_expect(t->locator, k->speed, covariance);
+}
+
 enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
                               struct location *out, struct camera_motion *motion)
 {
@@ -125,7 +135,11 @@ enum status camera_track_look(struct camera_track *t, const uint8_t *color, cons
         kalman_move(&t->of[i], seconds);
     enum status status = NOTHING;
     if (t->count == 1)
+        expect(t);
+    if (t->count == 1)
         status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
+    if (status == NOTHING && t->count == 1)
+        expect(t);
     if (status == NOTHING)
         status = t->count == 1 ? locator_refind(t->locator, color, depth, &found)
                                : locator_find(t->locator, color, depth, &found);
