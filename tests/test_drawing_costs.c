@@ -73,6 +73,10 @@ static void few_calls_and_nothing_anew(void **state)
     print_message("%lld calls and %lld uploads for another frame\n", (long long)(now.draws - before.draws),
                   (long long)(now.uploads - before.uploads));
     EXPECT_INT(now.uploads - before.uploads, 3); // and the frame's colours and depth
+    draw(p, 0, 0, grey);
+    before = now;
+    now = gpu_count(gpu);
+    EXPECT_INT(now.uploads - before.uploads, 1); // both frames are kept
     EXPECT_INT(now.made, before.made);
     painter_close(&p);
     free(grey);

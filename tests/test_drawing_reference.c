@@ -14,7 +14,7 @@ static const struct lens lens = {W, H, 210, 208, 121, 88, -0.1, 0.02, 0.004, -0.
 static const double PI = 3.14159265358979323846;
 
 struct seen {
-    double x, y, z, rgb[3]; // pixels, metres, linear
+    double x, y, z, light, at[2]; // pixels, metres, root of the light, texels
 };
 
 static double lit(const struct light *light, struct vec3 n)
@@ -29,22 +29,34 @@ static double lit(const struct light *light, struct vec3 n)
 
 static struct seen see(const struct likeness *l, int i, const struct posture *viewer, const struct posture *world)
 {
+    const struct unfolded *m = &l->atlas.mesh;
+    const int point = m->points[i];
     struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0);
     for (int s = 0; s < SKIN_PARTS; s++) {
-        const double share = (double)l->skins[i].weight[s];
-        const int part = l->skins[i].part[s];
-        p = v3_add(p, v3_scale(pose_apply(viewer->part[part], l->surface.points[i]), share));
-        n = v3_add(n, v3_scale(quat_rotate(world->part[part].rotation, l->surface.normals[i]), share));
+        const double share = (double)l->skins[point].weight[s];
+        const int part = l->skins[point].part[s];
+        p = v3_add(p, v3_scale(pose_apply(viewer->part[part], l->surface.points[point]), share));
+        n = v3_add(n, v3_scale(quat_rotate(world->part[part].rotation, l->surface.normals[point]), share));
     }
     struct pixel px = lens_project(&lens, p);
-    struct seen out = {px.x, px.y, p.z, {0}};
-    for (int c = 0; c < 3; c++)
-        out.rgb[c] = (double)l->coat.color[i][c] * lit(&l->coat.light, v3_unit(n));
-    return out;
+    return (struct seen){px.x, px.y, p.z, sqrt(lit(&l->coat.light, v3_unit(n))), {(double)m->at[i][0], (double)m->at[i][1]}};
+}
+
+// Between the four texels about it.
+static double texel(const struct atlas *a, const double at[2], int channel)
+{
+    const double x = at[0] - 0.5, y = at[1] - 0.5, u = x - floor(x), v = y - floor(y);
+    double sum = 0;
+    for (int i = 0; i < 4; i++) {
+        const int column = (int)floor(x) + i % 2, row = (int)floor(y) + i / 2;
+        sum += (i % 2 ? u : 1 - u) * (i / 2 ? v : 1 - v) * a->color[3 * (row * a->mesh.width + column) + channel];
+    }
+    return sum;
 }
 
 // z of every pixel, infinite where there is nothing.
-static void fill(const struct seen *a, const struct seen *b, const struct seen *c, double *z, double (*rgb)[3])
+static void fill(const struct atlas *atlas, const struct seen *a, const struct seen *b, const struct seen *c, double *z,
+                 double (*rgb)[3])
 {
     double area = (b->x - a->x) * (c->y - a->y) - (b->y - a->y) * (c->x - a->x);
     if (area == 0)
@@ -61,8 +73,11 @@ static void fill(const struct seen *a, const struct seen *b, const struct seen *
             if (!(1 / nearer < z[y * W + x]))
                 continue;
             z[y * W + x] = 1 / nearer;
+            double at[2], light = (u * a->light / a->z + v * b->light / b->z + w * c->light / c->z) / nearer;
+            for (int k = 0; k < 2; k++)
+                at[k] = (u * a->at[k] / a->z + v * b->at[k] / b->z + w * c->at[k] / c->z) / nearer;
             for (int k = 0; k < 3; k++)
-                rgb[y * W + x][k] = (u * a->rgb[k] / a->z + v * b->rgb[k] / b->z + w * c->rgb[k] / c->z) / nearer;
+                rgb[y * W + x][k] = light * texel(atlas, at, k);
         }
 }
 
@@ -114,10 +129,10 @@ static void draw(struct set *s, uint8_t *rgba)
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H, 1), OK);
     EXPECT_STATUS(likeness_make(&given, s->take, s->rays, 4, NULL), OK); // the same again
-    EXPECT_STATUS(likeness_painter_open(&painter, gpu, s->take, s->rays, &lens), OK);
+    EXPECT_STATUS(likeness_painter_open(&painter, gpu, s->take, s->rays, &lens, 0), OK);
     EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
     EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
-    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, 1000, target, NULL};
+    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL};
     EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts), OK);
     EXPECT_INT(parts, PART_COUNT);
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);
@@ -145,14 +160,15 @@ static void draw_reference(struct set *s, double *z, double (*rgb)[3])
         into_viewer.part[p] = pose_multiply(pose_inverse(s->viewer), shown.part[p]);
         into_world.part[p] = pose_multiply(e->world_from_camera, joints.part[p]);
     }
-    struct seen *seen = malloc(sizeof *seen * (size_t)l->surface.point_count);
-    for (int i = 0; i < l->surface.point_count; i++)
+    const struct unfolded *m = &l->atlas.mesh;
+    struct seen *seen = malloc(sizeof *seen * (size_t)m->point_count);
+    for (int i = 0; i < m->point_count; i++)
         seen[i] = see(l, i, &into_viewer, &into_world);
     for (int i = 0; i < W * H; i++)
         z[i] = INFINITY;
-    for (int t = 0; t < l->surface.corner_count; t += 3) {
-        const int32_t *c = l->surface.corners + t;
-        fill(&seen[c[0]], &seen[c[1]], &seen[c[2]], z, rgb);
+    for (int t = 0; t < m->corner_count; t += 3) {
+        const int32_t *c = m->corners + t;
+        fill(&l->atlas, &seen[c[0]], &seen[c[1]], &seen[c[2]], z, rgb);
     }
     free(seen);
     sight_close(&sight);
@@ -174,7 +190,7 @@ static void pixels_are_the_reference_s(void **state)
         one += wanted != is;
         both += wanted && is;
         for (int c = 0; c < 3 && wanted && is; c++) {
-            double d = 255 * sqrt(fmin(fmax(rgb[i][c], 0), 1)) - rgba[4 * i + c];
+            double d = fmin(rgb[i][c], 255) - rgba[4 * i + c];
             sum += d * d;
         }
     }
