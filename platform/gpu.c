@@ -552,11 +552,16 @@ void gpu_draw(const struct gpu_job *job)
         glEnable(GL_CULL_FACE);
     else
         glDisable(GL_CULL_FACE);
-    glDisable(GL_BLEND);
+    if (job->blend) {
+        glEnable(GL_BLEND);
+        glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    } else {
+        glDisable(GL_BLEND);
+    }
     if (job->depth_test) {
         glEnable(GL_DEPTH_TEST);
         glDepthFunc(GL_LESS);
-        glDepthMask(GL_TRUE);
+        glDepthMask(!job->blend);
     } else {
         glDisable(GL_DEPTH_TEST);
     }
@@ -567,6 +572,7 @@ void gpu_draw(const struct gpu_job *job)
     }
     glActiveTexture(GL_TEXTURE0);
     glBindVertexArray(job->mesh->array);
-    glDrawElements(GL_TRIANGLES, job->mesh->index_count, GL_UNSIGNED_SHORT, NULL);
+    glDrawElements(GL_TRIANGLES, job->count ? job->count : job->mesh->index_count, GL_UNSIGNED_SHORT,
+                   (const void *)(sizeof(uint16_t) * (size_t)job->first));
     glBindVertexArray(0);
 }

@@ -106,5 +106,7 @@ struct gpu_job {
     const struct gpu_texture *textures[4]; // as many as the program has samplers
     bool closed;                           // leave out triangles seen from behind: those that run clockwise
     bool depth_test;                       // the nearer one wins; else drawn over what is there
+    bool blend;                            // colours are premultiplied and laid over what is there; depth stays as it is
+    int first, count;                      // of the mesh's indices; count 0: all of them
 };
 void gpu_draw(const struct gpu_job *job);

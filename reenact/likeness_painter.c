@@ -2,13 +2,14 @@
 
 #include "reenact/shaders.h"
 #include "reenact/shown_frames.h"
+#include "reenact/silhouette.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { VERTEX = 16 };
 
-static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
+static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_OUTLINE_PX = 0.5F;
 
 // Those that only colours need come last.
 enum uniform {
@@ -21,6 +22,7 @@ enum uniform {
     NOW_WINDOWS,
     KIND,
     ABSENT,
+    VIEWER_FROM_NOW,
     SOURCE_UNIFORMS,
     WORLD_FROM_NOW = SOURCE_UNIFORMS,
     LIGHT,
@@ -37,6 +39,7 @@ static const char *const uniform_names[UNIFORMS] = {
     [NOW_WINDOWS] = "now_windows",
     [KIND] = "kind",
     [ABSENT] = "absent",
+    [VIEWER_FROM_NOW] = "viewer_from_now",
     [WORLD_FROM_NOW] = "world_from_now",
     [LIGHT] = "light",
     [COLOR_LENS] = "color_lens",
@@ -57,6 +60,8 @@ struct likeness_painter {
     struct likeness likeness;
     struct gpu_program *programs[2]; // colours; where they are from
     struct brought brought;          // without a mesh: no likeness was given
+    struct silhouette *silhouette;
+    uint16_t *ribbon;
     struct shown_frames *frames;
 };
 
@@ -83,7 +88,7 @@ static void set(struct likeness_painter *p, enum uniform uniform, const float *v
         gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
 }
 
-static void put_vertex(const struct likeness *f, int i, float v[VERTEX])
+static void put_vertex(const struct likeness *f, int i, bool doubled, float v[VERTEX])
 {
     const struct unfolded *m = &f->atlas.mesh;
     const struct vec3 *p = &f->surface.points[m->points[i]], *n = &f->surface.normals[m->points[i]];
@@ -91,7 +96,7 @@ static void put_vertex(const struct likeness *f, int i, float v[VERTEX])
     const float values[VERTEX] = {
         (float)p->x,  (float)p->y,  (float)p->z,  m->at[i][0] / (float)m->width,
         (float)n->x,  (float)n->y,  (float)n->z,  m->at[i][1] / (float)m->height,
-        s->part[0],   s->part[1],   s->part[2],   0,
+        s->part[0],   s->part[1],   s->part[2],   doubled,
         s->weight[0], s->weight[1], s->weight[2], 0,
     };
     memcpy(v, values, sizeof values);
@@ -106,6 +111,9 @@ static void drop_likeness(struct likeness_painter *p)
     free(b->vertices);
     free(b->corners);
     *b = (struct brought){0};
+    silhouette_close(&p->silhouette);
+    free(p->ribbon);
+    p->ribbon = NULL;
     likeness_free(&p->likeness);
     if (p->frames)
         shown_frames_forget(p->frames);
@@ -115,24 +123,30 @@ static enum status open_brought(struct likeness_painter *p)
 {
     const struct unfolded *m = &p->likeness.atlas.mesh;
     struct brought *b = &p->brought;
-    if (m->point_count > UINT16_MAX)
+    if (2 * m->point_count > UINT16_MAX)
         return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
-    b->float_count = VERTEX * m->point_count;
+    b->float_count = 2 * VERTEX * m->point_count;
     b->corner_count = m->corner_count;
     b->vertices = malloc(sizeof *b->vertices * (size_t)b->float_count);
     b->corners = malloc(sizeof *b->corners * (size_t)b->corner_count);
     if (!b->vertices || !b->corners)
         return fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < m->point_count; i++)
-        put_vertex(&p->likeness, i, b->vertices + VERTEX * (size_t)i);
+    for (int i = 0; i < 2 * m->point_count; i++)
+        put_vertex(&p->likeness, i % m->point_count, i >= m->point_count, b->vertices + VERTEX * (size_t)i);
     for (int i = 0; i < m->corner_count; i++)
         b->corners[i] = (uint16_t)m->corners[i];
     enum status status = gpu_texture_open(&b->color, p->gpu, GPU_RGB8, m->width, m->height, GPU_LINEAR, NULL);
     if (status == OK)
         status = gpu_texture_open(&b->when, p->gpu, GPU_RGBA8, m->width, m->height, GPU_NEAREST, NULL);
     if (status == OK)
-        status = gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, m->point_count, NULL, m->corner_count);
-    return status;
+        status = silhouette_open(&p->silhouette, &p->likeness);
+    if (status != OK)
+        return status;
+    int most = silhouette_most(p->silhouette);
+    p->ribbon = malloc(sizeof *p->ribbon * (size_t)most);
+    if (!p->ribbon)
+        return fail(ERR_MEMORY, "out of memory");
+    return gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, 2 * m->point_count, NULL, m->corner_count + most);
 }
 
 enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness)
@@ -262,12 +276,18 @@ void likeness_painter_close(struct likeness_painter **out)
 
 // ---------------------------------------------------------------- drawing
 
-static void set_maps(struct likeness_painter *p, enum uniform uniform, struct pose to, const struct posture *posture)
+static void set_maps(struct likeness_painter *p, enum uniform uniform, struct pose to, const struct posture *posture,
+                     struct part_map maps[PART_COUNT])
 {
-    struct part_map maps[PART_COUNT];
     for (int part = 0; part < PART_COUNT; part++)
         maps[part] = part_map_of(pose_multiply(to, posture->part[part]));
     set(p, uniform, maps[0].row[0], 3 * PART_COUNT);
+}
+
+static void set_turn(struct likeness_painter *p, enum uniform uniform, struct pose turn)
+{
+    struct part_map map = part_map_of(turn);
+    set(p, uniform, map.row[0], 3);
 }
 
 // How many parts there are to draw; the others are marked as absent.
@@ -290,6 +310,19 @@ static int set_absent(struct likeness_painter *p, const struct likeness_view *vi
     return present;
 }
 
+// Over what is drawn, as its outline.
+static void draw_ribbon(struct likeness_painter *p, struct gpu_job job, const struct part_map *viewer_from_part)
+{
+    job.closed = false;
+    job.blend = true;
+    job.first = p->brought.corner_count;
+    job.count = silhouette_find(p->silhouette, viewer_from_part, p->ribbon);
+    if (!job.count)
+        return;
+    gpu_mesh_write_indices(p->brought.mesh, job.first, p->ribbon, job.count);
+    gpu_draw(&job);
+}
+
 enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts)
 {
     *parts = set_absent(p, view);
@@ -307,21 +340,26 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
         return status;
     shown = posture_adjusted(&shown, &now->adjustment);
     recorded = posture_adjusted(&recorded, &now->adjustment);
-    set_maps(p, VIEWER_FROM_PART, pose_inverse(view->world_from_viewer), &shown);
-    set_maps(p, NOW_FROM_PART, POSE_IDENTITY, &recorded);
-    struct part_map world = part_map_of(e->world_from_camera);
-    set(p, WORLD_FROM_NOW, world.row[0], 3);
+    struct part_map viewer_from_part[PART_COUNT], now_from_part[PART_COUNT];
+    struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
+    set_maps(p, VIEWER_FROM_PART, viewer_from_world, &shown, viewer_from_part);
+    set_maps(p, NOW_FROM_PART, POSE_IDENTITY, &recorded, now_from_part);
+    set_turn(p, WORLD_FROM_NOW, e->world_from_camera);
+    set_turn(p, VIEWER_FROM_NOW, pose_multiply(viewer_from_world, e->world_from_camera));
     set(p, NOW_WINDOWS, now->windows[0], 2);
-    const float kind[4] = {now->seen, (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9), 0, 0};
-    set(p, KIND, kind, 1);
+    float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
+    set(p, KIND, (const float[4]){now->seen, time_s, HALF_OUTLINE_PX, 0}, 1);
     struct gpu_job job = {.target = view->actor,
                           .program = p->programs[0],
                           .mesh = p->brought.mesh,
                           .textures = {now->depth, p->brought.color, now->color},
                           .closed = true,
-                          .depth_test = true};
+                          .depth_test = true,
+                          .count = p->brought.corner_count};
     gpu_draw(&job);
+    draw_ribbon(p, job, viewer_from_part);
     if (view->source) {
+        gpu_program_set(p->programs[1], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
         job.target = view->source;
         job.program = p->programs[1];
         job.textures[1] = p->brought.when;

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4, BROUGHT_BYTES = 512 << 10 };
+enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 1, BROUGHT_BYTES = 512 << 10 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet

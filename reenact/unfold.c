@@ -22,7 +22,7 @@ struct cutter {
     int triangles;
     double texel_m;
     struct vec3 *facing;            // of each triangle
-    int32_t (*beside)[3];           // triangles across each triangle's edges; -1: none
+    int32_t (*beside)[3];           // as unfolded has it
     int32_t *sheet_of;              // of each triangle; -1: none yet
     int32_t *order;                 // triangles, sheet by sheet
     int32_t (*ground)[GROUND];      // the last sheet that took this texel, wrapped round; -1: none
@@ -240,7 +240,6 @@ enum status unfold(struct unfolded *out, const struct surface *surface, const in
                        .triangles = (int)triangles,
                        .texel_m = texel_m,
                        .facing = malloc(sizeof *c.facing * triangles),
-                       .beside = malloc(sizeof *c.beside * triangles),
                        .sheet_of = malloc(sizeof *c.sheet_of * triangles),
                        .order = malloc(sizeof *c.order * triangles),
                        .ground = malloc(sizeof *c.ground * GROUND),
@@ -248,7 +247,9 @@ enum status unfold(struct unfolded *out, const struct surface *surface, const in
     int32_t *number = malloc(sizeof *number * (size_t)surface->point_count);
     *out = (struct unfolded){.points = malloc(sizeof *out->points * 3 * triangles),
                              .at = malloc(sizeof *out->at * 3 * triangles),
-                             .corners = malloc(sizeof *out->corners * 3 * triangles)};
+                             .corners = malloc(sizeof *out->corners * 3 * triangles),
+                             .beside = malloc(sizeof *out->beside * triangles)};
+    c.beside = out->beside;
     enum status status = OK;
     if (!c.facing || !c.beside || !c.sheet_of || !c.order || !c.ground || !c.sheets || !number || !out->points ||
         !out->at || !out->corners)
@@ -256,7 +257,6 @@ enum status unfold(struct unfolded *out, const struct surface *surface, const in
     if (status == OK)
         status = unfold_with(&c, out, number);
     free(c.facing);
-    free(c.beside);
     free(c.sheet_of);
     free(c.order);
     free(c.ground);
@@ -272,5 +272,6 @@ void unfolded_free(struct unfolded *u)
     free(u->points);
     free(u->at);
     free(u->corners);
+    free(u->beside);
     *u = (struct unfolded){0};
 }

@@ -6,7 +6,7 @@ precision highp float;
 
 in vec4 place;
 in vec4 seen;
-in vec2 lighting;
+in vec3 lighting;
 
 uniform highp sampler2D atlas;       // colours in the mean light
 uniform highp sampler2D now_picture;
@@ -22,5 +22,5 @@ void main()
     vec4 there = texture(now_depth, seen.xy);
     float off = abs((there.r * 256.0 + there.g) * 0.255 - seen.z);
     float now = seen.w * there.b * (1.0 - smoothstep(0.05, 0.09, off));
-    color = vec4(mix(own, texture(now_picture, place.zw).rgb, now), 1.0);
+    color = lighting.z * vec4(mix(own, texture(now_picture, place.zw).rgb, now), 1.0);
 }

@@ -4,7 +4,7 @@ precision highp float;
 
 in vec4 place;
 in vec4 seen;
-in vec2 lighting;
+in vec3 lighting;
 
 uniform vec4 kind;                 // y: the shown frame's time, seconds of the take
 uniform highp sampler2D atlas_when; // hundredths of a second (high, low byte); blue: 1 if nobody saw it
