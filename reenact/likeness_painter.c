@@ -1,6 +1,7 @@
 #include "reenact/likeness_painter.h"
 
 #include "reenact/shaders.h"
+#include "reenact/warp.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -22,6 +23,7 @@ enum uniform {
     DEPTH_FROM_COLOR,
     KIND,
     ABSENT,
+    SHIFT_GRID,
     UNIFORMS
 };
 static const char *const uniform_names[UNIFORMS] = {
@@ -36,6 +38,7 @@ static const char *const uniform_names[UNIFORMS] = {
     [DEPTH_FROM_COLOR] = "depth_from_color",
     [KIND] = "kind",
     [ABSENT] = "absent",
+    [SHIFT_GRID] = "shift_grid",
 };
 
 // A mesh that comes to the GPU bit by bit.
@@ -57,7 +60,9 @@ struct likeness_painter {
     uint8_t *color, *depth;       // their pixels
     int64_t frame;                // whose pictures are there; -1: nobody's
     bool has_now;                 // it has colours and depth
-    struct adjustment adjustment; // of that frame
+    struct adjustment adjustment; // of that frame, and what goes beyond it
+    struct warp *warp;
+    struct gpu_texture *shifts;
 };
 
 void lens_uniform(const struct lens *l, float out[12])
@@ -103,6 +108,8 @@ static void drop_likeness(struct likeness_painter *p)
 {
     drop_mesh(&p->fine);
     drop_mesh(&p->coarse);
+    warp_close(&p->warp);
+    gpu_texture_close(&p->shifts);
     likeness_free(&p->likeness);
     p->frame = -1;
 }
@@ -138,6 +145,20 @@ static enum status open_meshes(struct likeness_painter *p)
                : status;
 }
 
+static enum status open_warp(struct likeness_painter *p)
+{
+    const struct likeness *f = &p->likeness;
+    enum status status = warp_open(&p->warp, &f->rest, &f->surface, take_calibration(p->take));
+    if (status != OK)
+        return status;
+    struct warp_grid g = warp_grid_of(p->warp);
+    const float uniform[8] = {(float)g.corner.x, (float)g.corner.y, (float)g.corner.z, (float)WARP_STEP_M,
+                              (float)g.size[0],  (float)g.size[1],  (float)g.size[2],  (float)WARP_MOST_M};
+    gpu_program_set(p->program, SHIFT_GRID, uniform, 2);
+    return gpu_texture_open(&p->shifts, p->gpu, GPU_RGBA8, g.size[0], g.size[1] * g.size[2], GPU_NEAREST,
+                            warp_picture(p->warp));
+}
+
 enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness)
 {
     drop_likeness(p);
@@ -148,6 +169,8 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
         light[i][0] = p->likeness.coat.light.term[i];
     gpu_program_set(p->program, LIGHT, light[0], LIGHT_TERMS);
     enum status status = open_meshes(p);
+    if (status == OK)
+        status = open_warp(p);
     if (status != OK)
         drop_likeness(p);
     return status;
@@ -193,9 +216,9 @@ void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *vi
 
 static enum status open_program(struct likeness_painter *p, const struct lens *view)
 {
-    static const char *const samplers[] = {"now_picture", "now_depth"};
+    static const char *const samplers[] = {"now_picture", "now_depth", "shifts"};
     const struct gpu_program_text text = {
-        "figure", shader_find("figure.vert"), shader_find("figure.frag"), uniform_names, UNIFORMS, samplers, 2};
+        "figure", shader_find("figure.vert"), shader_find("figure.frag"), uniform_names, UNIFORMS, samplers, 3};
     enum status status = gpu_program_open(&p->program, p->gpu, &text);
     if (status != OK)
         return status;
@@ -283,6 +306,7 @@ static enum status load_frame(struct likeness_painter *p, int64_t frame)
     p->frame = -1;
     p->has_now = false;
     p->adjustment = likeness_adjustment(&p->likeness, frame);
+    warp_clear(p->warp);
     enum status status = sight_read(&p->sight, p->take, frame);
     if (status == OK)
         status = posture_of(&p->likeness.rest, &e->skeleton, &joints);
@@ -297,10 +321,14 @@ static enum status load_frame(struct likeness_painter *p, int64_t frame)
         if (status < 0)
             return status;
         p->adjustment = align(p->likeness.volume, &p->likeness.rest, &p->sight, &joints, &p->adjustment);
+        joints = posture_adjusted(&joints, &p->adjustment);
+        const struct warp_model model = {p->likeness.volume, &p->likeness.surface, p->likeness.skins};
+        warp_fit(p->warp, &model, &p->sight, &joints);
         write_depth(p);
         if (p->has_now)
             gpu_texture_write(p->now_picture, p->color);
     }
+    gpu_texture_write(p->shifts, warp_picture(p->warp));
     p->frame = frame;
     return OK;
 }
@@ -362,7 +390,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
         gpu_draw(&(struct gpu_job){.target = coded ? view->source : view->actor,
                                    .program = p->program,
                                    .mesh = view->px_a_m > COARSE_PX_A_M ? p->fine.mesh : p->coarse.mesh,
-                                   .textures = {p->now_picture, p->now_depth},
+                                   .textures = {p->now_picture, p->now_depth, p->shifts},
                                    .closed = true,
                                    .depth_test = true});
     }

@@ -16,6 +16,8 @@ uniform vec4 absent[3];            // of each part: 1 if it is not to be drawn
 uniform vec4 light[9];             // spherical harmonics of the room's light, in x
 uniform vec4 view_lens[3];         // (fx, fy, cx, cy), (k1, k2, p1, p2), (k3, largest r2, width, height)
 uniform vec4 view_range;           // nearest and farthest z that are drawn, metres
+uniform vec4 shift_grid[2];        // what warp.h has for the shown frame: (corner, step), (sizes, largest shift)
+uniform highp sampler2D shifts;
 
 // (At a triangle's edge never beyond it: what lies there is somebody else's.)
 centroid out vec4 now_point;  // colour camera's axes of the shown frame, metres; w: when, seconds of the take
@@ -45,9 +47,23 @@ float lit(vec3 n)
     return clamp(sum, 0.4, 1.6); // as coat.h has it
 }
 
+vec3 shifted(vec3 p)
+{
+    vec3 q = (p - shift_grid[0].xyz) / shift_grid[0].w, last = shift_grid[1].xyz - 2.0;
+    ivec3 cell = ivec3(clamp(q, vec3(0.0), last));
+    vec3 t = clamp(q - vec3(cell), 0.0, 1.0), sum = vec3(0.0);
+    for (int i = 0; i < 8; i++) {
+        ivec3 side = ivec3(i & 1, i >> 1 & 1, i >> 2), at = cell + side;
+        vec3 share = mix(1.0 - t, t, vec3(side));
+        vec3 code = texelFetch(shifts, ivec2(at.x, at.z * int(shift_grid[1].y) + at.y), 0).xyz;
+        sum += share.x * share.y * share.z * (code * 255.0 - 128.0);
+    }
+    return p + sum * (shift_grid[1].w / 127.0);
+}
+
 void main()
 {
-    vec4 h = vec4(point.xyz, 1.0), f = vec4(facing.xyz, 0.0);
+    vec4 h = vec4(shifted(point.xyz), 1.0), f = vec4(facing.xyz, 0.0);
     float missing = 0.0;
     vec3 p = vec3(0.0), now = vec3(0.0), turned = vec3(0.0);
     for (int i = 0; i < 3; i++) {

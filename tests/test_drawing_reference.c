@@ -5,6 +5,7 @@
 
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
+#include "reenact/warp.h"
 #include "tests/support/rehearsal.h"
 
 #include <stdlib.h>
@@ -27,13 +28,15 @@ static double lit(const struct light *light, struct vec3 n)
     return fmin(fmax(sum, (double)LIGHT_LEAST), (double)LIGHT_MOST);
 }
 
-static struct seen see(const struct likeness *l, int i, const struct posture *viewer, const struct posture *world)
+static struct seen see(const struct likeness *l, int i, const struct warp *warp, const struct posture *viewer,
+                       const struct posture *world)
 {
-    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0);
+    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0), rest = l->surface.points[i];
+    rest = v3_add(rest, warp_at(warp, rest));
     for (int s = 0; s < SKIN_PARTS; s++) {
         const double share = (double)l->skins[i].weight[s];
         const int part = l->skins[i].part[s];
-        p = v3_add(p, v3_scale(pose_apply(viewer->part[part], l->surface.points[i]), share));
+        p = v3_add(p, v3_scale(pose_apply(viewer->part[part], rest), share));
         n = v3_add(n, v3_scale(quat_rotate(world->part[part].rotation, l->surface.normals[i]), share));
     }
     struct pixel px = lens_project(&lens, p);
@@ -141,13 +144,17 @@ static void draw_reference(struct set *s, double *z, double (*rgb)[3])
     EXPECT_STATUS(posture_of(&l->rest, &s->moment.skeleton, &shown), OK);
     shown = posture_adjusted(&shown, &a);
     joints = posture_adjusted(&joints, &a);
+    struct warp *warp;
+    const struct warp_model model = {l->volume, &l->surface, l->skins};
+    EXPECT_STATUS(warp_open(&warp, &l->rest, &l->surface, take_calibration(s->take)), OK);
+    warp_fit(warp, &model, &sight, &joints);
     for (int p = 0; p < PART_COUNT; p++) {
         into_viewer.part[p] = pose_multiply(pose_inverse(s->viewer), shown.part[p]);
         into_world.part[p] = pose_multiply(e->world_from_camera, joints.part[p]);
     }
     struct seen *seen = malloc(sizeof *seen * (size_t)l->surface.point_count);
     for (int i = 0; i < l->surface.point_count; i++)
-        seen[i] = see(l, i, &into_viewer, &into_world);
+        seen[i] = see(l, i, warp, &into_viewer, &into_world);
     for (int i = 0; i < W * H; i++)
         z[i] = INFINITY;
     for (int t = 0; t < l->surface.corner_count; t += 3) {
@@ -155,6 +162,7 @@ static void draw_reference(struct set *s, double *z, double (*rgb)[3])
         fill(&seen[c[0]], &seen[c[1]], &seen[c[2]], z, rgb);
     }
     free(seen);
+    warp_close(&warp);
     sight_close(&sight);
 }
 
