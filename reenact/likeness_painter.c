@@ -3,6 +3,7 @@
 #include "reenact/shaders.h"
 #include "reenact/shown_frames.h"
 #include "reenact/silhouette.h"
+#include "reenact/warp.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -23,6 +24,7 @@ enum uniform {
     KIND,
     ABSENT,
     VIEWER_FROM_NOW,
+    SHIFT_RANGE,
     SOURCE_UNIFORMS,
     WORLD_FROM_NOW = SOURCE_UNIFORMS,
     LIGHT,
@@ -40,6 +42,7 @@ static const char *const uniform_names[UNIFORMS] = {
     [KIND] = "kind",
     [ABSENT] = "absent",
     [VIEWER_FROM_NOW] = "viewer_from_now",
+    [SHIFT_RANGE] = "shift_range",
     [WORLD_FROM_NOW] = "world_from_now",
     [LIGHT] = "light",
     [COLOR_LENS] = "color_lens",
@@ -158,6 +161,7 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
     for (int i = 0; i < LIGHT_TERMS; i++)
         light[i][0] = p->likeness.coat.light.term[i];
     set(p, LIGHT, light[0], LIGHT_TERMS);
+    set(p, SHIFT_RANGE, (const float[4]){(float)WARP_MOST_M, (float)p->likeness.atlas.mesh.point_count, 0, 0}, 1);
     enum status status = open_brought(p);
     if (status != OK)
         drop_likeness(p);
@@ -219,13 +223,13 @@ void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *vi
 
 static enum status open_programs(struct likeness_painter *p, const struct lens *view)
 {
-    static const char *const samplers[] = {"now_depth", "atlas", "now_picture"},
-                             *const source_samplers[] = {"now_depth", "atlas_when"};
+    static const char *const samplers[] = {"now_depth", "atlas", "shifts", "now_picture"},
+                             *const source_samplers[] = {"now_depth", "atlas_when", "shifts"};
     const struct gpu_program_text colors = {
-        "figure", shader_find("figure.vert"), shader_find("figure.frag"), uniform_names, UNIFORMS, samplers, 3};
+        "figure", shader_find("figure.vert"), shader_find("figure.frag"), uniform_names, UNIFORMS, samplers, 4};
     const struct gpu_program_text sources = {
         "figure's sources", shader_find("figure.vert"), shader_find("figure_source.frag"), uniform_names,
-        SOURCE_UNIFORMS, source_samplers, 2};
+        SOURCE_UNIFORMS, source_samplers, 3};
     enum status status = gpu_program_open(&p->programs[0], p->gpu, &colors);
     if (status == OK)
         status = gpu_program_open(&p->programs[1], p->gpu, &sources);
@@ -311,12 +315,13 @@ static int set_absent(struct likeness_painter *p, const struct likeness_view *vi
 }
 
 // Over what is drawn, as its outline.
-static void draw_ribbon(struct likeness_painter *p, struct gpu_job job, const struct part_map *viewer_from_part)
+static void draw_ribbon(struct likeness_painter *p, struct gpu_job job, const struct part_map *viewer_from_part,
+                        const struct shown_frame *now)
 {
     job.closed = false;
     job.blend = true;
     job.first = p->brought.corner_count;
-    job.count = silhouette_find(p->silhouette, viewer_from_part, p->ribbon);
+    job.count = silhouette_find(p->silhouette, viewer_from_part, now->shift, p->ribbon);
     if (!job.count)
         return;
     gpu_mesh_write_indices(p->brought.mesh, job.first, p->ribbon, job.count);
@@ -352,12 +357,12 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     struct gpu_job job = {.target = view->actor,
                           .program = p->programs[0],
                           .mesh = p->brought.mesh,
-                          .textures = {now->depth, p->brought.color, now->color},
+                          .textures = {now->depth, p->brought.color, now->shifts, now->color},
                           .closed = true,
                           .depth_test = true,
                           .count = p->brought.corner_count};
     gpu_draw(&job);
-    draw_ribbon(p, job, viewer_from_part);
+    draw_ribbon(p, job, viewer_from_part, now);
     if (view->source) {
         gpu_program_set(p->programs[1], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
         job.target = view->source;

@@ -46,12 +46,12 @@ void silhouette_close(struct silhouette **s)
 
 int silhouette_most(const struct silhouette *s) { return 6 * s->likeness->atlas.mesh.corner_count; }
 
-static void place_points(struct silhouette *s, const struct part_map *maps)
+static void place_points(struct silhouette *s, const struct part_map *maps, float (*shift)[3])
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
     for (int i = 0; i < m->point_count; i++) {
         const struct skin *skin = &s->likeness->skins[m->points[i]];
-        const struct spot p = s->rest[i];
+        const struct spot p = {s->rest[i].x + shift[i][0], s->rest[i].y + shift[i][1], s->rest[i].z + shift[i][2]};
         float at[3] = {0};
         for (int k = 0; k < SKIN_PARTS; k++)
             for (int r = 0; r < 3; r++) {
@@ -62,10 +62,11 @@ static void place_points(struct silhouette *s, const struct part_map *maps)
     }
 }
 
-int silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part, uint16_t *out)
+int silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part, float (*shift)[3],
+                    uint16_t *out)
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
-    place_points(s, viewer_from_part);
+    place_points(s, viewer_from_part, shift);
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
         const struct spot a = s->now[c[0]], b = s->now[c[1]], d = s->now[c[2]];
