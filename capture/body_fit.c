@@ -143,6 +143,8 @@ static struct nearest find_nearest(const struct body_build *build, const struct 
     return best;
 }
 
+static double point_share(const struct body_evidence *e) { return fmin(1, INDEPENDENT_POINTS / fmax(e->count, 1)); }
+
 // Points against the nearest surface that the camera can see. With `system` NULL only judges.
 static double add_points(const struct fit_task *task, const struct body_build *build,
                          const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
@@ -150,10 +152,7 @@ static double add_points(const struct fit_task *task, const struct body_build *b
     const struct body_evidence *e = task->evidence;
     struct bounds bounds;
     find_bounds(build, &bounds);
-    double c2 = task->reach_m * task->reach_m, share = INDEPENDENT_POINTS / fmax(e->count, 1), energy = 0;
-    if (share > 1)
-        share = 1;
-    share *= task->every;
+    double c2 = task->reach_m * task->reach_m, share = point_share(e) * task->every, energy = 0;
     for (int i = 0; i < e->count; i += task->every) {
         struct nearest best = find_nearest(build, &bounds, e->point[i].p, out->solid[i]);
         out->residual[i] = (float)best.distance;
@@ -210,29 +209,36 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     return 0.5 * weight * e2 * fade;
 }
 
+static double add_free_solid(const struct fit_task *task, const struct body_build *build, int i, struct fit_system *system)
+{
+    const struct body_solid *s = &build->solid[i];
+    struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
+    double energy = 0;
+    if (s->width_a > 0)
+        across = s->side;
+    for (int k = 0; k < 4; k++) {
+        double t = (k + 0.5) / 4, radius = s->radius_a + (s->radius_b - s->radius_a) * t,
+               width = s->width_a + (s->width_b - s->width_a) * t;
+        struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
+        for (int side = -1; side <= 1; side++) {
+            double beside = side * (width + 0.75 * radius);
+            double deep = side ? 0.66 * radius : radius; // the round front falls back to the sides
+            struct vec3 c = v3_add(middle, v3_scale(across, beside));
+            energy += add_free_sample(task, build, s->segment, c, deep, side ? 0.15 : 0.3, system);
+        }
+    }
+    return energy;
+}
+
 static double add_free_space(const struct fit_task *task, const struct body_build *build, struct fit_result *out,
                              struct fit_system *system)
 {
     double energy = 0;
     memset(out->limb_energy, 0, sizeof out->limb_energy);
     for (int i = 0; i < SOLID_COUNT; i++) {
-        const struct body_solid *s = &build->solid[i];
-        struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
-        if (s->width_a > 0)
-            across = s->side;
-        for (int k = 0; k < 4; k++) {
-            double t = (k + 0.5) / 4, radius = s->radius_a + (s->radius_b - s->radius_a) * t,
-                   width = s->width_a + (s->width_b - s->width_a) * t;
-            struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
-            for (int side = -1; side <= 1; side++) {
-                double beside = side * (width + 0.75 * radius);
-                double deep = side ? 0.66 * radius : radius; // the round front falls back to the sides
-                struct vec3 c = v3_add(middle, v3_scale(across, beside));
-                double cost = add_free_sample(task, build, s->segment, c, deep, side ? 0.15 : 0.3, system);
-                out->limb_energy[s->segment] += cost;
-                energy += cost;
-            }
-        }
+        double cost = add_free_solid(task, build, i, system);
+        out->limb_energy[build->solid[i].segment] += cost;
+        energy += cost;
     }
     return energy;
 }
@@ -282,6 +288,24 @@ void body_judge(const struct fit_task *task, const struct body_pose *pose, const
 {
     memset(out->solid, -1, sizeof out->solid);
     judge(task, pose, shape, out);
+}
+
+double body_judge_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
+                       const struct limb_point *point, int point_count)
+{
+    double c2 = task->reach_m * task->reach_m, energy = 0;
+    for (int i = 0; i < point_count; i++) {
+        const struct evidence_point *p = &task->evidence->point[point[i].index];
+        struct nearest best = {.distance = point[i].other_m};
+        for (int k = first; k < first + count; k++)
+            try_solid(build, k, p->p, &best);
+        double e2 = best.distance * best.distance;
+        energy += 0.5 * p->weight * e2 * c2 / (c2 + e2);
+    }
+    energy *= point_share(task->evidence);
+    for (int k = first; k < first + count; k++)
+        energy += add_free_solid(task, build, k, NULL);
+    return energy;
 }
 
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out)

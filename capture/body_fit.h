@@ -53,6 +53,16 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
 void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
                 struct fit_result *out);
 
+// A point of the evidence and how far off the nearest solid is that is not of the limb in question.
+struct limb_point {
+    int index;
+    double other_m;
+};
+
+// What these points and the silhouette have against a limb's solids where `build` has them, nothing else moved.
+double body_judge_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
+                       const struct limb_point *point, int point_count);
+
 // Signed distance of `p` from a solid's surface as a camera at the origin sees
 // it: where p is behind the middle, the surface in front counts. *normal points
 // out of the surface, *on is the point of the middle, *t in [0, 1] and
