@@ -30,6 +30,7 @@ struct fit_task {
     int iterations;
     int every;                    // of the points, one in so many is looked at; 1: all
     double reach_m;               // how far a point pulls a surface towards it
+    bool rough;                   // of the result, only pose and shape are wanted
     bool learn_shape;
     double learn_rate;            // > 0: how much this picture counts beside the belief; 1 = as its points do
     struct shape_belief shape;    // in; with learn_shape its mean is the fit's start

@@ -282,8 +282,10 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     task->reach_m = 0.12;
     struct body_pose start = task->expected;
     if (first > 0) {
+        task->rough = true;
         body_fit(task, &start, best);
         start = best->pose;
+        task->rough = false;
     }
     task->iterations = t->options.iterations - first;
     task->reach_m = 0.06;

@@ -224,7 +224,7 @@ void limb_copy(int k, const struct body_pose *from, struct body_pose *to)
 
 enum { TARGETS = 4, KEPT = 2 };
 
-#define APART_M 0.08 // places nearer to each other than this are one
+#define APART_M 0.12 // places nearer to each other than this are one, and a fit comes from the one to the other
 #define ROUGH 3.0 // a fit takes about this much energy off a place: four of five that a fit makes better are within it
 
 struct place {
