@@ -257,6 +257,11 @@ static void say_stats(const struct watch *w)
     printf("screen    %s, %s\n", screen_driver(w->screen), gpu_renderer(w->gpu));
     printf("pictures  %lld from the camera, %lld let go by, %lld drawn, %lld with the actor in his place\n",
            (long long)eyes.came, (long long)eyes.let_go, (long long)t->frames, (long long)w->tablet.placed);
+    if (w->tablet.viewfinder) {
+        struct viewfinder_counts c = viewfinder_counts(w->tablet.viewfinder);
+        printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.borrowed,
+               (long long)c.uploaded, *c.why ? ": " : "", c.why);
+    }
     for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
         printf("%-9s %7.2f ms\n", frame_stage_names[i], t->sum_ms[i] / (double)t->frames);
     printf("in all    %7.2f ms in the median, %.2f ms at most\n", frame_times_median(t), t->total_worst_ms);

@@ -59,13 +59,19 @@ enum status tablet_open(struct tablet *t, struct gpu *gpu, const struct tablet_o
     choose_at_first(t, now_ns);
     if (status != OK)
         show_fail(&t->show, t->trouble);
+    if (!options->camera)
+        return OK;
+    status = viewfinder_open(&t->viewfinder, gpu);
+    if (status != OK)
+        return status;
     const struct eyes_options eyes = {options->camera, t->has_place ? &t->place : NULL, options->wake,
-                                      options->wake_self};
-    return options->camera ? eyes_open(&t->eyes, &eyes) : OK;
+                                      options->wake_self, viewfinder_can_borrow(t->viewfinder)};
+    return eyes_open(&t->eyes, &eyes);
 }
 
 void tablet_close(struct tablet *t)
 {
+    viewfinder_close(&t->viewfinder);
     eyes_close(&t->eyes);
     stage_close(&t->stage);
     library_close(&t->library);
@@ -193,7 +199,7 @@ static struct stage_look look_now(struct tablet *t, const struct tablet_glass *g
     look.former = s->freshness < 1;
     if (sight) {
         look.lens = sight->lens;
-        look.camera = sight->rgb;
+        look.camera = viewfinder_texture(t->viewfinder);
         look.camera_number = sight->number;
         look.time_ns = player_at(&s->player, sight->came_ns); // the instant of this very picture
         // While it does not know, the actor fades where he was last; he does not jump.
@@ -222,15 +228,29 @@ static void follow(struct tablet *t)
     s->changed = true;
 }
 
+// The sight's picture goes to the graphics chip, once.
+static enum status find_sight(struct tablet *t)
+{
+    if (!t->sight || t->sight->number == t->found)
+        return OK;
+    struct loan *loan = eyes_take_loan(t->eyes);
+    enum status status = viewfinder_show(t->viewfinder, t->sight, &loan);
+    t->found = status == OK ? t->sight->number : 0;
+    return status;
+}
+
 static enum status draw_picture(struct tablet *t, const struct tablet_glass *glass, int64_t now_ns)
 {
+    enum status status = t->show.orbiting ? OK : find_sight(t);
+    if (status != OK)
+        return status;
     struct stage_look look = look_now(t, glass, now_ns);
     if (t->looked && !memcmp(&look, &t->look, sizeof look) && stage_settled(t->stage))
         return OK; // the same again
     bool steady = t->looked;
     t->look = look;
     t->looked = true;
-    enum status status = stage_draw(t->stage, &look, &t->picture);
+    status = stage_draw(t->stage, &look, &t->picture);
     show_model(&t->show, t->picture.prepared);
     if (steady)
         follow(t);

@@ -8,6 +8,7 @@
 #include "app/hands.h"
 #include "app/library.h"
 #include "app/stage.h"
+#include "app/viewfinder.h"
 
 struct tablet_options {
     const char *file;
@@ -34,6 +35,8 @@ struct tablet {
     bool has_place;
     struct stage *stage;
     struct eyes *eyes;
+    struct viewfinder *viewfinder; // of the eyes
+    int64_t found;                 // number of the sight that is in it
     const struct sight *sight; // the newest at the last tablet_update; what is drawn until the next
     struct stage_look look; // what `picture` was drawn for
     bool looked;

@@ -38,7 +38,7 @@ static void test_pictures_come_with_their_places(void **state)
 {
     (void)state;
     struct eyes *e;
-    const struct eyes_options options = {uri("viewer"), &place, NULL, NULL};
+    const struct eyes_options options = {uri("viewer"), &place, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     int64_t last = 0;
     for (int i = 0; i < 6; i++) { // round and round: the folder has fewer
@@ -62,7 +62,7 @@ static void test_without_a_place_pictures_come_all_the_same(void **state)
 {
     (void)state;
     struct eyes *e;
-    const struct eyes_options options = {uri("small"), NULL, NULL, NULL};
+    const struct eyes_options options = {uri("small"), NULL, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     const struct sight *s = wait_for_sight(e, 3);
     assert_non_null(s);
@@ -77,7 +77,7 @@ static void test_a_camera_is_tried_again_until_it_is_there(void **state)
     struct eyes *e;
     char missing[300];
     snprintf(missing, sizeof missing, "%s", uri("later"));
-    const struct eyes_options options = {missing, &place, NULL, NULL};
+    const struct eyes_options options = {missing, &place, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     for (int i = 0; i < 500 && !*eyes_state(e).trouble; i++)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
@@ -104,7 +104,7 @@ static void test_closed_eyes_see_nothing(void **state)
 {
     (void)state;
     struct eyes *e;
-    const struct eyes_options options = {uri("small"), NULL, NULL, NULL};
+    const struct eyes_options options = {uri("small"), NULL, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     assert_non_null(wait_for_sight(e, 0));
     eyes_rest(e, true);
