@@ -2,6 +2,7 @@
 
 #include "app/finder.h"
 #include "app/latest.h"
+#include "app/pace.h"
 #include "platform/clock.h"
 #include "platform/source.h"
 
@@ -123,6 +124,14 @@ static bool fill(struct picture *p, const struct frame *frame, const struct lens
     return true;
 }
 
+static void let_go(struct eyes *e, struct picture *p)
+{
+    pthread_mutex_lock(&e->lock);
+    e->state.let_go++;
+    pthread_mutex_unlock(&e->lock);
+    give_back(e, p);
+}
+
 static void put_seen(struct eyes *e, struct picture *p)
 {
     pthread_mutex_lock(&e->lock);
@@ -132,12 +141,8 @@ static void put_seen(struct eyes *e, struct picture *p)
     e->state.trouble[0] = 0;
     pthread_mutex_unlock(&e->lock);
     struct picture *late = latest_put(e->seen, p);
-    if (late) {
-        pthread_mutex_lock(&e->lock);
-        e->state.let_go++;
-        pthread_mutex_unlock(&e->lock);
-        give_back(e, late);
-    }
+    if (late)
+        let_go(e, late);
 }
 
 // Until the camera ends, fails or is to rest.
@@ -214,6 +219,7 @@ static void *finder_thread(void *self)
     struct eyes *e = self;
     struct finder *finder = NULL;
     struct lens lens = {0};
+    struct pace pace = {0};
     for (struct picture *p; (p = latest_take(e->seen, true));) {
         struct sight *s = &p->sight;
         s->locating_ns = clock_now_ns();
@@ -229,6 +235,10 @@ static void *finder_thread(void *self)
         s->located_ns = clock_now_ns();
         if (status < 0)
             say_trouble(e, status_sentence());
+        if (pace_passes_over(&pace, (double)(s->located_ns - s->locating_ns) * 1e-6, s->placed, latest_waits(e->seen))) {
+            let_go(e, p);
+            continue;
+        }
         give_back(e, latest_put(e->located, p));
         tell(e);
     }

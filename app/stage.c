@@ -25,6 +25,9 @@ struct stage {
     struct orbit orbit;
 };
 
+// From where one begins to walk round him: he is seen from head to foot, above the controls, and not lost.
+static const double NEAREST_M = 3, FARTHEST_M = 3.4;
+
 static void find_beginning(struct stage *s)
 {
     s->orbit = (struct orbit){v3(0, 0, 1), 0, 0.1, 3};
@@ -39,7 +42,7 @@ static void find_beginning(struct stage *s)
         struct vec3 body = moment.skeleton.joint[middle];
         struct vec3 from = v3_sub(moment.world_from_camera.translation, body);
         s->anchor = v3(body.x, body.y, 0);
-        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12, fmin(fmax(2, hypot(from.x, from.y)), 3.2)};
+        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12, fmin(fmax(NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
         struct vec3 right = quat_rotate(moment.world_from_camera.rotation, v3(1, 0, 0));
         s->right = v3_unit(v3(right.x, right.y, 0));
         return;

@@ -101,7 +101,7 @@ static void open_take(struct tablet *t, int64_t now_ns)
 
 static void hear_eyes(struct tablet *t, int64_t now_ns)
 {
-    struct show_camera camera = {.there = t->eyes, .knows_place = t->has_place, .trouble = ""};
+    struct show_camera camera = {.there = t->eyes, .knows_place = t->has_place, .knows_tags = t->place.tag_count > 0, .trouble = ""};
     if (t->eyes) {
         const struct sight *sight = t->sight = eyes_look(t->eyes);
         t->eyes_now = eyes_state(t->eyes);

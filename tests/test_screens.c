@@ -5,6 +5,7 @@
 //     test_screens FILE CAMERA FOLDER       photographs of the screens, for the documents (see tests/screens)
 #include "tests/test.h"
 
+#include "app/scene.h"
 #include "app/tablet.h"
 #include "platform/clock.h"
 #include "platform/file.h"
@@ -194,6 +195,56 @@ static void test_actor_and_camera_are_of_one_instant(void **state)
         EXPECT_INT(t->look.camera_number, t->sight->number);
         EXPECT_INT(t->look.time_ns, player_at(&t->show.player, t->sight->came_ns));
         EXPECT_INT(memcmp(&t->look.world_from_camera, &t->sight->world_from_camera, sizeof(struct pose)), 0);
+    }
+    glass_close(&g);
+}
+
+// How many pixels of the actor and his shadow lie outside of where they are drawn.
+static int beyond_the_box(struct glass *g, int *within)
+{
+    struct tablet *t = &g->tablet;
+    const double scale = scale_of(g);
+    const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
+    const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
+    const struct stage_picture *p = &t->picture;
+    struct cover cover = cover_of(&p->lens, all);
+    struct ui_box whole = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
+    struct ui_box box = scene_actor_box(p, cover, all);
+    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
+    ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a ground without soft edges
+    EXPECT_TRUE(p->shadow && p->actor);
+    ui_picture(t->ui, p->shadow, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_picture(t->ui, p->actor, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_end(t->ui);
+    EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
+    read_back(g);
+    int beyond = 0;
+    for (int y = 0; y < g->height; y++)
+        for (int x = 0; x < g->width; x++) {
+            const uint8_t *rgba = g->rgba + 4 * (y * g->width + x);
+            const double at_x = (x + 0.5) / scale, at_y = (y + 0.5) / scale;
+            bool inside = at_x >= box.x && at_x <= box.x + box.w && at_y >= box.y && at_y <= box.y + box.h;
+            bool his = rgba[0] < 255 || rgba[1] < 255 || rgba[2] < 255;
+            *within += his && inside;
+            beyond += his && !inside;
+        }
+    return beyond;
+}
+
+static void test_he_is_drawn_whole(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    draw(&g);
+    g.tablet.show.orbit.distance_m = 4;
+    for (int i = 0; i < 8; i++) {
+        int within = 0;
+        at(&g, i / 7.0);
+        g.tablet.show.orbit.angle_rad += 0.8;
+        draw(&g);
+        EXPECT_INT(beyond_the_box(&g, &within), 0);
+        EXPECT_AT_LEAST(within, 2000);
     }
     glass_close(&g);
 }
@@ -469,6 +520,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_an_orbit_shows_the_actor_and_a_finger_turns_it),
         cmocka_unit_test(test_nothing_is_drawn_when_nothing_changes),
         cmocka_unit_test(test_actor_and_camera_are_of_one_instant),
+        cmocka_unit_test(test_he_is_drawn_whole),
         cmocka_unit_test(test_a_photograph_is_what_is_seen_without_the_controls),
         cmocka_unit_test(test_a_recording_that_is_taken_away_plays_on),
         cmocka_unit_test(test_a_camera_that_is_lost_says_what_to_do),
