@@ -163,6 +163,19 @@ static void check_file(struct tablet *t, int64_t now_ns)
         show_ail(&t->show, gone ? t->ailing : NULL);
 }
 
+void tablet_rest(struct tablet *t, bool rest, int64_t now_ns)
+{
+    if (rest == t->resting)
+        return;
+    t->resting = rest;
+    if (t->eyes)
+        eyes_rest(t->eyes, rest);
+    if (rest)
+        t->rested_ns = now_ns;
+    else
+        show_slept(&t->show, t->rested_ns, now_ns);
+}
+
 int64_t tablet_update(struct tablet *t, int64_t now_ns)
 {
     struct show *s = &t->show;

@@ -48,12 +48,17 @@ struct tablet {
     struct eyes_state eyes_now;
     char trouble[512], ailing[512];
     int64_t checked_ns, padded_ns, timed_sight;
+    bool resting;
+    int64_t rested_ns; // since when
     int64_t drawing_ns, drawn_ns, controls_ns; // when the last frame's stages began and ended
 };
 
 // A file that cannot be read is told of on the screen, not here. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status tablet_open(struct tablet *t, struct gpu *gpu, const struct tablet_options *options);
 void tablet_close(struct tablet *t); // zeroed is fine
+
+// Nobody sees the screen, or somebody does again: meanwhile the camera rests, and the take's time stands still.
+void tablet_rest(struct tablet *t, bool rest, int64_t now_ns);
 
 // Hears the camera, opens what was chosen, lets time pass. Returns when it wants
 // to be called again at the latest; t->show.changed says whether to draw.
