@@ -155,19 +155,22 @@ static enum status open_shifts(struct shown_frames *f, const struct likeness *li
 {
     const struct unfolded *m = &likeness->atlas.mesh;
     int height = (m->point_count + SHIFTS_WIDE - 1) / SHIFTS_WIDE;
-    uint8_t (*codes)[4] = calloc((size_t)height * SHIFTS_WIDE, sizeof *codes);
+    uint8_t (*codes)[4] = calloc((size_t)height * 2 * SHIFTS_WIDE, sizeof *codes);
     s->shift = malloc(sizeof *s->shift * (size_t)m->point_count);
     enum status status = codes && s->shift ? OK : fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < m->point_count && status == OK; i++) {
-        struct vec3 d = v3_scale(warp_at(f->warp, likeness->surface.points[m->points[i]]), 127 / WARP_MOST_M);
+        struct vec3 d = v3_scale(warp_at(f->warp, likeness->surface.points[m->points[i]]), 32767 / WARP_MOST_M);
         const double steps[3] = {d.x, d.y, d.z};
+        uint8_t (*code)[4] = codes + i / SHIFTS_WIDE * 2 * SHIFTS_WIDE + i % SHIFTS_WIDE;
         for (int a = 0; a < 3; a++) {
-            codes[i][a] = (uint8_t)(128.5 + steps[a]);
-            s->shift[i][a] = (float)(codes[i][a] - 128) * (float)(WARP_MOST_M / 127);
+            const int coded = (int)(32768.5 + steps[a]);
+            code[0][a] = (uint8_t)(coded >> 8);
+            code[SHIFTS_WIDE][a] = (uint8_t)(coded & 255);
+            s->shift[i][a] = (float)(coded - 32768) * (float)(WARP_MOST_M / 32767);
         }
     }
     if (status == OK)
-        status = gpu_texture_open(&s->shifts, f->gpu, GPU_RGBA8, SHIFTS_WIDE, height, GPU_NEAREST, codes[0]);
+        status = gpu_texture_open(&s->shifts, f->gpu, GPU_RGBA8, 2 * SHIFTS_WIDE, height, GPU_NEAREST, codes[0]);
     free(codes);
     return status;
 }
@@ -211,7 +214,7 @@ static enum status load(struct shown_frames *f, const struct likeness *likeness,
     if (status < 0)
         return status;
     const struct sight *sight = &f->sight;
-    size_t bytes = 4 * (size_t)(2 + likeness->atlas.mesh.point_count + SHIFTS_WIDE);
+    size_t bytes = 8 * (size_t)(1 + likeness->atlas.mesh.point_count + SHIFTS_WIDE);
     if (s.seen) {
         size_t depth = (size_t)(sight->right - sight->left + 3) * (size_t)(sight->bottom - sight->top + 3);
         size_t color = c->registered ? depth : (size_t)c->color.width * (size_t)c->color.height;
