@@ -40,6 +40,13 @@ MUST_CHECK enum status locator_open(struct locator **out, const struct place *pl
                                     const struct locator_options *options);
 void locator_close(struct locator **l);
 
+// With a rolling shutter (lens.readout_s): how the camera should be moving while the next picture is
+// read, turn (rad/s) and shift (m/s) in its own axes, and how sure that is (6 x 6, row-major). Holds
+// for the next look only; of a picture without it, as much is known as of any hand. Poses are those of
+// the middle row, and by how much the speed that the picture itself shows leaves them open is in their
+// covariance.
+void locator_expect(struct locator *l, const double speed[6], const double covariance[36]);
+
 // color: RGB of the lens's size. depth: of the same pixels, or NULL.
 // OK         *out filled
 // NOTHING    nothing known in sight, nothing that fits, or too little to be sure

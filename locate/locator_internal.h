@@ -16,6 +16,7 @@ struct point_track {
     double sigma_px;
     struct pixel at; // in the last picture
     struct vec3 ray; // of that, on the plane z = 1
+    double time_s;   // of that, when its row was read
     // Of point, map and feature each errs by some pixels, and the same in each picture that
     // follows. That is learnt, so that new points and old ones do not make the pose jump.
     double off[2], off_variance; // ideal pixels
@@ -64,8 +65,15 @@ struct locator {
     int unsearched[LOCATOR_PARTS]; // for how many pictures no new points were looked for in each part
     uint8_t *vain; // how often each point was looked for in vain since it was last found, at most 255
     struct pose last; // camera_from_world of the last picture that was placed
+    struct shutter_motion last_moving;
+    // of the picture in hand, with a rolling shutter
+    struct shutter_motion moving;
+    struct shutter_motion *motion; // &moving; NULL: all rows are read at once
+    struct shutter_motion expected; // of the next picture
 };
 
+// Begins a picture: its grey copy, and what is expected of its motion.
+void locator_begin(struct locator *l, const uint8_t *color);
 // Tags that the pose says must be there and that are not among the sightings. most_pixels: of
 // each that are read. How many were added.
 int locator_look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,

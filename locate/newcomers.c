@@ -111,8 +111,8 @@ static enum status look_in(struct locator *l, int part, const uint16_t *depth, c
         l->some_points[i] = l->points[which[i]];
         l->vain[which[i]] += l->vain[which[i]] < MOST_VAIN;
     }
-    int found = points_match(l->some_points, count, &l->index, &l->lens, camera_from_world, POINTS_NEAR_PX, l->matches,
-                             FEATURES_MAX);
+    int found = points_match(l->some_points, count, &l->index, &l->lens, l->motion, camera_from_world, POINTS_NEAR_PX,
+                             l->matches, FEATURES_MAX);
     for (int i = 0; i < found; i++)
         l->matches[i].point = which[l->matches[i].point];
     locator_add_points(l, found, camera_from_world);

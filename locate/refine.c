@@ -1,6 +1,7 @@
 #include "locate/refine.h"
 
 #include "locate/linear.h"
+#include "locate/shutter.h"
 #include "locate/square.h"
 
 #include <stdlib.h>
@@ -525,6 +526,7 @@ bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const stru
     for (int k = 0; k < 4; k++) {
         s.ray[k].z = 1;
         apply(m.h, own[k][0], own[k][1], &s.ray[k].x, &s.ray[k].y);
+        s.time_s[k] = shutter_time(&r->lens, lens_project(&r->lens, s.ray[k]).y);
         double dx = (s.ray[k].x - first[k].x) * r->lens.fx, dy = (s.ray[k].y - first[k].y) * r->lens.fy;
         moved_px = fmax(moved_px, sqrt(dx * dx + dy * dy));
         dx = (first[k].x - first[(k + 1) % 4].x) * r->lens.fx, dy = (first[k].y - first[(k + 1) % 4].y) * r->lens.fy;
