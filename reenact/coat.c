@@ -96,11 +96,12 @@ static bool read_color(const struct coat_maker *m, const uint8_t *rgb, struct ve
 }
 
 void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
-              struct pose world_from_camera, double time_s)
+              const struct warp *warp, struct pose world_from_camera, double time_s)
 {
     for (int i = 0; i < m->surface->point_count; i++) {
-        struct vec3 p, n;
-        skin_place(&m->skins[i], posture, m->surface->points[i], m->surface->normals[i], &p, &n);
+        struct vec3 p, n, rest = m->surface->points[i];
+        rest = v3_add(rest, warp_at(warp, rest));
+        skin_place(&m->skins[i], posture, rest, m->surface->normals[i], &p, &n);
         double facing = -v3_dot(n, v3_unit(p));
         struct word word = {.time_s = (float)time_s};
         if (!(p.z > 0.05) || facing < LEAST_FACING ||

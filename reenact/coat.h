@@ -4,7 +4,7 @@
 #pragma once
 #include "reenact/rest.h"
 #include "reenact/sight.h"
-#include "reenact/volume.h"
+#include "reenact/warp.h"
 
 // Light that falls on a surface by where it faces (world axes): spherical
 // harmonics up to the second order; the sum is held within LEAST and MOST, for it
@@ -29,9 +29,9 @@ MUST_CHECK enum status coat_open(struct coat_maker **out, const struct surface *
                                  const struct calibration *calibration);
 void coat_close(struct coat_maker **m);
 
-// What one frame saw, the person being in `posture` (colour camera's axes).
+// What one frame saw, the person being in `posture` (colour camera's axes), bent by `warp`.
 void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
-              struct pose world_from_camera, double time_s);
+              const struct warp *warp, struct pose world_from_camera, double time_s);
 
 // ERR_MEMORY. coat_free.
 MUST_CHECK enum status coat_make(struct coat_maker *m, struct coat *out);

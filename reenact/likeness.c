@@ -76,6 +76,7 @@ struct run {
     struct volume *into;      // of the shape's passes
     struct outline_gaps gaps; // of the outlines' pass
     struct coat_maker *coat;  // of the colours' pass
+    struct warp *warp;        // likewise
     struct reading reading[2];
     int frame;          // number in the list of the one that is worked on
     enum status status; // how that went
@@ -162,11 +163,14 @@ static enum status one_frame(struct run *r, int i)
     }
     struct skeleton better = posture_skeleton(&f->rest, &posture);
     sight_label(&reading->sight, &better);
-    if (r->pass == PASS_COLOR)
-        coat_add(r->coat, &reading->sight, reading->rgb, &posture, e->world_from_camera,
+    if (r->pass == PASS_COLOR) {
+        const struct warp_model model = {f->volume, &f->surface, f->skins};
+        warp_fit(r->warp, &model, &reading->sight, &posture);
+        coat_add(r->coat, &reading->sight, reading->rgb, &posture, r->warp, e->world_from_camera,
                  (double)(e->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9);
-    else
+    } else {
         volume_add(r->into, &reading->sight, &posture);
+    }
     return OK;
 }
 
@@ -243,10 +247,13 @@ static enum status make_coat(struct likeness *f, struct run *r, const struct lik
         f->skins[i] = rest_skin(&f->rest, f->surface.points[i]);
     enum status status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
     if (status == OK)
+        status = warp_open(&r->warp, &f->rest, &f->surface, take_calibration(r->take));
+    if (status == OK)
         status = all_frames(f, r, PASS_COLOR, watch);
     if (status == OK)
         status = coat_make(r->coat, &f->coat);
     coat_close(&r->coat);
+    warp_close(&r->warp);
     return status;
 }
 

@@ -61,23 +61,27 @@ static inline void pass_edge(struct sight *s, int i, int from)
     }
 }
 
-// A distance in two sweeps, there and back.
+// A distance in two sweeps, there and back. Farther from the person than is told apart there is nothing to find.
 static void find_edges(struct sight *s)
 {
     int w = s->width, h = s->height;
+    int left = s->left > SIGHT_EDGE_MOST ? s->left - SIGHT_EDGE_MOST : 0;
+    int top = s->top > SIGHT_EDGE_MOST ? s->top - SIGHT_EDGE_MOST : 0;
+    int right = s->right + SIGHT_EDGE_MOST < w ? s->right + SIGHT_EDGE_MOST : w - 1;
+    int bottom = s->bottom + SIGHT_EDGE_MOST < h ? s->bottom + SIGHT_EDGE_MOST : h - 1;
     memset(s->edge, SIGHT_EDGE_MOST, (size_t)w * (size_t)h);
-    for (int y = 0; y < h; y++)
-        for (int x = 0; x < w; x++) {
-            if (x > 0)
+    for (int y = top; y <= bottom; y++)
+        for (int x = left; x <= right; x++) {
+            if (x > left)
                 pass_edge(s, y * w + x, y * w + x - 1);
-            if (y > 0)
+            if (y > top)
                 pass_edge(s, y * w + x, y * w + x - w);
         }
-    for (int y = h - 1; y >= 0; y--)
-        for (int x = w - 1; x >= 0; x--) {
-            if (x + 1 < w)
+    for (int y = bottom; y >= top; y--)
+        for (int x = right; x >= left; x--) {
+            if (x < right)
                 pass_edge(s, y * w + x, y * w + x + 1);
-            if (y + 1 < h)
+            if (y < bottom)
                 pass_edge(s, y * w + x, y * w + x + w);
         }
 }
@@ -98,10 +102,10 @@ static void find_runs(struct sight *s, int first, int step, int count)
 static void find_widths(struct sight *s)
 {
     memset(s->half, UINT8_MAX, (size_t)s->width * (size_t)s->height);
-    for (int y = 0; y < s->height; y++)
-        find_runs(s, y * s->width, 1, s->width);
-    for (int x = 0; x < s->width; x++)
-        find_runs(s, x, s->width, s->height);
+    for (int y = s->top; y <= s->bottom; y++)
+        find_runs(s, y * s->width + s->left, 1, s->right - s->left + 1);
+    for (int x = s->left; x <= s->right; x++)
+        find_runs(s, s->top * s->width + x, s->width, s->bottom - s->top + 1);
 }
 
 enum status sight_read(struct sight *s, struct take *take, int64_t frame)

@@ -18,7 +18,7 @@ struct sight {
     uint16_t *depth; // millimetres
     uint8_t *part;   // of each pixel: a part, or one of the above
     uint8_t *edge;   // of each pixel: how far the nearest edge between two surfaces is, pixels, at most SIGHT_EDGE_MOST
-    uint8_t *half;   // half of how wide the surface about each pixel is, in the narrower of the picture's directions
+    uint8_t *half;   // of the person's: half of how wide the surface about each is, in the narrower of two directions
     bool has_mask;
     int left, top, right, bottom; // of the person's pixels; right < left: there are none
 };

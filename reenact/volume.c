@@ -6,7 +6,7 @@
 #include <string.h>
 
 static const double REACH_M = 0.12;       // about the parts' cylinders
-static const double END_REACH_M = 0.2;    // about hands and feet, which lie beyond the last joint
+static const double END_REACH_M = 0.27;   // about hands and feet, which lie beyond the last joint
 static const float OUTSIDE_M = 0.045F;    // distances are kept up to here
 static const float INSIDE_M = 0.04F;      // and so far behind what was seen
 static const float THICK = 1.15F;         // parts, against their cylinders' radius

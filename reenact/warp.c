@@ -21,6 +21,11 @@ struct row { // share . shift along n = value
     float share[8], n[3], value, weight;
 };
 
+// A pixel of the person, and where in the rest pose its part has it.
+struct reading {
+    struct vec3 rest, ray; // ray: the direction in which the camera saw it, unit
+};
+
 // A place of the surface that may be at the outline.
 struct brink {
     struct pixel px;
@@ -42,8 +47,12 @@ struct warp {
     float (*right)[3], (*residual)[3], (*along)[3], (*image)[3], (*scale)[3]; // the solver's
     struct row *rows;
     int row_count, row_most;
+    struct reading *readings;
+    int reading_count;
     struct brink *brinks;
-    int brink_count, brink_most;
+    int brink_count;
+    int32_t *tile;    // of the depth picture: the first of its brinks; -1: none
+    int across, down; // tiles
     uint8_t *picture;
 };
 
@@ -151,12 +160,16 @@ enum status warp_open(struct warp **out, const struct rest *rest, const struct s
     w->along = malloc(sizeof *w->along * nodes);
     w->image = malloc(sizeof *w->image * nodes);
     w->scale = malloc(sizeof *w->scale * nodes);
-    w->row_most = 2 * POINTS;
+    w->row_most = 3 * POINTS; // readings and outline
     w->rows = malloc(sizeof *w->rows * (size_t)w->row_most);
-    w->brink_most = surface->point_count;
-    w->brinks = malloc(sizeof *w->brinks * (size_t)w->brink_most);
+    w->readings = malloc(sizeof *w->readings * 2 * POINTS);
+    w->brinks = malloc(sizeof *w->brinks * (size_t)surface->point_count);
+    w->across = (calibration->depth.width + TILE_PX - 1) / TILE_PX;
+    w->down = (calibration->depth.height + TILE_PX - 1) / TILE_PX;
+    w->tile = malloc(sizeof *w->tile * (size_t)w->across * (size_t)w->down);
     if (!w->node || !w->picture || !w->beside || !w->shift || !w->right || !w->residual || !w->along || !w->image ||
-        !w->scale || !w->rows || !w->brinks) {
+        !w->scale || !w->rows || !w->readings || !w->brinks ||
+        !w->tile) {
         warp_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -171,7 +184,7 @@ void warp_close(struct warp **out)
     if (!w)
         return;
     void *const all[] = {w->node,  w->beside, w->shift, w->right, w->residual, w->along,
-                         w->image, w->scale,  w->rows,  w->brinks, w->picture};
+                         w->image, w->scale,  w->rows,  w->readings, w->brinks, w->tile, w->picture};
     for (size_t i = 0; i < COUNT_OF(all); i++)
         free(all[i]);
     free(w);
@@ -281,72 +294,86 @@ static int every_px(const struct sight *s)
     return every;
 }
 
-static void add_readings(struct warp *w, const struct volume *volume, const struct sight *s,
-                         const struct posture *posture, double outlier)
+static void find_readings(struct warp *w, const struct sight *s, const struct posture *posture)
 {
     struct pose back[PART_COUNT];
     for (int p = 0; p < PART_COUNT; p++)
         back[p] = pose_inverse(posture->part[p]);
     int every = every_px(s);
+    w->reading_count = 0;
     for (int y = s->top; y <= s->bottom; y += every)
         for (int x = s->left; x <= s->right; x += every) {
             int i = y * s->width + x, part = s->part[i];
-            if (part >= PART_COUNT || !w->rest.known[part])
+            if (part >= PART_COUNT || !w->rest.known[part] || w->reading_count == 2 * POINTS)
                 continue;
-            struct vec3 ray, gradient;
-            struct vec3 rest = into_rest(w, back, part, source_rays_point(s->rays, i, s->depth[i]), &ray);
-            double distance, seen;
-            rest = v3_sub(rest, shift_now(w, rest));
-            if (!volume_at(volume, rest, &distance, &gradient, &seen) || v3_length(gradient) < 0.3)
-                continue;
-            struct vec3 n = v3_unit(gradient);
-            if (-v3_dot(n, ray) < LEAST_FACING)
-                continue;
-            double robust = outlier * outlier / (outlier * outlier + distance * distance);
-            add_row(w, rest, n, distance,
-                    robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
+            struct reading *r = &w->readings[w->reading_count++];
+            r->rest = into_rest(w, back, part, source_rays_point(s->rays, i, s->depth[i]), &r->ray);
         }
+}
+
+static void add_readings(struct warp *w, const struct volume *volume, double outlier)
+{
+    for (int i = 0; i < w->reading_count; i++) {
+        const struct reading *r = &w->readings[i];
+        struct vec3 gradient, rest = v3_sub(r->rest, shift_now(w, r->rest));
+        double distance, seen;
+        if (!volume_at(volume, rest, &distance, &gradient, &seen) || v3_length(gradient) < 0.3)
+            continue;
+        struct vec3 n = v3_unit(gradient);
+        if (-v3_dot(n, r->ray) < LEAST_FACING)
+            continue;
+        double robust = outlier * outlier / (outlier * outlier + distance * distance);
+        add_row(w, rest, n, distance,
+                robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
+    }
 }
 
 // ---- the outline
 
-// Sorts what may be at the outline into tiles of the picture. first: of each tile, -1: none.
-static void find_brinks(struct warp *w, const struct warp_model *m, const struct posture *posture, int across,
-                        int tiles, int32_t *first)
+// Where a place of the surface is now; false: it is not at the outline, or not in the picture.
+static bool place_brink(const struct warp *w, const struct warp_model *m, const struct posture *posture, int point,
+                        struct brink *out)
 {
-    memset(first, -1, sizeof *first * (size_t)tiles);
+    struct vec3 p, n, rest = m->surface->points[point];
+    rest = v3_add(rest, shift_now(w, rest));
+    skin_place(&m->skins[point], posture, rest, m->surface->normals[point], &p, &n);
+    p = pose_apply(w->depth_from_color, p);
+    n = quat_rotate(w->depth_from_color.rotation, n);
+    double flat = hypot(n.x, n.y);
+    if (!(p.z > 0.05) || fabs(v3_dot(n, v3_unit(p))) > GRAZING || !(flat > 0.1))
+        return false;
+    *out = (struct brink){lens_project(&w->depth_lens, p), n.x / flat, n.y / flat, p.z, point, -1};
+    return out->px.x >= 0 && out->px.y >= 0 && out->px.x < w->depth_lens.width && out->px.y < w->depth_lens.height;
+}
+
+// Sorts what may be at the outline into tiles of the picture. Who is not there in the first round is not asked again:
+// shifts turn nothing.
+static void find_brinks(struct warp *w, const struct warp_model *m, const struct posture *posture, bool first_round)
+{
+    int asked = first_round ? m->surface->point_count : w->brink_count;
+    memset(w->tile, -1, sizeof *w->tile * (size_t)w->across * (size_t)w->down);
     w->brink_count = 0;
-    for (int i = 0; i < m->surface->point_count; i++) {
-        struct vec3 p, n, rest = m->surface->points[i];
-        rest = v3_add(rest, shift_now(w, rest));
-        skin_place(&m->skins[i], posture, rest, m->surface->normals[i], &p, &n);
-        p = pose_apply(w->depth_from_color, p);
-        n = quat_rotate(w->depth_from_color.rotation, n);
-        if (!(p.z > 0.05) || fabs(v3_dot(n, v3_unit(p))) > GRAZING)
+    for (int i = 0; i < asked; i++) {
+        struct brink b;
+        if (!place_brink(w, m, posture, first_round ? i : w->brinks[i].point, &b))
             continue;
-        struct brink b = {.px = lens_project(&w->depth_lens, p), .nx = n.x, .ny = n.y, .z = p.z, .point = i};
-        double flat = hypot(b.nx, b.ny);
-        if (!(b.px.x >= 0 && b.px.y >= 0 && b.px.x < w->depth_lens.width && b.px.y < w->depth_lens.height) ||
-            !(flat > 0.1))
-            continue;
-        b.nx /= flat, b.ny /= flat;
-        int tile = (int)b.px.y / TILE_PX * across + (int)b.px.x / TILE_PX;
-        b.next = first[tile];
-        first[tile] = w->brink_count;
+        int32_t *tile = &w->tile[(int)b.px.y / TILE_PX * w->across + (int)b.px.x / TILE_PX];
+        b.next = *tile;
+        *tile = w->brink_count;
         w->brinks[w->brink_count++] = b;
     }
 }
 
 // The brink nearest to the outline at px, which faces (nx, ny) there; NULL: none.
-static const struct brink *nearest_brink(const struct warp *w, const struct warp_model *m, const int32_t *first,
-                                         int across, int down, struct pixel px, double nx, double ny, int part)
+static const struct brink *nearest_brink(const struct warp *w, const struct warp_model *m, struct pixel px, double nx,
+                                         double ny, int part)
 {
     const struct brink *best = NULL;
     double least = ASIDE_PX * ASIDE_PX;
     int tx = (int)px.x / TILE_PX, ty = (int)px.y / TILE_PX;
-    for (int y = ty > 0 ? ty - 1 : 0; y <= ty + 1 && y < down; y++)
-        for (int x = tx > 0 ? tx - 1 : 0; x <= tx + 1 && x < across; x++)
-            for (int b = first[y * across + x]; b >= 0; b = w->brinks[b].next) {
+    for (int y = ty > 0 ? ty - 1 : 0; y <= ty + 1 && y < w->down; y++)
+        for (int x = tx > 0 ? tx - 1 : 0; x <= tx + 1 && x < w->across; x++)
+            for (int b = w->tile[y * w->across + x]; b >= 0; b = w->brinks[b].next) {
                 const struct brink *k = &w->brinks[b];
                 double dx = k->px.x - px.x, dy = k->px.y - px.y, far = dx * dx + dy * dy;
                 if (far >= least || k->nx * nx + k->ny * ny < 0.7 ||
@@ -360,8 +387,7 @@ static const struct brink *nearest_brink(const struct warp *w, const struct warp
 
 static bool of_person(const struct sight *s, int i) { return s->part[i] != SIGHT_ROOM; }
 
-static void add_outline_at(struct warp *w, const struct warp_model *m, const struct sight *s, const int32_t *first,
-                           int across, int down, int i)
+static void add_outline_at(struct warp *w, const struct warp_model *m, const struct sight *s, int i)
 {
     static const int steps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
     int x = i % s->width, y = i / s->width;
@@ -385,7 +411,7 @@ static void add_outline_at(struct warp *w, const struct warp_model *m, const str
             continue;
         double out = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
         struct pixel px = {x + out * steps[k][0], y + out * steps[k][1]};
-        const struct brink *b = nearest_brink(w, m, first, across, down, px, nx, ny, part);
+        const struct brink *b = nearest_brink(w, m, px, nx, ny, part);
         if (!b)
             return;
         double gap = ((px.x - b->px.x) * b->nx + (px.y - b->px.y) * b->ny) * b->z / w->depth_lens.fx;
@@ -398,20 +424,16 @@ static void add_outline_at(struct warp *w, const struct warp_model *m, const str
 }
 
 static void add_outline(struct warp *w, const struct warp_model *m, const struct sight *s,
-                        const struct posture *posture)
+                        const struct posture *posture, bool first_round)
 {
-    enum { MOST_TILES = 1 << 14, MARGIN = INWARD_PX + 1 };
-    static _Thread_local int32_t first[MOST_TILES];
-    int across = (s->width + TILE_PX - 1) / TILE_PX, down = (s->height + TILE_PX - 1) / TILE_PX;
-    if (across * down > MOST_TILES)
-        return;
-    find_brinks(w, m, posture, across, across * down, first);
+    enum { MARGIN = INWARD_PX + 1 };
+    find_brinks(w, m, posture, first_round);
     int top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN, left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN;
     for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)
         for (int x = left + (y - top) % OUTLINE_EVERY_PX; x <= s->right + 1 && x < s->width - MARGIN;
              x += OUTLINE_EVERY_PX)
             if (!of_person(s, y * s->width + x))
-                add_outline_at(w, m, s, first, across, down, y * s->width + x);
+                add_outline_at(w, m, s, y * s->width + x);
 }
 
 // ---------------------------------------------------------------- least squares
@@ -500,10 +522,11 @@ void warp_fit(struct warp *w, const struct warp_model *model, const struct sight
               const struct posture *posture)
 {
     memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
+    find_readings(w, sight, posture);
     for (int round = 0; round < ROUNDS; round++) {
         w->row_count = 0;
-        add_readings(w, model->volume, sight, posture, OUTLIER_M[round]);
-        add_outline(w, model, sight, posture);
+        add_readings(w, model->volume, OUTLIER_M[round]);
+        add_outline(w, model, sight, posture, round == 0);
         solve(w);
     }
     write_picture(w);

@@ -43,7 +43,7 @@ struct viewer {
     uint8_t *room, *drawn, *rgba, *expected;
 };
 
-// The list of one kind of pictures, rgb.txt or depth.txt, without every fifth. Their names go to `data` if it is wanted.
+// The list of one kind of pictures, rgb.txt or depth.txt, without every fifth; names (may be NULL) gets theirs.
 static enum status thin_out(const struct left_out *data, const char *list, struct left_out *names)
 {
     char path[8192], line[512], file[256];
