@@ -266,7 +266,8 @@ static void reconsider_arm(struct tracker *t, struct fit_task *task, int arm)
 {
     if (!is_likelier(&t->elsewhere_evidence[arm], limb_elsewhere_gain(task, arm, t->room) - 0.5, 3))
         return;
-    task->expected = t->room->trial.pose;
+    task->expected = t->room->best.pose;
+    limb_copy(arm, &t->room->trial.pose, &task->expected);
     task->expected_sigma = 2;
     body_fit(task, &task->expected, &t->room->best);
 }
@@ -391,7 +392,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
             limb_copy(k, &t->pose, &t->before);
     t->moving = !fresh && !t->turned && time_ns > t->time_ns;
     if (fresh || !t->moving)
-        body_steady_start(&t->shown, &t->pose);
+        body_steady_start(&t->shown, &t->room->best.shape, &t->pose);
     else
         body_steady_next(&t->shown, &t->room->best.shape, &t->pose, passed_s);
     t->time_ns = time_ns;

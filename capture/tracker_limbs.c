@@ -1,5 +1,7 @@
 #include "capture/tracker_limbs.h"
 
+#include "capture/body_reach.h"
+
 #define SEARCH_REACH_M 0.12
 #define LIMB_MOVE_COST 20 // energy that a limb must gain for each metre a search moves it
 
@@ -43,36 +45,11 @@ static const struct limb limb[LIMB_COUNT] = {
     {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, 16},
 };
 
-static struct vec3 into(double m[3][3], struct vec3 v) // camera to segment axes
-{
-    return v3(m[0][0] * v.x + m[1][0] * v.y + m[2][0] * v.z, m[0][1] * v.x + m[1][1] * v.y + m[2][1] * v.z,
-              m[0][2] * v.x + m[1][2] * v.y + m[2][2] * v.z);
-}
-
-// Turns `segment` so that it runs along `direction` (camera axes), with as little twist as can be.
-static void aim(const struct body_shape *shape, struct body_pose *pose, enum segment segment, struct vec3 direction)
-{
-    struct body_build build;
-    body_build(shape, pose, &build);
-    struct vec3 now = quat_rotate(pose->turn[segment], v3(0, -1, 0)),
-                wanted = v3_unit(into(build.parent_axes[segment], direction));
-    pose->turn[segment] = quat_unit(quat_multiply(quat_between(now, wanted), pose->turn[segment]));
-}
-
-// Bends a limb so that its end reaches `target`, its middle joint bulging to `bulge`.
 static struct body_pose reach_for(const struct fit_result *from, const struct limb *l, struct vec3 target, struct vec3 bulge)
 {
     struct body_pose pose = from->pose;
-    struct vec3 base = from->build.origin[l->upper], way = v3_sub(target, base), along = v3_unit(way);
-    double a = v3_distance(base, from->build.origin[l->lower]),
-           b = v3_distance(from->build.origin[l->lower], from->build.origin[l->end]), d = v3_length(way);
-    d = fmin(fmax(d, fabs(a - b) + 0.02), a + b - 0.005);
-    double at = (a * a - b * b + d * d) / (2 * d), high = sqrt(fmax(0, a * a - at * at));
-    struct vec3 off = v3_unit(v3_sub(bulge, v3_scale(along, v3_dot(bulge, along))));
-    struct vec3 upper = v3_add(v3_scale(along, at), v3_scale(off, high));
     pose.turn[l->end] = (struct quat){0, 0, 0, 1};
-    aim(&from->shape, &pose, l->upper, upper);
-    aim(&from->shape, &pose, l->lower, v3_sub(v3_scale(along, d), upper));
+    body_reach(&from->shape, &pose, l->upper, target, bulge);
     return pose;
 }
 

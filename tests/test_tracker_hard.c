@@ -270,7 +270,7 @@ static void standing_still_is_steady(void **state)
         truth_before = truth;
     }
     print_message("standing still: %.2f mm from frame to frame, the body itself %.2f\n", 1000 * sum, 1000 * moved);
-    EXPECT_AT_MOST(sum, 0.002);
+    EXPECT_AT_MOST(sum, 0.001);
     tracked_film_close(&s);
 }
 
