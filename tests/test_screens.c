@@ -288,22 +288,20 @@ static void test_who_does_not_look_misses_nothing(void **state)
     glass_close(&g);
 }
 
-// How many pixels of the actor and his shadow lie outside of where they are drawn.
-static int beyond_the_box(struct glass *g, int *within)
+// How many pixels of that picture of him lie outside of the box that it is drawn in.
+static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, struct ui_box box, int *within)
 {
     struct tablet *t = &g->tablet;
     const double scale = scale_of(g);
     const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
     const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
-    const struct stage_picture *p = &t->picture;
-    struct cover cover = cover_of(&p->lens, all);
-    struct ui_box whole = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
-    struct ui_box box = scene_actor_box(p, cover, all);
+    const struct lens *lens = &t->picture.lens;
+    struct cover cover = cover_of(lens, all);
+    struct ui_box whole = {cover.x, cover.y, cover.scale * lens->width, cover.scale * lens->height};
+    EXPECT_TRUE(picture);
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);
     ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a ground without soft edges
-    EXPECT_TRUE(p->shadow && p->actor);
-    ui_picture(t->ui, p->shadow, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
-    ui_picture(t->ui, p->actor, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_picture(t->ui, picture, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
     ui_end(t->ui);
     EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
     read_back(g);
@@ -328,12 +326,17 @@ static void test_he_is_drawn_whole(void **state)
     draw(&g);
     g.tablet.show.orbit.distance_m = 4;
     for (int i = 0; i < 8; i++) {
-        int within = 0;
+        const struct stage_picture *p = &g.tablet.picture;
+        const struct ui_box all = {0, 0, g.width / scale_of(&g), g.height / scale_of(&g)};
+        int within = 0, shaded = 0;
         at(&g, i / 7.0);
         g.tablet.show.orbit.angle_rad += 0.8;
         draw(&g);
-        EXPECT_INT(beyond_the_box(&g, &within), 0);
+        const struct cover cover = cover_of(&p->lens, all);
+        EXPECT_INT(beyond_the_box(&g, p->actor, scene_actor_box(p, cover, all), &within), 0);
+        EXPECT_INT(beyond_the_box(&g, p->shadow, scene_shadow_box(p, cover, all), &shaded), 0);
         EXPECT_AT_LEAST(within, 2000);
+        EXPECT_AT_LEAST(shaded, 500);
     }
     glass_close(&g);
 }
