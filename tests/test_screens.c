@@ -64,6 +64,14 @@ static void draw(struct glass *g)
     tablet_shown(&g->tablet, clock_now_ns());
 }
 
+// Leaves the processors to the preparing of the take, while that lasts.
+static void draw_and_wait(struct glass *g)
+{
+    draw(g);
+    if (g->tablet.stage && stage_prepared(g->tablet.stage) < 1)
+        clock_sleep_until_ns(clock_now_ns() + 50000000);
+}
+
 static void read_back(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
 
 // Draws until the camera's pictures were located (or not), and he has faded in or out.
@@ -171,7 +179,7 @@ static void test_nothing_is_drawn_when_nothing_changes(void **state)
     at(&g, 0.5);
     // The take is prepared, and the orbit comes to rest on him.
     for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->freshness < 1; i++) {
-        draw(&g);
+        draw_and_wait(&g);
         EXPECT_TRUE(clock_now_ns() < until);
     }
     s->changed = false;
@@ -446,7 +454,7 @@ static void test_the_take_is_there_at_once_and_better_soon(void **state)
     int plain = 0, both = 0, better = 0;
     double share = 0;
     for (int64_t until = clock_now_ns() + 200000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
-        draw(&g);
+        draw_and_wait(&g);
         EXPECT_AT_LEAST(t->show.prepared, share);
         share = t->show.prepared;
         plain += !t->picture.prepared;
@@ -551,7 +559,7 @@ static void photograph_one(struct glass *g, int n, const char *folder)
 static void be_prepared(struct glass *g)
 {
     for (int64_t until = clock_now_ns() + 200000000000; g->tablet.show.freshness < 1 && clock_now_ns() < until;)
-        draw(g);
+        draw_and_wait(g);
     EXPECT_NEAR(g->tablet.show.freshness, 1, 0);
 }
 
