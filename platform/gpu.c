@@ -45,6 +45,13 @@ enum status gpu_check(struct gpu *g)
     return fail(ERR_DEVICE, "the graphics driver (%s) reports: %s", g->renderer, error_name(first));
 }
 
+enum status gpu_wait(struct gpu *g)
+{
+    gpu_use(g);
+    glFinish();
+    return gpu_check(g);
+}
+
 bool gpu_has_word(const char *list, const char *word)
 {
     size_t length = strlen(word);
@@ -282,17 +289,10 @@ static size_t texture_bytes(const struct gpu_texture *t)
     return t->borrowed ? 0 : (size_t)t->width * (size_t)t->height * (t->format == GPU_RGB8 ? 4 : (size_t)t->format);
 }
 
-static void upload(const struct gpu_texture *t, const uint8_t *pixels, bool fresh)
+static GLenum layout_of(const struct gpu_texture *t)
 {
     static const GLenum layouts[] = {[GPU_R8] = GL_RED, [GPU_RG8] = GL_RG, [GPU_RGB8] = GL_RGB, [GPU_RGBA8] = GL_RGBA};
-    static const GLint kept[] = {[GPU_R8] = GL_R8, [GPU_RG8] = GL_RG8, [GPU_RGB8] = GL_RGB8, [GPU_RGBA8] = GL_RGBA8};
-    const GLenum layout = layouts[t->format];
-    const GLint inside = kept[t->format];
-    glBindTexture(GL_TEXTURE_2D, t->id);
-    if (fresh)
-        glTexImage2D(GL_TEXTURE_2D, 0, inside, t->width, t->height, 0, layout, GL_UNSIGNED_BYTE, pixels);
-    else
-        glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, t->width, t->height, layout, GL_UNSIGNED_BYTE, pixels);
+    return layouts[t->format];
 }
 
 static enum status make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels)
@@ -301,7 +301,9 @@ static enum status make_texture(struct gpu_texture *t, enum gpu_filter filter, c
         return fail(ERR_DEVICE, "a picture of %d x %d pixels is larger than the %d this graphics driver (%s) takes",
                     t->width, t->height, t->g->max_size, t->g->renderer);
     glGenTextures(1, &t->id);
-    upload(t, pixels, true);
+    glBindTexture(GL_TEXTURE_2D, t->id);
+    static const GLint kept[] = {[GPU_R8] = GL_R8, [GPU_RG8] = GL_RG8, [GPU_RGB8] = GL_RGB8, [GPU_RGBA8] = GL_RGBA8};
+    glTexImage2D(GL_TEXTURE_2D, 0, kept[t->format], t->width, t->height, 0, layout_of(t), GL_UNSIGNED_BYTE, pixels);
     GLint how = filter == GPU_LINEAR ? GL_LINEAR : GL_NEAREST;
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, how);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, how);
@@ -342,11 +344,17 @@ void gpu_texture_close(struct gpu_texture **t)
     *t = NULL;
 }
 
-void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
+void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels)
 {
     gpu_use(t->g);
     t->g->counts.uploads++;
-    upload(t, pixels, false);
+    glBindTexture(GL_TEXTURE_2D, t->id);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, first, t->width, count, layout_of(t), GL_UNSIGNED_BYTE, pixels);
+}
+
+void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
+{
+    gpu_texture_write_rows(t, 0, t->height, pixels);
 }
 
 // ---------------------------------------------------------------- meshes
@@ -544,11 +552,16 @@ void gpu_draw(const struct gpu_job *job)
         glEnable(GL_CULL_FACE);
     else
         glDisable(GL_CULL_FACE);
-    glDisable(GL_BLEND);
+    if (job->blend) {
+        glEnable(GL_BLEND);
+        glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    } else {
+        glDisable(GL_BLEND);
+    }
     if (job->depth_test) {
         glEnable(GL_DEPTH_TEST);
         glDepthFunc(GL_LESS);
-        glDepthMask(GL_TRUE);
+        glDepthMask(!job->blend);
     } else {
         glDisable(GL_DEPTH_TEST);
     }
@@ -559,6 +572,7 @@ void gpu_draw(const struct gpu_job *job)
     }
     glActiveTexture(GL_TEXTURE0);
     glBindVertexArray(job->mesh->array);
-    glDrawElements(GL_TRIANGLES, job->mesh->index_count, GL_UNSIGNED_SHORT, NULL);
+    glDrawElements(GL_TRIANGLES, job->count ? job->count : job->mesh->index_count, GL_UNSIGNED_SHORT,
+                   (const void *)(sizeof(uint16_t) * (size_t)job->first));
     glBindVertexArray(0);
 }

@@ -408,6 +408,7 @@ class Source
         int64_t time_ns = request->metadata()
                               .get(libcamera::controls::SensorTimestamp)
                               .value_or(int64_t(buffer->metadata().timestamp));
+        time_ns += int64_t(facts_->calibration.color.readout_s / 2 * 1e9); // theirs is the first row's
         if (time_ns <= last_ns_)
             time_ns = last_ns_ + 1; // some cameras give no times; their order is all there is
         last_ns_ = time_ns;
