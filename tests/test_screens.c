@@ -64,6 +64,14 @@ static void draw(struct glass *g)
     tablet_shown(&g->tablet, clock_now_ns());
 }
 
+// Leaves the processors to the preparing of the take, while that lasts.
+static void draw_and_wait(struct glass *g)
+{
+    draw(g);
+    if (g->tablet.stage && stage_prepared(g->tablet.stage) < 1)
+        clock_sleep_until_ns(clock_now_ns() + 50000000);
+}
+
 static void read_back(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
 
 // Draws until the camera's pictures were located (or not), and he has faded in or out.
@@ -171,7 +179,7 @@ static void test_nothing_is_drawn_when_nothing_changes(void **state)
     at(&g, 0.5);
     // The take is prepared, and the orbit comes to rest on him.
     for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->freshness < 1; i++) {
-        draw(&g);
+        draw_and_wait(&g);
         EXPECT_TRUE(clock_now_ns() < until);
     }
     s->changed = false;
@@ -288,22 +296,20 @@ static void test_who_does_not_look_misses_nothing(void **state)
     glass_close(&g);
 }
 
-// How many pixels of the actor and his shadow lie outside of where they are drawn.
-static int beyond_the_box(struct glass *g, int *within)
+// How many pixels of that picture of him lie outside of the box that it is drawn in.
+static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, struct ui_box box, int *within)
 {
     struct tablet *t = &g->tablet;
     const double scale = scale_of(g);
     const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
     const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
-    const struct stage_picture *p = &t->picture;
-    struct cover cover = cover_of(&p->lens, all);
-    struct ui_box whole = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
-    struct ui_box box = scene_actor_box(p, cover, all);
+    const struct lens *lens = &t->picture.lens;
+    struct cover cover = cover_of(lens, all);
+    struct ui_box whole = {cover.x, cover.y, cover.scale * lens->width, cover.scale * lens->height};
+    EXPECT_TRUE(picture);
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);
     ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a ground without soft edges
-    EXPECT_TRUE(p->shadow && p->actor);
-    ui_picture(t->ui, p->shadow, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
-    ui_picture(t->ui, p->actor, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_picture(t->ui, picture, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
     ui_end(t->ui);
     EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
     read_back(g);
@@ -328,12 +334,17 @@ static void test_he_is_drawn_whole(void **state)
     draw(&g);
     g.tablet.show.orbit.distance_m = 4;
     for (int i = 0; i < 8; i++) {
-        int within = 0;
+        const struct stage_picture *p = &g.tablet.picture;
+        const struct ui_box all = {0, 0, g.width / scale_of(&g), g.height / scale_of(&g)};
+        int within = 0, shaded = 0;
         at(&g, i / 7.0);
         g.tablet.show.orbit.angle_rad += 0.8;
         draw(&g);
-        EXPECT_INT(beyond_the_box(&g, &within), 0);
+        const struct cover cover = cover_of(&p->lens, all);
+        EXPECT_INT(beyond_the_box(&g, p->actor, scene_actor_box(p, cover, all), &within), 0);
+        EXPECT_INT(beyond_the_box(&g, p->shadow, scene_shadow_box(p, cover, all), &shaded), 0);
         EXPECT_AT_LEAST(within, 2000);
+        EXPECT_AT_LEAST(shaded, 500);
     }
     glass_close(&g);
 }
@@ -443,7 +454,7 @@ static void test_the_take_is_there_at_once_and_better_soon(void **state)
     int plain = 0, both = 0, better = 0;
     double share = 0;
     for (int64_t until = clock_now_ns() + 200000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
-        draw(&g);
+        draw_and_wait(&g);
         EXPECT_AT_LEAST(t->show.prepared, share);
         share = t->show.prepared;
         plain += !t->picture.prepared;
@@ -548,7 +559,7 @@ static void photograph_one(struct glass *g, int n, const char *folder)
 static void be_prepared(struct glass *g)
 {
     for (int64_t until = clock_now_ns() + 200000000000; g->tablet.show.freshness < 1 && clock_now_ns() < until;)
-        draw(g);
+        draw_and_wait(g);
     EXPECT_NEAR(g->tablet.show.freshness, 1, 0);
 }
 
