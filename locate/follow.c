@@ -5,10 +5,7 @@
 #include <string.h>
 
 // Tags are read by this many pixels, all of them together.
-enum { TAG_PIXELS = 800, LEAST_TAG_PIXELS = 300 };
-// So many points are enough; with fewer, new ones are looked for in parts of each picture, so many
-// parts as give what is missing: each picture costs about the same.
-enum { ENOUGH_TRACKS = 140, NEW_IN_A_PART = 20 };
+enum { TAG_PIXELS = 800, LEAST_TAG_PIXELS = 200 };
 // Fewer say nothing, without a tag and with one.
 enum { LEAST_TRACKS = 15 };
 static const double FAR_SIGMA = 4;    // a track further off is lost
@@ -16,16 +13,11 @@ static const double CORNER_PX = 1;    // how sure a tag's corner is by brightnes
 static const double FOLLOW_PX = 0.25; // how exactly a patch is found again, as long as nothing else is known
 static const double LEAST_FOLLOW_PX = 0.05;
 enum { MEMORY = 10 }; // pictures that say how exactly
+// Where so many tracks are as near to where the guess has them, the others are looked for only there.
+enum { ENOUGH_TO_TRUST = 24 };
+static const double TRUST_PX = 2;
 static const double CHANGE_PX = 0.05; // by how much more a track errs in the next picture
-static const double NEAR_PX = 4;  // how near a point is looked for around a pose that is known
-static const double APART_PX = 8; // tracks nearer to each other tell the same
 static const double NEW_LOOK = 0.08; // a patch seen from this much aside (radians), nearer or further is cut anew
-
-static bool in_picture(const struct lens *lens, struct vec3 p)
-{
-    // A distortion polynomial means nothing far outside the picture.
-    return p.z > 0.1 && fabs(p.x) < lens->width / lens->fx * p.z && fabs(p.y) < lens->height / lens->fy * p.z;
-}
 
 // Where a point is for the camera when the row is read that shows it.
 static struct vec3 seen_at(const struct locator *l, const struct pose *camera_from_world, struct vec3 world,
@@ -34,16 +26,8 @@ static struct vec3 seen_at(const struct locator *l, const struct pose *camera_fr
     return shutter_moved(l->motion, time_s, pose_apply(*camera_from_world, world));
 }
 
-static bool crowded(const struct locator *l, struct pixel at)
-{
-    for (int i = 0; i < l->track_count; i++)
-        if (fabs(l->tracks[i].at.x - at.x) < APART_PX && fabs(l->tracks[i].at.y - at.y) < APART_PX)
-            return true;
-    return false;
-}
-
-static void add_track(struct locator *l, int32_t point, struct vec3 world, double sigma_px, struct pixel at,
-                      const struct pose *camera_from_world)
+void locator_add_track(struct locator *l, int32_t point, struct vec3 world, double sigma_px, struct pixel at,
+                       const struct pose *camera_from_world)
 {
     if (l->track_count == LOCATOR_MOST_TRACKS)
         return;
@@ -67,18 +51,7 @@ static void add_corners(struct locator *l, const struct fit_tag *tags, const str
         struct vec3 world[4];
         place_tag_corners(&l->tags[l->which[i]], world);
         for (int k = 0; k < 4 && tags[i].used; k++)
-            add_track(l, -1, world[k], CORNER_PX, lens_project(&l->lens, l->sightings[i].ray[k]), camera_from_world);
-    }
-}
-
-// Features that show points of the place, as far as there is room and none is near.
-static void add_points(struct locator *l, int agree, const struct pose *camera_from_world)
-{
-    for (int i = 0; i < agree && l->track_count < ENOUGH_TRACKS; i++) {
-        const struct feature *f = &l->index.features[l->matches[i].feature];
-        if (!crowded(l, f->at))
-            add_track(l, l->matches[i].point, l->points[l->matches[i].point].world, feature_sigma(f), f->at,
-                      camera_from_world);
+            locator_add_track(l, -1, world[k], CORNER_PX, lens_project(&l->lens, l->sightings[i].ray[k]), camera_from_world);
     }
 }
 
@@ -138,7 +111,7 @@ void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, 
     learn_tags(l, tags, camera_from_world, camera_from_world);
     anchor_start(&l->anchor, covariance, none);
     add_corners(l, tags, camera_from_world);
-    add_points(l, agree, camera_from_world);
+    locator_add_points(l, agree, camera_from_world);
     for (int i = 0; i < l->track_count; i++)
         l->tracks[i].weighed = true;
 }
@@ -147,17 +120,23 @@ void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, 
 static void find_tracks(struct locator *l, const struct pose *guess)
 {
     int kept = 0;
+    double furthest = 0; // from where the guess has a track
     for (int i = 0; i < l->track_count; i++) {
         struct point_track *t = &l->tracks[i];
         struct vec3 before = pose_apply(l->last, t->world), now = pose_apply(*guess, t->world);
-        if (!in_picture(&l->lens, before) || !in_picture(&l->lens, now))
+        if (!locator_in_picture(&l->lens, before) || !locator_in_picture(&l->lens, now))
             continue;
         // By how much it moves is known better than where it is.
         struct pixel a = shutter_project(&l->lens, l->motion ? &l->last_moving : NULL, before),
                      b = shutter_project(&l->lens, l->motion, now);
-        struct pixel at = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
-        if (!patch_follow(&l->picture, &t->patch, &at))
+        const struct pixel guessed = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
+        struct pixel at = guessed;
+        bool near = kept >= ENOUGH_TO_TRUST && furthest < TRUST_PX;
+        if (!(near && patch_follow(&l->picture, &t->patch, true, &at)) &&
+            !patch_follow(&l->picture, &t->patch, false, &at))
             continue;
+        if (!near)
+            furthest = fmax(furthest, hypot(at.x - guessed.x, at.y - guessed.y));
         t->at = at;
         t->ray = lens_ray(&l->lens, at);
         t->time_s = shutter_time(&l->lens, at.y);
@@ -269,85 +248,6 @@ static int use_tags(struct locator *l, struct fit_tag *tags, const struct pose *
     return used;
 }
 
-static int part_of(const struct lens *lens, struct pixel at)
-{
-    int x = (int)(at.x * LOCATOR_ACROSS / lens->width), y = (int)(at.y * LOCATOR_DOWN / lens->height);
-    return at.x < 0 || at.y < 0 || x >= LOCATOR_ACROSS || y >= LOCATOR_DOWN ? -1 : y * LOCATOR_ACROSS + x;
-}
-
-// The points of the place that should be seen, by the part of the picture in which they lie.
-static void sort_into_parts(struct locator *l, const struct pose *camera_from_world)
-{
-    double turn[3][3];
-    const struct vec3 *shift = &camera_from_world->translation;
-    int32_t in_part[LOCATOR_PARTS + 1] = {0};
-    quat_to_matrix(camera_from_world->rotation, turn);
-    for (int32_t i = 0; i < l->point_count; i++) {
-        const struct vec3 w = l->points[i].world;
-        struct vec3 p = {turn[0][0] * w.x + turn[0][1] * w.y + turn[0][2] * w.z + shift->x,
-                         turn[1][0] * w.x + turn[1][1] * w.y + turn[1][2] * w.z + shift->y,
-                         turn[2][0] * w.x + turn[2][1] * w.y + turn[2][2] * w.z + shift->z};
-        l->part_of[i] = in_picture(&l->lens, p) ? part_of(&l->lens, lens_project(&l->lens, p)) : -1;
-        if (l->part_of[i] >= 0)
-            in_part[l->part_of[i] + 1]++;
-    }
-    for (int i = 0; i < LOCATOR_PARTS; i++)
-        in_part[i + 1] += in_part[i];
-    memcpy(l->part_start, in_part, sizeof l->part_start);
-    for (int32_t i = 0; i < l->point_count; i++)
-        if (l->part_of[i] >= 0)
-            l->in_parts[in_part[l->part_of[i]]++] = i;
-}
-
-// New points in one part of the picture.
-static enum status look_in(struct locator *l, int part, const uint16_t *depth, const struct pose *camera_from_world)
-{
-    const int32_t *which = l->in_parts + l->part_start[part];
-    int32_t count = l->part_start[part + 1] - l->part_start[part];
-    enum status status = locator_find_features_in(l, part, depth);
-    if (status != OK)
-        return status;
-    for (int32_t i = 0; i < count; i++)
-        l->some_points[i] = l->points[which[i]];
-    int found = points_match(l->some_points, count, &l->index, &l->lens, l->motion, camera_from_world, NEAR_PX,
-                             l->matches, FEATURES_MAX);
-    for (int i = 0; i < found; i++)
-        l->matches[i].point = which[l->matches[i].point];
-    add_points(l, found, camera_from_world);
-    return OK;
-}
-
-// New points, first where most should be seen that are not followed, and for longest nobody looked.
-static enum status look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
-{
-    int missing[LOCATOR_PARTS], parts = (ENOUGH_TRACKS - l->track_count + NEW_IN_A_PART - 1) / NEW_IN_A_PART;
-    if (parts <= 0 || !l->point_count)
-        return OK;
-    sort_into_parts(l, camera_from_world);
-    for (int i = 0; i < LOCATOR_PARTS; i++) {
-        missing[i] = l->part_start[i + 1] - l->part_start[i];
-        l->unsearched[i]++;
-    }
-    for (int i = 0; i < l->track_count; i++) {
-        int part = part_of(&l->lens, l->tracks[i].at);
-        if (part >= 0)
-            missing[part]--;
-    }
-    while (parts-- > 0) {
-        int best = 0;
-        for (int i = 1; i < LOCATOR_PARTS; i++)
-            if (missing[i] * l->unsearched[i] > missing[best] * l->unsearched[best])
-                best = i;
-        if (missing[best] <= 0)
-            break;
-        missing[best] = l->unsearched[best] = 0;
-        enum status status = look_in(l, best, depth, camera_from_world);
-        if (status != OK)
-            return status;
-    }
-    return OK;
-}
-
 // Gets ready for the next picture: corners of the tags, patches as they look from here, and
 // new points where few are left.
 static enum status look_ahead(struct locator *l, const struct fit_tag *tags, const uint16_t *depth,
@@ -372,7 +272,7 @@ static enum status look_ahead(struct locator *l, const struct fit_tag *tags, con
     l->track_count = kept;
     l->last = *camera_from_world;
     l->last_moving = l->moving;
-    enum status status = look_for_new(l, depth, camera_from_world);
+    enum status status = locator_look_for_new(l, depth, camera_from_world);
     add_corners(l, tags, camera_from_world);
     return status;
 }

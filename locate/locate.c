@@ -61,9 +61,11 @@ static enum status fill(struct locator *l, const struct place *place)
         l->some_points = malloc(points * sizeof *l->some_points);
         l->part_of = malloc(points * sizeof *l->part_of);
         l->in_parts = malloc(points * sizeof *l->in_parts);
-        if (!l->points || !l->some_points || !l->part_of || !l->in_parts)
+        l->vain = calloc(points, sizeof *l->vain);
+        if (!l->points || !l->some_points || !l->part_of || !l->in_parts || !l->vain)
             return fail(ERR_MEMORY, "no memory to find a camera in the place");
         memcpy(l->points, place->points, points * sizeof *l->points);
+        memset(l->vain, 3, points);
         l->point_count = place->point_count;
     }
     l->tag_count = place->tag_count;
@@ -117,6 +119,7 @@ void locator_close(struct locator **out)
     free(l->some_points);
     free(l->part_of);
     free(l->in_parts);
+    free(l->vain);
     free(l);
     *out = NULL;
 }

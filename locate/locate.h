@@ -54,7 +54,7 @@ MUST_CHECK enum status locator_find(struct locator *l, const uint8_t *color, con
 
 // The same for a picture that comes soon after one in which this locator found or followed
 // the camera: what was seen there is looked for near where `guess`, world_from_camera, puts it
-// (to about ten pixels), which takes a seventh of the time.
+// (to about ten pixels), which takes a fifteenth of the time.
 // OK; NOTHING: too little of it is there, *out untouched: find the camera anew.
 MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                       struct pose guess, struct location *out);

@@ -43,6 +43,9 @@ struct gpu_counts gpu_count(const struct gpu *g);
 // OK, or ERR_DEVICE when the context was lost or an error came up since the last look.
 MUST_CHECK enum status gpu_check(struct gpu *g);
 
+// Returns when all that was asked for is drawn. ERR_DEVICE as gpu_check.
+MUST_CHECK enum status gpu_wait(struct gpu *g);
+
 // ---- programs
 struct gpu_program_text {
     const char *name;              // for the sentence
@@ -62,13 +65,14 @@ void gpu_program_close(struct gpu_program **p);
 void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int count);
 
 // ---- textures: bytes that the shader sees as 0..1; edges are clamped
-enum gpu_format { GPU_R8 = 1, GPU_RGB8 = 3, GPU_RGBA8 = 4 }; // the value: bytes a pixel
+enum gpu_format { GPU_R8 = 1, GPU_RG8 = 2, GPU_RGB8 = 3, GPU_RGBA8 = 4 }; // the value: bytes a pixel
 enum gpu_filter { GPU_NEAREST, GPU_LINEAR };
 // ERR_DEVICE: too large, or out of memory. pixels may be NULL: undefined until written.
 MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width,
                                         int height, enum gpu_filter filter, const uint8_t *pixels);
 void gpu_texture_close(struct gpu_texture **t);
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels); // all of it, rows without padding
+void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels); // likewise, `count` of them
 
 // ---- meshes: triangles
 // vertices: `components` floats each: 2 to 4, or 8, 12, 16, 20, of which the shader
@@ -102,5 +106,7 @@ struct gpu_job {
     const struct gpu_texture *textures[4]; // as many as the program has samplers
     bool closed;                           // leave out triangles seen from behind: those that run clockwise
     bool depth_test;                       // the nearer one wins; else drawn over what is there
+    bool blend;                            // colours are premultiplied and laid over what is there; depth stays as it is
+    int first, count;                      // of the mesh's indices; count 0: all of them
 };
 void gpu_draw(const struct gpu_job *job);

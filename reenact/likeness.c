@@ -265,7 +265,7 @@ enum status likeness_make(struct likeness *out, struct take *take, const struct 
     if (status == OK)
         status = make_coat(out, &run, watch);
     if (status == OK)
-        status = coarse_make(&out->coarse, &out->surface, &out->coat);
+        status = atlas_make(&out->atlas, &out->surface, &out->coat);
     close_run(&run);
     if (status != OK)
         likeness_free(out);
@@ -277,7 +277,7 @@ void likeness_free(struct likeness *f)
     volume_close(&f->volume);
     surface_free(&f->surface);
     coat_free(&f->coat);
-    coarse_free(&f->coarse);
+    atlas_free(&f->atlas);
     free(f->skins);
     free(f->frames);
     free(f->adjustments);

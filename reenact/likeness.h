@@ -3,8 +3,7 @@
 // the colours of the whole take; pure; deterministic.
 #pragma once
 #include "reenact/align.h"
-#include "reenact/coarse.h"
-#include "reenact/coat.h"
+#include "reenact/atlas.h"
 
 struct likeness {
     struct rest rest;
@@ -12,7 +11,7 @@ struct likeness {
     struct surface surface;
     struct skin *skins; // of the surface's points
     struct coat coat;
-    struct coarse coarse; // the surface and its colours, for small pictures
+    struct atlas atlas;   // surface and coat, as they are drawn
     int64_t *frames; // whose adjustments are known, rising
     struct adjustment *adjustments;
     int frame_count;

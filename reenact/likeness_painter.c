@@ -1,63 +1,71 @@
 #include "reenact/likeness_painter.h"
 
 #include "reenact/shaders.h"
+#include "reenact/shown_frames.h"
+#include "reenact/silhouette.h"
+#include "reenact/warp.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { VERTEX = 20, INNER_PX = 3 };
+enum { VERTEX = 16 };
 
-static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
-static const double COARSE_PX_A_M = 1 / VOLUME_STEP_M; // up to here a step of the fine mesh is finer than a pixel
+static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_OUTLINE_PX = 0.5F;
 
+// Those that only colours need come last.
 enum uniform {
     VIEWER_FROM_PART,
     NOW_FROM_PART,
-    WORLD_FROM_NOW,
-    LIGHT,
     VIEW_LENS,
     VIEW_RANGE,
-    COLOR_LENS,
     DEPTH_LENS,
     DEPTH_FROM_COLOR,
+    NOW_WINDOWS,
     KIND,
     ABSENT,
+    VIEWER_FROM_NOW,
+    SHIFT_RANGE,
+    SOURCE_UNIFORMS,
+    WORLD_FROM_NOW = SOURCE_UNIFORMS,
+    LIGHT,
+    COLOR_LENS,
     UNIFORMS
 };
 static const char *const uniform_names[UNIFORMS] = {
     [VIEWER_FROM_PART] = "viewer_from_part",
     [NOW_FROM_PART] = "now_from_part",
-    [WORLD_FROM_NOW] = "world_from_now",
-    [LIGHT] = "light",
     [VIEW_LENS] = "view_lens",
     [VIEW_RANGE] = "view_range",
-    [COLOR_LENS] = "color_lens",
     [DEPTH_LENS] = "depth_lens",
     [DEPTH_FROM_COLOR] = "depth_from_color",
+    [NOW_WINDOWS] = "now_windows",
     [KIND] = "kind",
     [ABSENT] = "absent",
+    [VIEWER_FROM_NOW] = "viewer_from_now",
+    [SHIFT_RANGE] = "shift_range",
+    [WORLD_FROM_NOW] = "world_from_now",
+    [LIGHT] = "light",
+    [COLOR_LENS] = "color_lens",
 };
 
-// A mesh that comes to the GPU bit by bit.
+// What comes to the GPU bit by bit.
 struct brought {
     struct gpu_mesh *mesh;
-    float *vertices; // what it is made of, until it is all there
+    struct gpu_texture *color, *when;
+    float *vertices; // what they are made of, with the likeness's atlas, until all is there
     uint16_t *corners;
-    int float_count, corner_count, brought_floats, brought_corners;
+    int float_count, corner_count, floats, indices, color_rows, when_rows; // the last four: brought
 };
 
 struct likeness_painter {
     struct gpu *gpu;
     struct take *take;
     struct likeness likeness;
-    struct sight sight;
-    struct gpu_program *program;
-    struct brought fine, coarse;  // without meshes: no likeness was given
-    struct gpu_texture *now_picture, *now_depth;
-    uint8_t *color, *depth;       // their pixels
-    int64_t frame;                // whose pictures are there; -1: nobody's
-    bool has_now;                 // it has colours and depth
-    struct adjustment adjustment; // of that frame
+    struct gpu_program *programs[2]; // colours; where they are from
+    struct brought brought;          // without a mesh: no likeness was given
+    struct silhouette *silhouette;
+    uint16_t *ribbon;
+    struct shown_frames *frames;
 };
 
 void lens_uniform(const struct lens *l, float out[12])
@@ -77,65 +85,71 @@ void lens_uniform(const struct lens *l, float out[12])
 
 // ---------------------------------------------------------------- opening
 
-static void put_vertex(const struct likeness *f, int i, const float c[3], float v[VERTEX])
+static void set(struct likeness_painter *p, enum uniform uniform, const float *vec4s, int count)
 {
-    const struct vec3 *p = &f->surface.points[i], *n = &f->surface.normals[i];
-    const struct skin *s = &f->skins[i];
+    for (int i = 0; i < (uniform < SOURCE_UNIFORMS ? 2 : 1); i++)
+        gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
+}
+
+static void put_vertex(const struct likeness *f, int i, bool doubled, float v[VERTEX])
+{
+    const struct unfolded *m = &f->atlas.mesh;
+    const struct vec3 *p = &f->surface.points[m->points[i]], *n = &f->surface.normals[m->points[i]];
+    const struct skin *s = &f->skins[m->points[i]];
     const float values[VERTEX] = {
-        (float)p->x,  (float)p->y,  (float)p->z,  f->coat.time_s[i],
-        (float)n->x,  (float)n->y,  (float)n->z,  f->coat.filled[i],
-        s->part[0],   s->part[1],   s->part[2],   0,
+        (float)p->x,  (float)p->y,  (float)p->z,  m->at[i][0] / (float)m->width,
+        (float)n->x,  (float)n->y,  (float)n->z,  m->at[i][1] / (float)m->height,
+        s->part[0],   s->part[1],   s->part[2],   doubled,
         s->weight[0], s->weight[1], s->weight[2], 0,
-        c[0],         c[1],         c[2],         0,
     };
     memcpy(v, values, sizeof values);
 }
 
-static void drop_mesh(struct brought *b)
+static void drop_likeness(struct likeness_painter *p)
 {
+    struct brought *b = &p->brought;
     gpu_mesh_close(&b->mesh);
+    gpu_texture_close(&b->color);
+    gpu_texture_close(&b->when);
     free(b->vertices);
     free(b->corners);
     *b = (struct brought){0};
-}
-
-static void drop_likeness(struct likeness_painter *p)
-{
-    drop_mesh(&p->fine);
-    drop_mesh(&p->coarse);
+    silhouette_close(&p->silhouette);
+    free(p->ribbon);
+    p->ribbon = NULL;
     likeness_free(&p->likeness);
-    p->frame = -1;
+    if (p->frames)
+        shown_frames_forget(p->frames);
 }
 
-// points: numbers of the surface's points; NULL: all of them, as they are.
-static enum status open_mesh(struct likeness_painter *p, struct brought *b, const int32_t *points, int point_count,
-                             float (*colors)[3], const int32_t *corners, int corner_count)
+static enum status open_brought(struct likeness_painter *p)
 {
-    if (point_count > UINT16_MAX)
+    const struct unfolded *m = &p->likeness.atlas.mesh;
+    struct brought *b = &p->brought;
+    if (2 * m->point_count > UINT16_MAX)
         return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
-    b->float_count = VERTEX * point_count;
-    b->corner_count = corner_count;
+    b->float_count = 2 * VERTEX * m->point_count;
+    b->corner_count = m->corner_count;
     b->vertices = malloc(sizeof *b->vertices * (size_t)b->float_count);
-    b->corners = malloc(sizeof *b->corners * (size_t)corner_count);
+    b->corners = malloc(sizeof *b->corners * (size_t)b->corner_count);
     if (!b->vertices || !b->corners)
         return fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < point_count; i++)
-        put_vertex(&p->likeness, points ? points[i] : i, colors[i], b->vertices + VERTEX * (size_t)i);
-    for (int i = 0; i < corner_count; i++)
-        b->corners[i] = (uint16_t)corners[i];
-    return gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, point_count, NULL, corner_count);
-}
-
-static enum status open_meshes(struct likeness_painter *p)
-{
-    const struct likeness *f = &p->likeness;
-    const struct surface *s = &f->surface;
-    const struct coarse *c = &f->coarse;
-    enum status status =
-        open_mesh(p, &p->fine, NULL, s->point_count, f->coat.color, s->corners, s->corner_count);
-    return status == OK
-               ? open_mesh(p, &p->coarse, c->points, c->point_count, c->color, c->corners, c->corner_count)
-               : status;
+    for (int i = 0; i < 2 * m->point_count; i++)
+        put_vertex(&p->likeness, i % m->point_count, i >= m->point_count, b->vertices + VERTEX * (size_t)i);
+    for (int i = 0; i < m->corner_count; i++)
+        b->corners[i] = (uint16_t)m->corners[i];
+    enum status status = gpu_texture_open(&b->color, p->gpu, GPU_RGB8, m->width, m->height, GPU_LINEAR, NULL);
+    if (status == OK)
+        status = gpu_texture_open(&b->when, p->gpu, GPU_RGBA8, m->width, m->height, GPU_NEAREST, NULL);
+    if (status == OK)
+        status = silhouette_open(&p->silhouette, &p->likeness);
+    if (status != OK)
+        return status;
+    int most = silhouette_most(p->silhouette);
+    p->ribbon = malloc(sizeof *p->ribbon * (size_t)most);
+    if (!p->ribbon)
+        return fail(ERR_MEMORY, "out of memory");
+    return gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, 2 * m->point_count, NULL, m->corner_count + most);
 }
 
 enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness)
@@ -146,31 +160,52 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
     float light[LIGHT_TERMS][4] = {{0}};
     for (int i = 0; i < LIGHT_TERMS; i++)
         light[i][0] = p->likeness.coat.light.term[i];
-    gpu_program_set(p->program, LIGHT, light[0], LIGHT_TERMS);
-    enum status status = open_meshes(p);
+    set(p, LIGHT, light[0], LIGHT_TERMS);
+    set(p, SHIFT_RANGE, (const float[4]){(float)WARP_MOST_M, (float)p->likeness.atlas.mesh.point_count, 0, 0}, 1);
+    enum status status = open_brought(p);
     if (status != OK)
         drop_likeness(p);
     return status;
 }
 
-bool likeness_painter_given(const struct likeness_painter *p) { return p->coarse.mesh; }
+bool likeness_painter_given(const struct likeness_painter *p) { return p->brought.mesh; }
 
-// At most *bytes, and takes off what it took. True: all is there.
-static bool bring(struct brought *b, size_t *bytes)
+// Of `wanted` pieces of so many bytes, those that there are bytes left for; takes these off.
+static int share_of(size_t *bytes, int wanted, size_t piece)
 {
+    size_t most = *bytes / piece;
+    int count = (size_t)wanted < most ? wanted : (int)most;
+    *bytes -= piece * (size_t)count;
+    return count;
+}
+
+static void bring_rows(struct gpu_texture *t, const uint8_t *pixels, const struct unfolded *m, int each, int *rows,
+                       size_t *bytes)
+{
+    size_t row = (size_t)each * (size_t)m->width;
+    int count = share_of(bytes, m->height - *rows, row);
+    if (count)
+        gpu_texture_write_rows(t, *rows, count, pixels + row * (size_t)*rows);
+    *rows += count;
+}
+
+bool likeness_painter_bring(struct likeness_painter *p, size_t bytes)
+{
+    struct brought *b = &p->brought;
+    struct atlas *a = &p->likeness.atlas;
+    if (!likeness_painter_given(p))
+        return false;
     if (!b->vertices)
         return true;
-    int floats = b->float_count - b->brought_floats;
-    floats = (size_t)floats < *bytes / sizeof(float) ? floats : (int)(*bytes / sizeof(float));
-    gpu_mesh_write_vertices(b->mesh, b->brought_floats, b->vertices + b->brought_floats, floats);
-    b->brought_floats += floats;
-    *bytes -= sizeof(float) * (size_t)floats;
-    int corners = b->corner_count - b->brought_corners;
-    corners = (size_t)corners < *bytes / sizeof(uint16_t) ? corners : (int)(*bytes / sizeof(uint16_t));
-    gpu_mesh_write_indices(b->mesh, b->brought_corners, b->corners + b->brought_corners, corners);
-    b->brought_corners += corners;
-    *bytes -= sizeof(uint16_t) * (size_t)corners;
-    if (b->brought_corners < b->corner_count)
+    int floats = share_of(&bytes, b->float_count - b->floats, sizeof(float));
+    gpu_mesh_write_vertices(b->mesh, b->floats, b->vertices + b->floats, floats);
+    b->floats += floats;
+    int indices = share_of(&bytes, b->corner_count - b->indices, sizeof(uint16_t));
+    gpu_mesh_write_indices(b->mesh, b->indices, b->corners + b->indices, indices);
+    b->indices += indices;
+    bring_rows(b->color, a->color, &a->mesh, 3, &b->color_rows, &bytes);
+    bring_rows(b->when, a->when, &a->mesh, 4, &b->when_rows, &bytes);
+    if (b->when_rows < a->mesh.height)
         return false;
     free(b->vertices);
     free(b->corners);
@@ -179,24 +214,25 @@ static bool bring(struct brought *b, size_t *bytes)
     return true;
 }
 
-bool likeness_painter_bring(struct likeness_painter *p, size_t bytes)
-{
-    return likeness_painter_given(p) && bring(&p->fine, &bytes) && bring(&p->coarse, &bytes);
-}
-
 void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view)
 {
     float lens[12];
     lens_uniform(view, lens);
-    gpu_program_set(p->program, VIEW_LENS, lens, 3);
+    set(p, VIEW_LENS, lens, 3);
 }
 
-static enum status open_program(struct likeness_painter *p, const struct lens *view)
+static enum status open_programs(struct likeness_painter *p, const struct lens *view)
 {
-    static const char *const samplers[] = {"now_picture", "now_depth"};
-    const struct gpu_program_text text = {
-        "figure", shader_find("figure.vert"), shader_find("figure.frag"), uniform_names, UNIFORMS, samplers, 2};
-    enum status status = gpu_program_open(&p->program, p->gpu, &text);
+    static const char *const samplers[] = {"now_depth", "atlas", "shifts", "now_picture"},
+                             *const source_samplers[] = {"now_depth", "atlas_when", "shifts"};
+    const struct gpu_program_text colors = {
+        "figure", shader_find("figure.vert"), shader_find("figure.frag"), uniform_names, UNIFORMS, samplers, 4};
+    const struct gpu_program_text sources = {
+        "figure's sources", shader_find("figure.vert"), shader_find("figure_source.frag"), uniform_names,
+        SOURCE_UNIFORMS, source_samplers, 3};
+    enum status status = gpu_program_open(&p->programs[0], p->gpu, &colors);
+    if (status == OK)
+        status = gpu_program_open(&p->programs[1], p->gpu, &sources);
     if (status != OK)
         return status;
     const struct calibration *c = take_calibration(p->take);
@@ -204,40 +240,28 @@ static enum status open_program(struct likeness_painter *p, const struct lens *v
     float lens[12];
     likeness_painter_set_lens(p, view);
     lens_uniform(&c->color, lens);
-    gpu_program_set(p->program, COLOR_LENS, lens, 3);
+    set(p, COLOR_LENS, lens, 3);
     lens_uniform(&c->depth, lens);
-    gpu_program_set(p->program, DEPTH_LENS, lens, 3);
-    gpu_program_set(p->program, VIEW_RANGE, range, 1);
+    set(p, DEPTH_LENS, lens, 3);
+    set(p, VIEW_RANGE, range, 1);
     struct part_map map = part_map_of(c->registered ? POSE_IDENTITY : pose_inverse(c->color_from_depth));
-    gpu_program_set(p->program, DEPTH_FROM_COLOR, map.row[0], 3);
+    set(p, DEPTH_FROM_COLOR, map.row[0], 3);
     return OK;
 }
 
 enum status likeness_painter_open(struct likeness_painter **out, struct gpu *gpu, struct take *take,
-                                  const struct source_rays *rays, const struct lens *view)
+                                  const struct source_rays *rays, const struct lens *view, size_t max_bytes)
 {
-    *out = NULL;
-    struct likeness_painter *p = calloc(1, sizeof *p);
+    struct likeness_painter *p = *out = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
     p->gpu = gpu;
     p->take = take;
-    p->frame = -1;
-    const struct calibration *c = take_calibration(take);
-    enum status status = sight_open(&p->sight, take, rays);
-    p->color = malloc((size_t)c->color.width * (size_t)c->color.height * 3);
-    p->depth = malloc((size_t)c->depth.width * (size_t)c->depth.height * 4);
-    if (status == OK && (!p->color || !p->depth))
-        status = fail(ERR_MEMORY, "out of memory");
+    enum status status = shown_frames_open(&p->frames, gpu, take, rays, max_bytes);
     if (status == OK)
-        status = gpu_texture_open(&p->now_picture, gpu, GPU_RGB8, c->color.width, c->color.height, GPU_LINEAR, NULL);
-    if (status == OK)
-        status = gpu_texture_open(&p->now_depth, gpu, GPU_RGBA8, c->depth.width, c->depth.height, GPU_NEAREST, NULL);
-    if (status == OK)
-        status = open_program(p, view);
+        status = open_programs(p, view);
     if (status != OK)
-        likeness_painter_close(&p);
-    *out = p;
+        likeness_painter_close(out);
     return status;
 }
 
@@ -247,72 +271,27 @@ void likeness_painter_close(struct likeness_painter **out)
     if (!p)
         return;
     drop_likeness(p);
-    sight_close(&p->sight);
-    free(p->color);
-    free(p->depth);
-    gpu_texture_close(&p->now_picture);
-    gpu_texture_close(&p->now_depth);
-    gpu_program_close(&p->program);
+    shown_frames_close(&p->frames);
+    for (int i = 0; i < 2; i++)
+        gpu_program_close(&p->programs[i]);
     free(p);
     *out = NULL;
 }
 
-// ---------------------------------------------------------------- the shown frame
-
-// Blue: how deep within one surface of the person each pixel lies, 255 at INNER_PX and more.
-static void write_depth(struct likeness_painter *p)
-{
-    const struct sight *s = &p->sight;
-    for (int i = 0; i < s->width * s->height; i++) {
-        int inner = s->part[i] < PART_COUNT ? s->edge[i] : 0;
-        inner = inner > INNER_PX ? INNER_PX : inner;
-        p->depth[4 * i] = (uint8_t)(s->depth[i] >> 8);
-        p->depth[4 * i + 1] = (uint8_t)(s->depth[i] & 255);
-        p->depth[4 * i + 2] = (uint8_t)(255 * inner / INNER_PX);
-        p->depth[4 * i + 3] = 255;
-    }
-    gpu_texture_write(p->now_depth, p->depth);
-}
-
-static enum status load_frame(struct likeness_painter *p, int64_t frame)
-{
-    if (p->frame == frame)
-        return OK;
-    const struct take_entry *e = take_entry(p->take, frame);
-    struct posture joints;
-    p->frame = -1;
-    p->has_now = false;
-    p->adjustment = likeness_adjustment(&p->likeness, frame);
-    enum status status = sight_read(&p->sight, p->take, frame);
-    if (status == OK)
-        status = posture_of(&p->likeness.rest, &e->skeleton, &joints);
-    if (status < 0)
-        return status;
-    if (status == OK) {
-        struct take_pictures seen;
-        status = take_read(p->take, frame, TAKE_COLOR, &seen);
-        p->has_now = status == OK && seen.color;
-        if (p->has_now)
-            status = sight_colors(&p->sight, take_calibration(p->take), seen.color, p->color);
-        if (status < 0)
-            return status;
-        p->adjustment = align(p->likeness.volume, &p->likeness.rest, &p->sight, &joints, &p->adjustment);
-        write_depth(p);
-        if (p->has_now)
-            gpu_texture_write(p->now_picture, p->color);
-    }
-    p->frame = frame;
-    return OK;
-}
-
 // ---------------------------------------------------------------- drawing
 
-static void set_maps(struct likeness_painter *p, enum uniform uniform, struct pose to, const struct posture *posture)
+static void set_maps(struct likeness_painter *p, enum uniform uniform, struct pose to, const struct posture *posture,
+                     struct part_map maps[PART_COUNT])
 {
-    struct part_map maps[PART_COUNT];
     for (int part = 0; part < PART_COUNT; part++)
         maps[part] = part_map_of(pose_multiply(to, posture->part[part]));
-    gpu_program_set(p->program, uniform, maps[0].row[0], 3 * PART_COUNT);
+    set(p, uniform, maps[0].row[0], 3 * PART_COUNT);
+}
+
+static void set_turn(struct likeness_painter *p, enum uniform uniform, struct pose turn)
+{
+    struct part_map map = part_map_of(turn);
+    set(p, uniform, map.row[0], 3);
 }
 
 // How many parts there are to draw; the others are marked as absent.
@@ -331,8 +310,22 @@ static int set_absent(struct likeness_painter *p, const struct likeness_view *vi
         absent[part] = known ? 0 : 1;
         present += known && before;
     }
-    gpu_program_set(p->program, ABSENT, absent, 3);
+    set(p, ABSENT, absent, 3);
     return present;
+}
+
+// Over what is drawn, as its outline.
+static void draw_ribbon(struct likeness_painter *p, struct gpu_job job, const struct part_map *viewer_from_part,
+                        const struct shown_frame *now)
+{
+    job.closed = false;
+    job.blend = true;
+    job.first = p->brought.corner_count;
+    job.count = silhouette_find(p->silhouette, viewer_from_part, now->shift, p->ribbon);
+    if (!job.count)
+        return;
+    gpu_mesh_write_indices(p->brought.mesh, job.first, p->ribbon, job.count);
+    gpu_draw(&job);
 }
 
 enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts)
@@ -340,31 +333,42 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     *parts = set_absent(p, view);
     if (!*parts)
         return NOTHING;
+    const struct take_entry *e = take_entry(p->take, view->frame);
+    const struct shown_frame *now;
     struct posture shown, recorded;
-    enum status status = load_frame(p, view->frame);
+    enum status status = shown_frames_of(p->frames, &p->likeness, view->frame, &now);
     if (status == OK)
         status = posture_of(&p->likeness.rest, &view->skeleton, &shown); // world axes
     if (status == OK)
-        status = posture_of(&p->likeness.rest, &take_entry(p->take, view->frame)->skeleton, &recorded);
+        status = posture_of(&p->likeness.rest, &e->skeleton, &recorded);
     if (status != OK)
         return status;
-    shown = posture_adjusted(&shown, &p->adjustment);
-    recorded = posture_adjusted(&recorded, &p->adjustment);
-    set_maps(p, VIEWER_FROM_PART, pose_inverse(view->world_from_viewer), &shown);
-    set_maps(p, NOW_FROM_PART, POSE_IDENTITY, &recorded);
-    struct part_map world = part_map_of(take_entry(p->take, view->frame)->world_from_camera);
-    gpu_program_set(p->program, WORLD_FROM_NOW, world.row[0], 3);
-    float time_s =
-        (float)((double)(take_entry(p->take, view->frame)->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
-    for (int coded = 0; coded < (view->source ? 2 : 1); coded++) {
-        const float kind[4] = {(float)coded, time_s, p->has_now ? 1 : 0, 0};
-        gpu_program_set(p->program, KIND, kind, 1);
-        gpu_draw(&(struct gpu_job){.target = coded ? view->source : view->actor,
-                                   .program = p->program,
-                                   .mesh = view->px_a_m > COARSE_PX_A_M ? p->fine.mesh : p->coarse.mesh,
-                                   .textures = {p->now_picture, p->now_depth},
-                                   .closed = true,
-                                   .depth_test = true});
+    shown = posture_adjusted(&shown, &now->adjustment);
+    recorded = posture_adjusted(&recorded, &now->adjustment);
+    struct part_map viewer_from_part[PART_COUNT], now_from_part[PART_COUNT];
+    struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
+    set_maps(p, VIEWER_FROM_PART, viewer_from_world, &shown, viewer_from_part);
+    set_maps(p, NOW_FROM_PART, POSE_IDENTITY, &recorded, now_from_part);
+    set_turn(p, WORLD_FROM_NOW, e->world_from_camera);
+    set_turn(p, VIEWER_FROM_NOW, pose_multiply(viewer_from_world, e->world_from_camera));
+    set(p, NOW_WINDOWS, now->windows[0], 2);
+    float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
+    set(p, KIND, (const float[4]){now->seen, time_s, HALF_OUTLINE_PX, 0}, 1);
+    struct gpu_job job = {.target = view->actor,
+                          .program = p->programs[0],
+                          .mesh = p->brought.mesh,
+                          .textures = {now->depth, p->brought.color, now->shifts, now->color},
+                          .closed = true,
+                          .depth_test = true,
+                          .count = p->brought.corner_count};
+    gpu_draw(&job);
+    draw_ribbon(p, job, viewer_from_part, now);
+    if (view->source) {
+        gpu_program_set(p->programs[1], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
+        job.target = view->source;
+        job.program = p->programs[1];
+        job.textures[1] = p->brought.when;
+        gpu_draw(&job);
     }
     return gpu_check(p->gpu);
 }

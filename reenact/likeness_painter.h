@@ -9,9 +9,9 @@
 struct likeness_painter;
 
 // gpu, take and rays must outlive it. view: the tablet camera's lens, copied.
-// ERR_DEVICE, ERR_MEMORY.
+// max_bytes: of shown frames (shown_frames.h). ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status likeness_painter_open(struct likeness_painter **out, struct gpu *gpu, struct take *take,
-                                             const struct source_rays *rays, const struct lens *view);
+                                             const struct source_rays *rays, const struct lens *view, size_t max_bytes);
 void likeness_painter_close(struct likeness_painter **p);
 
 // From here on this one. Its contents go over and *likeness is zeroed, on failure
@@ -29,7 +29,6 @@ struct likeness_view {
     int64_t frame;            // shown, the nearest in time
     struct skeleton skeleton; // in the world, perhaps between two frames
     struct pose world_from_viewer;
-    double px_a_m;            // pixels that a metre of the nearest of it takes
     struct gpu_target *actor;
     struct gpu_target *source; // NULL: not wanted
 };

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 4, BROUGHT_BYTES = 512 << 10 };
+enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 1, BROUGHT_BYTES = 512 << 10 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
@@ -203,7 +203,7 @@ static enum status open_likeness(struct painter *p, const struct painter_options
         return OK;
     enum status status = source_rays_open(&p->rays, c);
     if (status == OK)
-        status = likeness_painter_open(&p->likeness, p->gpu, p->take, p->rays, &p->lens);
+        status = likeness_painter_open(&p->likeness, p->gpu, p->take, p->rays, &p->lens, options->texture_bytes / 2);
     p->waiting = status == OK;
     if (status != OK || p->later)
         return status;
@@ -250,7 +250,8 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     if (status == OK)
         status = open_selector(p);
     if (status == OK)
-        status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes);
+        status = texture_cache_open(&p->textures, gpu, take,
+                                    options->detail == DETAIL_PAPER ? options->texture_bytes : options->texture_bytes / 2);
     if (status == OK)
         status = open_likeness(p, options);
     if (status == OK)
@@ -488,8 +489,7 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     if (!p->likeness)
         return draw_parts(p, &scene, &result->parts);
     struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera,
-                                  level_pixels_a_metre(&p->lens, &scene.in_viewer), p->actor,
-                                  p->coding ? p->source : NULL};
+                                  p->actor, p->coding ? p->source : NULL};
     int parts;
     status = likeness_painter_draw(p->likeness, &shown, &parts);
     result->parts = status == OK ? parts : 0;

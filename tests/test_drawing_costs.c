@@ -64,7 +64,7 @@ static void few_calls_and_nothing_anew(void **state)
         draw(p, 0, 0.3 * i, grey);
         struct gpu_counts now = gpu_count(gpu);
         EXPECT_AT_MOST(now.draws - before.draws, 6);
-        EXPECT_INT(now.uploads - before.uploads, 1); // the camera's picture
+        EXPECT_INT(now.uploads - before.uploads, 2); // the camera's picture and where the outline is
         EXPECT_INT(now.made, before.made);
         before = now;
     }
@@ -72,7 +72,11 @@ static void few_calls_and_nothing_anew(void **state)
     struct gpu_counts now = gpu_count(gpu);
     print_message("%lld calls and %lld uploads for another frame\n", (long long)(now.draws - before.draws),
                   (long long)(now.uploads - before.uploads));
-    EXPECT_INT(now.uploads - before.uploads, 3); // and the frame's colours and depth
+    EXPECT_INT(now.uploads - before.uploads, 5); // and the frame's colours, depth and shifts
+    draw(p, 0, 0, grey);
+    before = now;
+    now = gpu_count(gpu);
+    EXPECT_INT(now.uploads - before.uploads, 2); // both frames are kept
     EXPECT_INT(now.made, before.made);
     painter_close(&p);
     free(grey);

@@ -52,7 +52,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     double started_ms = all_threads_ms();
     enum status status = painter_draw(c->painter, &view, &result);
     if (status == OK)
-        status = painter_read_actor(c->painter, c->rgba);
+        status = gpu_wait(c->gpu);
     out->time_ms = all_threads_ms() - started_ms;
     struct gpu_counts now = gpu_count(c->gpu);
     out->error = (double)(now.draws - before.draws);

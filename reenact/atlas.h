@@ -1,0 +1,15 @@
+// The likeness's surface with few triangles, and its colours in a picture that is laid
+// over them: shape changes slowly over a body, colours do not. Pure; deterministic.
+#pragma once
+#include "reenact/coat.h"
+#include "reenact/unfold.h"
+
+struct atlas {
+    struct unfolded mesh;
+    uint8_t *color; // RGB of the mesh's picture: roots of the coat's colours
+    uint8_t *when;  // RGBA likewise: when it was seen best, hundredths of a second, high and low byte; 255: nobody saw it
+};
+
+// ERR_MEMORY; ERR_INPUT as unfold. atlas_free.
+MUST_CHECK enum status atlas_make(struct atlas *out, const struct surface *surface, const struct coat *coat);
+void atlas_free(struct atlas *a);
