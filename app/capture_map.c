@@ -216,8 +216,31 @@ static void print_text(const char *path, const struct place *before, const struc
     printf("; %d views kept\n", (int)place->view_count);
 }
 
-static void warn(const char *program, const struct mapper_report *r, int64_t damaged)
+// The first tag that so few pictures show that nothing vouches for it; NULL: none.
+static const struct place_tag *seldom_seen(const struct place *place)
 {
+    enum { LEAST_SIGHTINGS = 3 };
+    for (int32_t i = 0; i < place->tag_count; i++)
+        if (place->tags[i].sightings < LEAST_SIGHTINGS)
+            return &place->tags[i];
+    return NULL;
+}
+
+static void warn(const char *program, bool rolling, const struct place *place, const struct mapper_report *r,
+                 int64_t damaged)
+{
+    const struct place_tag *seldom = seldom_seen(place);
+    if (rolling)
+        fprintf(stderr, "%s: warning: a sweep takes no notice of the sensor's rolling shutter (readout_ms); the place is "
+                        "only as good as the sensor was held still in each picture\n",
+                program);
+    if (!place->point_count)
+        fprintf(stderr, "%s: warning: there are no natural points without depth, so a camera is found only where it sees "
+                        "a tag\n",
+                program);
+    if (seldom)
+        fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,
+                (int)seldom->id, (int)seldom->sightings, seldom->sightings == 1 ? "" : "s");
     if (r->tags_unseen)
         fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
                 program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
@@ -270,6 +293,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = film(source, mapper, a, &damaged);
     bool live = source && source_is_live(source);
+    bool rolling = source && source_calibration(source)->color.readout_s > 0;
     source_close(&source);
     if (status == OK)
         status = mapper_finish(mapper, &place, &report);
@@ -278,7 +302,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
     if (status == OK) {
-        warn(program, &report, damaged);
+        warn(program, rolling, &place, &report, damaged);
         if (a->json)
             print_json(file, &before, &place, &report, damaged);
         else

@@ -428,6 +428,23 @@ static enum status find_anew(struct locator *l, const uint8_t *color, const uint
     return status;
 }
 
+// A corner that is found in several copies of the picture is found wrong in all of them: each counts once. How
+// many are left.
+static int each_once(const struct locator *l, struct fit_point *points, int count)
+{
+    static const double SAME_PX = 4;
+    int kept = 0;
+    for (int i = 0; i < count; i++) {
+        bool again = false;
+        for (int k = 0; k < kept && !again; k++)
+            again = fabs(points[k].x - points[i].x) * l->lens.fx < SAME_PX &&
+                    fabs(points[k].y - points[i].y) * l->lens.fy < SAME_PX;
+        if (!again)
+            points[kept++] = points[i];
+    }
+    return kept;
+}
+
 static enum status find(struct locator *l, const uint8_t *color, const uint16_t *depth, bool again,
                         struct location *out)
 {
@@ -436,17 +453,18 @@ static enum status find(struct locator *l, const uint8_t *color, const uint16_t 
     struct camera_fit found = {.used = 0};
     const struct lens *lens = &l->lens;
     double covariance[36];
-    int agree;
+    int agree, apart = 0;
     enum status status = find_anew(l, color, depth, tags, &found, &agree);
     if (status == OK || status == AMBIGUOUS) {
         points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, l->matches, agree, points);
-        if (!fit_covariance(tags, l->count, points, agree, lens->fx, lens->fy, l->motion, &found.camera_from_world,
+        apart = each_once(l, points, agree);
+        if (!fit_covariance(tags, l->count, points, apart, lens->fx, lens->fy, l->motion, &found.camera_from_world,
                             covariance) ||
             !locator_describe(l, &found, agree, covariance, covariance, out))
             status = NOTHING;
     }
     if (status == OK)
-        focal_add(&l->focal, tags, l->count, points, agree, lens->fx, lens->fy, l->motion, &found.camera_from_world);
+        focal_add(&l->focal, tags, l->count, points, apart, lens->fx, lens->fy, l->motion, &found.camera_from_world);
     if (again && status == OK && locator_find_tracks(l, &found.camera_from_world)) {
         enum status followed = locator_fit_tracks(l, color, depth, found.camera_from_world, out);
         if (followed == NOTHING)

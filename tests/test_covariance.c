@@ -1,47 +1,16 @@
 // What locate says of its errors must be true of them: of cameras whose place is known, as
 // many lie inside the 95 % ellipsoid as should.
 //
-//     test_covariance [PICTURES]      of each kind; default 40
-#include "locate/locate.h"
-#include "locate/linear.h"
+//     test_covariance [PICTURES]      of each kind; default 20
+#include "tests/honesty.h"
 #include "tests/tag_picture.h"
-#include "tests/test.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 
 enum { WIDTH = 320, HEIGHT = 240 };
 static const double F_PX = 300;
-// The chi squared distribution of six numbers: 95 % and 50 % lie below.
-static const double WITHIN_95 = 12.592, WITHIN_50 = 5.348;
-
 static uint8_t rgb[WIDTH * HEIGHT * 3];
-static int pictures = 40;
-
-// Squared error of a pose in standard deviations: six numbers, six in the mean.
-static double error_squared(struct pose found, const double covariance[36], struct pose truth)
-{
-    struct pose off = pose_multiply(pose_inverse(found), truth);
-    struct vec3 turn = quat_to_rotation_vector(off.rotation);
-    const double d[6] = {turn.x, turn.y, turn.z, off.translation.x, off.translation.y, off.translation.z};
-    double inverse[36], sum = 0;
-    EXPECT_TRUE(invert_symmetric(covariance, 6, inverse));
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++)
-            sum += d[i] * inverse[i * 6 + j] * d[j];
-    return sum;
-}
-
-struct tally {
-    int found, within_95, within_50;
-    double sum; // of squared errors
-};
-
-static void tell(const struct tally *t)
-{
-    printf("of %d cameras %.1f %% within 95 %%, %.1f %% within 50 %%, %.2f instead of 6\n", t->found,
-           100.0 * t->within_95 / t->found, 100.0 * t->within_50 / t->found, t->sum / t->found);
-}
+static int pictures = 20;
 
 // Pictures with `noise` grey levels of the first `count` tags from near and far, steep and straight.
 static void look_at_tags(int count, double noise, struct tally *all)
@@ -66,6 +35,7 @@ static void look_at_tags(int count, double noise, struct tally *all)
                                 .tags = tags,
                                 .tag_count = count,
                                 .noise = noise,
+                                .blur_px = 0.4,
                                 .seed = 5000 + (uint64_t)i,
                                 .rgb = rgb,
                                 .world_from_camera = tag_picture_view(distance, yaw, pitch, roll)};
@@ -74,16 +44,13 @@ static void look_at_tags(int count, double noise, struct tally *all)
         enum status status = locator_find(l, rgb, NULL, &at);
         if (status != OK || at.tags_used < count)
             continue;
-        double e = error_squared(at.world_from_camera, at.covariance, p.world_from_camera);
-        t.found++;
-        t.sum += e;
-        t.within_95 += e < WITHIN_95;
-        t.within_50 += e < WITHIN_50;
+        take_in(&t, &at, p.world_from_camera);
     }
     locator_close(&l);
     printf("%d tags, noise %.0f: ", count, noise);
     tell(&t);
     EXPECT_AT_LEAST(t.found, 0.9 * pictures);
+    judge(&t);
     all->found += t.found;
     all->sum += t.sum;
     all->within_95 += t.within_95;
@@ -95,9 +62,10 @@ static void tags_are_as_sure_as_they_say(void **state)
     (void)state;
     struct tally all = {0};
     look_at_tags(1, 4, &all);
-    look_at_tags(2, 2, &all);
+    look_at_tags(1, 8, &all);
     look_at_tags(2, 4, &all);
-    look_at_tags(3, 4, &all);
+    look_at_tags(2, 8, &all);
+    look_at_tags(3, 8, &all);
     printf("together: ");
     tell(&all);
     EXPECT_NEAR((double)all.within_95 / all.found, 0.95, 0.03);

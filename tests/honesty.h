@@ -1,0 +1,52 @@
+// Whether what locate says of its errors is true of them: of poses whose truth is known, as many
+// lie inside the 95 % ellipsoid as should.
+#pragma once
+#include "locate/linear.h"
+#include "locate/locate.h"
+#include "tests/test.h"
+
+#include <stdio.h>
+
+// The chi squared distribution of six numbers: 95 % and 50 % lie below.
+static const double WITHIN_95 = 12.592, WITHIN_50 = 5.348;
+
+// Squared error of a pose in standard deviations: six numbers, six in the mean.
+static inline double error_squared(struct pose found, const double covariance[36], struct pose truth)
+{
+    struct pose off = pose_multiply(pose_inverse(found), truth);
+    struct vec3 turn = quat_to_rotation_vector(off.rotation);
+    const double d[6] = {turn.x, turn.y, turn.z, off.translation.x, off.translation.y, off.translation.z};
+    double inverse[36], sum = 0;
+    EXPECT_TRUE(invert_symmetric(covariance, 6, inverse));
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++)
+            sum += d[i] * inverse[i * 6 + j] * d[j];
+    return sum;
+}
+
+struct tally {
+    int found, within_95, within_50;
+    double sum; // of squared errors
+};
+
+// As many within the ellipsoid as should be, as far as so few pictures tell: give or take 3 %, and chance.
+static inline void judge(const struct tally *t)
+{
+    EXPECT_NEAR((double)t->within_95 / t->found, 0.95, 0.03 + sqrt(0.95 * 0.05 / t->found));
+}
+
+static inline void tell(const struct tally *t)
+{
+    printf("of %d cameras %.1f %% within 95 %%, %.1f %% within 50 %%, %.2f instead of 6\n", t->found,
+           100.0 * t->within_95 / t->found, 100.0 * t->within_50 / t->found, t->sum / t->found);
+}
+
+// Counts one more pose.
+static inline void take_in(struct tally *t, const struct location *at, struct pose truth)
+{
+    double e = error_squared(at->world_from_camera, at->covariance, truth);
+    t->found++;
+    t->sum += e;
+    t->within_95 += e < WITHIN_95;
+    t->within_50 += e < WITHIN_50;
+}
