@@ -9,7 +9,7 @@
 enum { TRIANGLES = 3000, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4 };
 
 static const double ERROR_M = 0.003; // that the shape may lose
-static const double TEXEL_M = 0.004;
+static const double TEXEL_M = 0.004, COARSER = 1.3, FAR_TOO_COARSE_M = 0.03; // the next where it does not fit
 static const float BEYOND = 1.5F; // texels: filtering looks so far over a triangle's edge
 
 // Finds the places of the fine surface: its points by cubes of the volume's step, and each point's triangles.
@@ -303,8 +303,12 @@ enum status atlas_make(struct atlas *out, const struct surface *s, const struct 
         points[i][2] = (float)s->points[i].z;
     }
     if (status == OK) {
-        int count = simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count, 3 * TRIANGLES, (float)ERROR_M, corners);
-        status = unfold(&out->mesh, s, corners, count, TEXEL_M);
+        int count = simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count, 3 * TRIANGLES,
+                             (float)ERROR_M, corners);
+        double texel_m = TEXEL_M;
+        do
+            status = unfold(&out->mesh, s, corners, count, texel_m);
+        while (status == ERR_INPUT && (texel_m *= COARSER) < FAR_TOO_COARSE_M);
     }
     if (status == OK)
         status = make_normals(out, s);

@@ -14,7 +14,7 @@ static bool ends(const char *name, const char *ending)
     return n >= e && !strcmp(name + n - e, ending);
 }
 
-// Each fragment shader with each vertex shader of its name, or the whole-picture one.
+// Each fragment shader with the vertex shader of its name (what is before an underscore), or the whole-picture one.
 static void every_shader_compiles(void **state)
 {
     (void)state;
@@ -27,7 +27,7 @@ static void every_shader_compiles(void **state)
             continue;
         fragment++;
         char partner[64];
-        snprintf(partner, sizeof partner, "%.*s.vert", (int)strlen(shader_texts[i].name) - 5, shader_texts[i].name);
+        snprintf(partner, sizeof partner, "%.*s.vert", (int)strcspn(shader_texts[i].name, "_."), shader_texts[i].name);
         const char *text = NULL;
         for (int j = 0; j < shader_text_count; j++)
             if (!strcmp(shader_texts[j].name, partner))
