@@ -150,9 +150,9 @@ static void write_texel(const struct filling *f, size_t texel, struct vec3 p, st
     const struct surface *s = f->finder.surface;
     int32_t point = nearest_point(&f->finder, p, facing);
     double least = INFINITY, best[3] = {1, 0, 0};
-    const int32_t *of = NULL;
     if (point < 0)
         return;
+    const int32_t alone[3] = {point, point, point}, *of = alone; // where no triangle has it
     for (int32_t i = f->finder.first[point]; i < f->finder.first[point + 1]; i++) {
         const int32_t *c = s->corners + 3 * (size_t)f->finder.triangle[i];
         double share[3];

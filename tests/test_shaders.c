@@ -14,7 +14,19 @@ static bool ends(const char *name, const char *ending)
     return n >= e && !strcmp(name + n - e, ending);
 }
 
-// Each fragment shader with the vertex shader of its name (what is before an underscore), or the whole-picture one.
+// Each fragment shader with each vertex shader of its name, or the whole-picture one.
+// The vertex shader that a fragment shader goes with: of the same name, or of what comes before its '_', or the one that
+// fills the whole target.
+static const char *vertex_of(const char *name)
+{
+    for (const char *end = strrchr(name, '.'); end; end = memchr(name, '_', (size_t)(end - name)))
+        for (int i = 0; i < shader_text_count; i++)
+            if (!strncmp(shader_texts[i].name, name, (size_t)(end - name)) &&
+                !strcmp(shader_texts[i].name + (end - name), ".vert"))
+                return shader_texts[i].text;
+    return shader_find("whole.vert");
+}
+
 static void every_shader_compiles(void **state)
 {
     (void)state;
@@ -26,14 +38,8 @@ static void every_shader_compiles(void **state)
         if (!ends(shader_texts[i].name, ".frag"))
             continue;
         fragment++;
-        char partner[64];
-        snprintf(partner, sizeof partner, "%.*s.vert", (int)strcspn(shader_texts[i].name, "_."), shader_texts[i].name);
-        const char *text = NULL;
-        for (int j = 0; j < shader_text_count; j++)
-            if (!strcmp(shader_texts[j].name, partner))
-                text = shader_texts[j].text;
         struct gpu_program_text pair = {.name = shader_texts[i].name,
-                                        .vertex = text ? text : shader_find("whole.vert"),
+                                        .vertex = vertex_of(shader_texts[i].name),
                                         .fragment = shader_texts[i].text};
         struct gpu_program *p;
         EXPECT_STATUS(gpu_program_open(&p, g, &pair), OK);
