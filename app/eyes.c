@@ -2,6 +2,7 @@
 
 #include "app/finder.h"
 #include "app/latest.h"
+#include "app/pace.h"
 #include "platform/clock.h"
 #include "platform/source.h"
 
@@ -22,6 +23,7 @@ struct picture {
     uint8_t *rgb;
     size_t bytes;
     int64_t time_ns; // the camera's
+    struct loan *loan; // the same where it lies; NULL
     struct picture *next_free;
 };
 
@@ -32,6 +34,7 @@ struct eyes {
     void *news_self;
 
     struct picture pictures[PICTURES];
+    bool borrow;
     struct latest *seen, *located;
     struct picture *shown; // the looker's
     pthread_t camera_thread, finder_thread;
@@ -64,6 +67,7 @@ static void give_back(struct eyes *e, struct picture *p)
 {
     if (!p)
         return;
+    loan_return(&p->loan);
     pthread_mutex_lock(&e->lock);
     p->next_free = e->free_pictures;
     e->free_pictures = p;
@@ -120,6 +124,14 @@ static bool fill(struct picture *p, const struct frame *frame, const struct lens
     return true;
 }
 
+static void let_go(struct eyes *e, struct picture *p)
+{
+    pthread_mutex_lock(&e->lock);
+    e->state.let_go++;
+    pthread_mutex_unlock(&e->lock);
+    give_back(e, p);
+}
+
 static void put_seen(struct eyes *e, struct picture *p)
 {
     pthread_mutex_lock(&e->lock);
@@ -129,18 +141,16 @@ static void put_seen(struct eyes *e, struct picture *p)
     e->state.trouble[0] = 0;
     pthread_mutex_unlock(&e->lock);
     struct picture *late = latest_put(e->seen, p);
-    if (late) {
-        pthread_mutex_lock(&e->lock);
-        e->state.let_go++;
-        pthread_mutex_unlock(&e->lock);
-        give_back(e, late);
-    }
+    if (late)
+        let_go(e, late);
 }
 
 // Until the camera ends, fails or is to rest.
 static enum status watch_camera(struct eyes *e, struct source *camera)
 {
     const bool live = source_is_live(camera);
+    if (e->borrow)
+        source_lend(camera);
     int64_t began_ns = 0, first_ns = 0;
     while (!must_stop(e)) {
         struct frame frame;
@@ -157,6 +167,7 @@ static enum status watch_camera(struct eyes *e, struct source *camera)
             wait_until(e, began_ns + frame.time_ns - first_ns);
         }
         struct picture *p = get_free(e);
+        p->loan = frame.loan;
         if (!fill(p, &frame, &source_calibration(camera)->color)) {
             give_back(e, p);
             return fail(ERR_MEMORY, "no memory for the camera's picture");
@@ -208,6 +219,7 @@ static void *finder_thread(void *self)
     struct eyes *e = self;
     struct finder *finder = NULL;
     struct lens lens = {0};
+    struct pace pace = {0};
     for (struct picture *p; (p = latest_take(e->seen, true));) {
         struct sight *s = &p->sight;
         s->locating_ns = clock_now_ns();
@@ -223,6 +235,10 @@ static void *finder_thread(void *self)
         s->located_ns = clock_now_ns();
         if (status < 0)
             say_trouble(e, status_sentence());
+        if (pace_passes_over(&pace, (double)(s->located_ns - s->locating_ns) * 1e-6, s->placed, latest_waits(e->seen))) {
+            let_go(e, p);
+            continue;
+        }
         give_back(e, latest_put(e->located, p));
         tell(e);
     }
@@ -259,6 +275,7 @@ enum status eyes_open(struct eyes **out, const struct eyes_options *options)
     e->place = options->place;
     e->news = options->news;
     e->news_self = options->news_self;
+    e->borrow = options->borrow;
     for (int i = 0; i < PICTURES; i++)
         give_back(e, &e->pictures[i]);
     e->camera = strdup(options->camera);
@@ -288,8 +305,10 @@ void eyes_close(struct eyes **out)
         pthread_join(e->finder_thread, NULL);
     latest_close(&e->seen);
     latest_close(&e->located);
-    for (int i = 0; i < PICTURES; i++)
+    for (int i = 0; i < PICTURES; i++) {
+        loan_return(&e->pictures[i].loan);
         free(e->pictures[i].rgb);
+    }
     pthread_cond_destroy(&e->changed);
     pthread_mutex_destroy(&e->lock);
     free(e->camera);
@@ -305,6 +324,14 @@ const struct sight *eyes_look(struct eyes *e)
         e->shown = newer;
     }
     return e->shown ? &e->shown->sight : NULL;
+}
+
+struct loan *eyes_take_loan(struct eyes *e)
+{
+    struct loan *loan = e->shown ? e->shown->loan : NULL;
+    if (loan)
+        e->shown->loan = NULL;
+    return loan;
 }
 
 struct eyes_state eyes_state(struct eyes *e)

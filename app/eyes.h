@@ -1,12 +1,14 @@
 // The tablet's camera and its idea of where it is, on two threads of their own: one
 // waits for pictures, one locates the newest. What comes out is a picture together
 // with the place it was taken from, so that whoever draws into it never mixes two
-// instants. Pictures that come faster than they can be located are let go by.
+// instants. Pictures that come faster than they can be located are let go by, and so is
+// one whose place took so long to find that a newer one is better (pace.h).
 //
 // A camera that fails is closed and tried again every second. A folder is played at
 // the pace it was filmed, over and over.
 #pragma once
 #include "capture/recording/place.h"
+#include "platform/loan.h"
 
 struct eyes;
 
@@ -15,6 +17,7 @@ struct eyes_options {
     const struct place *place; // NULL: nothing to be located in; must outlive the eyes
     void (*news)(void *self);  // called on other threads whenever there is something new; may be NULL
     void *news_self;
+    bool borrow;               // pictures are wanted where they lie, too: eyes_take_loan
 };
 MUST_CHECK enum status eyes_open(struct eyes **out, const struct eyes_options *options); // ERR_MEMORY
 void eyes_close(struct eyes **e); // NULL is fine
@@ -30,6 +33,10 @@ struct sight {
 };
 // The newest located picture, NULL before the first. Borrowed until the next call.
 const struct sight *eyes_look(struct eyes *e);
+
+// The picture of the sight last looked at, where it lies in the camera's memory, once: the caller's, who
+// returns it. NULL: the camera lends none.
+struct loan *eyes_take_loan(struct eyes *e);
 
 struct eyes_state {
     bool seeing;         // the camera is open and gave a picture

@@ -52,6 +52,14 @@ void *latest_take(struct latest *l, bool wait)
     return item;
 }
 
+bool latest_waits(struct latest *l)
+{
+    pthread_mutex_lock(&l->lock);
+    bool waits = l->item;
+    pthread_mutex_unlock(&l->lock);
+    return waits;
+}
+
 void latest_stop(struct latest *l)
 {
     pthread_mutex_lock(&l->lock);

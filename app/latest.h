@@ -14,5 +14,8 @@ void *latest_put(struct latest *l, void *item);
 // What lies there, or NULL. wait: waits for something; NULL then means stopped.
 void *latest_take(struct latest *l, bool wait);
 
+// Does something lie there?
+bool latest_waits(struct latest *l);
+
 // From either side: nobody waits any more.
 void latest_stop(struct latest *l);

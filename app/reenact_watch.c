@@ -98,7 +98,7 @@ struct watch {
     struct gpu *gpu;
     struct tablet tablet;
     bool fullscreen, hidden;
-    int64_t slept_ns, shown_ns, until_ns;
+    int64_t shown_ns, until_ns;
     char said[512];         // the sentence that the screen shows
     int64_t placed_before;  // pictures with the actor in his place when it began to show that
 };
@@ -158,20 +158,6 @@ static enum status watch_reopen(struct watch *w)
 
 // ---------------------------------------------------------------- the loop
 
-// Nobody sees the screen: the camera rests, and the take's time stands still.
-static void hide(struct watch *w, bool hidden)
-{
-    if (hidden == w->hidden)
-        return;
-    w->hidden = hidden;
-    if (w->tablet.eyes)
-        eyes_rest(w->tablet.eyes, hidden);
-    if (hidden)
-        w->slept_ns = clock_now_ns();
-    else
-        show_slept(&w->tablet.show, w->slept_ns, clock_now_ns());
-}
-
 static double px_per_dp(const struct watch *w) { return tablet_px_per_dp(screen_dpi(w->screen)); }
 
 // Hears what happened, until there is something that has to be drawn first.
@@ -183,7 +169,7 @@ static void hear(struct watch *w, int wait_ms)
         if (event.kind == SCREEN_NOTHING)
             return;
         if (event.kind == SCREEN_HIDDEN || event.kind == SCREEN_SHOWN)
-            hide(w, event.kind == SCREEN_HIDDEN);
+            tablet_rest(&w->tablet, w->hidden = event.kind == SCREEN_HIDDEN, clock_now_ns());
         if (hands_hear(&w->tablet.hands, &w->tablet.show, &event, px_per_dp(w), clock_now_ns()))
             return;
     }
@@ -257,6 +243,11 @@ static void say_stats(const struct watch *w)
     printf("screen    %s, %s\n", screen_driver(w->screen), gpu_renderer(w->gpu));
     printf("pictures  %lld from the camera, %lld let go by, %lld drawn, %lld with the actor in his place\n",
            (long long)eyes.came, (long long)eyes.let_go, (long long)t->frames, (long long)w->tablet.placed);
+    if (w->tablet.viewfinder) {
+        struct viewfinder_counts c = viewfinder_counts(w->tablet.viewfinder);
+        printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.borrowed,
+               (long long)c.uploaded, *c.why ? ": " : "", c.why);
+    }
     for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
         printf("%-9s %7.2f ms\n", frame_stage_names[i], t->sum_ms[i] / (double)t->frames);
     printf("in all    %7.2f ms in the median, %.2f ms at most\n", frame_times_median(t), t->total_worst_ms);

@@ -3,6 +3,8 @@
 #include <math.h>
 
 static const double PI = 3.14159265358979323846, NEAR_M = 0.1;
+static const double AROUND_M = 0.8, ABOVE_M = 0.5; // of his joints: how far his shadow, hands, head and clothes reach
+static const double SOFT_DP = 8;
 
 struct cover cover_of(const struct lens *lens, struct ui_box box)
 {
@@ -130,31 +132,66 @@ static void draw_skeleton(const struct brush *b, const struct stage_picture *p, 
     }
 }
 
+struct ui_box scene_actor_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+{
+    struct vec3 low = v3(INFINITY, INFINITY, 0), high = v3(-INFINITY, -INFINITY, 0);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const struct vec3 at = p->skeleton.joint[j];
+        if (!(p->skeleton.confidence[j] > 0))
+            continue;
+        low = v3(fmin(low.x, at.x), fmin(low.y, at.y), fmin(low.z, at.z));
+        high = v3(fmax(high.x, at.x), fmax(high.y, at.y), fmax(high.z, at.z));
+    }
+    // The shadow is round.
+    const double half = fmax(high.x - low.x, high.y - low.y) / 2 + AROUND_M;
+    const struct vec3 middle_of = v3((low.x + high.x) / 2, (low.y + high.y) / 2, 0);
+    double left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY;
+    for (int i = 0; i < 27; i++) { // edges too, which a lens may bend outwards
+        const double across = i % 3 - 1, along = i / 3 % 3 - 1, up = i / 9 * 0.5;
+        const double z = low.z + up * (high.z + ABOVE_M - low.z);
+        struct ui_point at;
+        if (!on_screen(p, cover, v3(middle_of.x + across * half, middle_of.y + along * half, z), &at))
+            return box;
+        left = fmin(left, at.x), right = fmax(right, at.x);
+        top = fmin(top, at.y), bottom = fmax(bottom, at.y);
+    }
+    left = fmax(left - SOFT_DP, box.x), right = fmin(right + SOFT_DP, box.x + box.w);
+    top = fmax(top - SOFT_DP, box.y), bottom = fmin(bottom + SOFT_DP, box.y + box.h);
+    return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
+}
+
+// What was drawn of him, one over the other.
+static void draw_actor(const struct brush *b, struct ui_box all, const struct stage_picture *p, const struct show *show)
+{
+    const struct ui_part upright = {0, 0, 1, 1}, over = {1, 0, 0, 1}, part = p->turned_over ? over : upright;
+    const uint32_t tint = faint(0xffffffff, show->presence);
+    if (p->shadow)
+        ui_picture(b->ui, p->shadow, all, part, 0, tint);
+    // The new one comes in over the old, which then goes: nowhere is he thinner meanwhile.
+    double fresh = p->former ? show->freshness : 1;
+    if (p->former)
+        ui_picture(b->ui, p->former, all, part, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
+    if (p->actor && fresh > 0)
+        ui_picture(b->ui, p->actor, all, part, 0, faint(tint, fmin(1, 2 * fresh)));
+    if (p->sources)
+        ui_picture(b->ui, p->sources, all, part, 0, tint);
+}
+
 void scene_draw(const struct brush *b, struct ui_box box, const struct stage_picture *p, const struct show *show)
 {
     struct cover cover = cover_of(&p->lens, box);
     struct ui_box all = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
-    const struct ui_part upright = {0, 0, 1, 1}, over = {1, 0, 0, 1};
-    ui_fill(b->ui, box, 0, b->theme->ground);
     ui_clip(b->ui, box);
     if (p->camera)
-        ui_picture(b->ui, p->camera, all, upright, 0, 0xffffffff);
+        ui_picture(b->ui, p->camera, all, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
     else
         draw_studio(b, p, cover, box);
     if (show->presence > 0 && p->has_skeleton) {
-        uint32_t tint = faint(0xffffffff, show->presence);
-        if (p->shadow)
-            ui_picture(b->ui, p->shadow, all, p->turned_over ? over : upright, 0, tint);
         if (show->moving)
             draw_ring(b, p, cover);
-        // The new one comes in over the old, which then goes: nowhere is he thinner meanwhile.
-        double fresh = p->former ? show->freshness : 1;
-        if (p->former)
-            ui_picture(b->ui, p->former, all, p->turned_over ? over : upright, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
-        if (p->actor && fresh > 0)
-            ui_picture(b->ui, p->actor, all, p->turned_over ? over : upright, 0, faint(tint, fmin(1, 2 * fresh)));
-        if (p->sources)
-            ui_picture(b->ui, p->sources, all, p->turned_over ? over : upright, 0, tint);
+        ui_clip(b->ui, scene_actor_box(p, cover, box));
+        draw_actor(b, all, p, show);
+        ui_unclip(b->ui);
         if (show->skeleton)
             draw_skeleton(b, p, cover, show->presence);
     }

@@ -174,7 +174,8 @@ static void controls(const struct brush *b, struct show *s, const struct watch_p
         button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, PLAY}, now_ns);
         double x = all.x + all.w - MARGIN - SHUTTER;
         double y = is_wide ? all.y + (all.h - SHUTTER) / 2 : low.y - SHUTTER - 2 * GAP;
-        shutter(b, s, (struct ui_box){x, y, SHUTTER, SHUTTER}, now_ns);
+        if (is_wide || s->sheet == SHEET_NONE) // upright, a sheet lies over it
+            shutter(b, s, (struct ui_box){x, y, SHUTTER, SHUTTER}, now_ns);
     }
     top_row(b, s, page, cut_top(&free_box, TARGET), now_ns);
     double bottom = is_wide && low.x > 380 + 2 * MARGIN ? all.y + all.h - MARGIN : low.y - GAP;

@@ -353,7 +353,7 @@ const char *show_hint(const struct show *s)
     if (!s->camera.knows_place)
         return "This recording knows no place to stand in. Walk round with a finger";
     if (s->camera.sight && !s->camera.placed)
-        return "Point me at a tag";
+        return s->camera.knows_tags ? "Point me at a tag" : "Point me at more of the room that was filmed";
     return NULL;
 }
 

@@ -35,6 +35,7 @@ enum show_action {
 struct show_camera {
     bool there;          // one was asked for
     bool knows_place;    // the recording has a place to be found in
+    bool knows_tags;     // and there are tags in it
     bool seeing;         // pictures come
     int64_t came_ns;     // the last one
     int64_t sight;       // number of the newest located picture; 0: none

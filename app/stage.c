@@ -17,13 +17,16 @@ struct stage {
     struct painter *painter; // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
     struct lens drawn_lens;
-    struct gpu_texture *camera, *sources, *inset;
-    int camera_width, camera_height, sources_width, sources_height;
-    int64_t camera_number, inset_frame;
+    struct gpu_texture *sources, *inset;
+    int sources_width, sources_height;
+    int64_t inset_frame;
     uint8_t *codes, *colors; // of sources
     struct vec3 anchor, right; // where the actor begins; the sensor's right hand, level
     struct orbit orbit;
 };
+
+// From where one begins to walk round him: he is seen from head to foot, above the controls, and not lost.
+static const double NEAREST_M = 3, FARTHEST_M = 3.4;
 
 static void find_beginning(struct stage *s)
 {
@@ -39,7 +42,7 @@ static void find_beginning(struct stage *s)
         struct vec3 body = moment.skeleton.joint[middle];
         struct vec3 from = v3_sub(moment.world_from_camera.translation, body);
         s->anchor = v3(body.x, body.y, 0);
-        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12, fmin(fmax(2, hypot(from.x, from.y)), 3.2)};
+        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12, fmin(fmax(NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
         struct vec3 right = quat_rotate(moment.world_from_camera.rotation, v3(1, 0, 0));
         s->right = v3_unit(v3(right.x, right.y, 0));
         return;
@@ -82,7 +85,6 @@ void stage_close(struct stage **out)
     if (!s)
         return;
     preparation_close(&s->preparation);
-    gpu_texture_close(&s->camera);
     gpu_texture_close(&s->sources);
     gpu_texture_close(&s->inset);
     painter_close(&s->painter);
@@ -111,7 +113,7 @@ struct lens stage_orbit_lens(int width, int height)
     double f = 0.9 * sqrt((double)width * height);
     // A little above the middle, for the controls are below.
     double above = width > height ? 0.41 : 0.47;
-    return (struct lens){width, height, f, f, (width - 1) / 2.0, (height - 1) * above, 0, 0, 0, 0, 0};
+    return (struct lens){width, height, f, f, (width - 1) / 2.0, (height - 1) * above, 0, 0, 0, 0, 0, 0};
 }
 
 // ---------------------------------------------------------------- placing
@@ -319,21 +321,14 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, st
 
 enum status stage_draw(struct stage *s, const struct stage_look *look, struct stage_picture *out)
 {
-    *out = (struct stage_picture){.lens = look->lens, .world_from_camera = look->world_from_camera, .frame = -1};
+    *out = (struct stage_picture){
+        .lens = look->lens, .world_from_camera = look->world_from_camera, .camera = look->camera, .frame = -1};
     enum status status = OK;
-    if (look->camera) {
-        if (look->camera_number != s->camera_number || !s->camera || look->lens.width != s->camera_width ||
-            look->lens.height != s->camera_height)
-            status = show_pixels(s, &s->camera, &s->camera_width, &s->camera_height, look->lens.width,
-                                 look->lens.height, GPU_RGB8, look->camera);
-        s->camera_number = look->camera_number;
-        out->camera = s->camera;
-    }
     struct moment moment;
     bool there = motion_at(s->motion, look->time_ns, true, &moment) == OK;
     if (there)
         place_skeleton(s, look, &moment, out);
-    if (status == OK && !look->nobody)
+    if (!look->nobody)
         status = draw_actor(s, look, out);
     if (status == OK && look->inset && there)
         status = show_inset(s, moment.frame, out);

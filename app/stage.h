@@ -38,14 +38,14 @@ struct stage_look {
     bool sources, inset;           // are wanted
     bool nobody;                   // the camera does not know where it is
     bool former;                   // also the actor as he was drawn before he was prepared
-    const uint8_t *camera;         // RGB; NULL: an orbit
-    int64_t camera_number;         // the same number is the same picture
+    const struct gpu_texture *camera; // its picture, of the lens's size; NULL: an orbit
+    int64_t camera_number;            // another number is another picture
 };
 
 struct stage_picture {
     struct lens lens;
     struct pose world_from_camera;
-    const struct gpu_texture *camera; // NULL: an orbit
+    const struct gpu_texture *camera; // the look's
     const struct gpu_texture *actor;  // premultiplied; NULL: nobody
     const struct gpu_texture *shadow; // likewise, under him; NULL
     const struct gpu_texture *former; // likewise, as he was drawn before; NULL

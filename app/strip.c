@@ -7,7 +7,7 @@ static const uint32_t colors[FRAME_STAGES] = {0xa78bfaff, 0x64748bff, 0x2dd4bfff
 
 static void draw_bars(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box)
 {
-    double full_ms = 2 * budget_ms, width = box.w / FRAMES_KEPT;
+    const double full_ms = fmax(2 * budget_ms, 1.5 * frame_times_median(times)), width = box.w / FRAMES_KEPT;
     for (int back = 0; back < FRAMES_KEPT; back++) {
         const float *ms = frame_times_at(times, back);
         if (!ms)
@@ -19,7 +19,7 @@ static void draw_bars(const struct brush *b, const struct frame_times *times, do
             y -= h;
         }
     }
-    double line = box.y + box.h / 2; // the budget
+    double line = box.y + box.h * (1 - budget_ms / full_ms);
     ui_line(b->ui, (struct ui_point){box.x, line}, (struct ui_point){box.x + box.w, line}, 1, b->theme->quiet);
 }
 
@@ -29,7 +29,7 @@ void strip_draw(const struct brush *b, const struct frame_times *times, double b
     char text[64];
     panel(b, box, true);
     struct ui_box in = inner(box, 12), top = cut_top(&in, 20), names = cut_bottom(&in, 18);
-    snprintf(text, sizeof text, "%.0f ms of %.0f", frame_times_median(times), budget_ms);
+    snprintf(text, sizeof text, "%.0f ms a picture; the display takes one every %.0f", frame_times_median(times), budget_ms);
     label(b, FACE_SMALL, top, t->text, text);
     draw_bars(b, times, budget_ms, in);
     for (int i = 0; i < FRAME_STAGES; i++) {

@@ -59,13 +59,19 @@ enum status tablet_open(struct tablet *t, struct gpu *gpu, const struct tablet_o
     choose_at_first(t, now_ns);
     if (status != OK)
         show_fail(&t->show, t->trouble);
+    if (!options->camera)
+        return OK;
+    status = viewfinder_open(&t->viewfinder, gpu);
+    if (status != OK)
+        return status;
     const struct eyes_options eyes = {options->camera, t->has_place ? &t->place : NULL, options->wake,
-                                      options->wake_self};
-    return options->camera ? eyes_open(&t->eyes, &eyes) : OK;
+                                      options->wake_self, viewfinder_can_borrow(t->viewfinder)};
+    return eyes_open(&t->eyes, &eyes);
 }
 
 void tablet_close(struct tablet *t)
 {
+    viewfinder_close(&t->viewfinder);
     eyes_close(&t->eyes);
     stage_close(&t->stage);
     library_close(&t->library);
@@ -95,7 +101,7 @@ static void open_take(struct tablet *t, int64_t now_ns)
 
 static void hear_eyes(struct tablet *t, int64_t now_ns)
 {
-    struct show_camera camera = {.there = t->eyes, .knows_place = t->has_place, .trouble = ""};
+    struct show_camera camera = {.there = t->eyes, .knows_place = t->has_place, .knows_tags = t->place.tag_count > 0, .trouble = ""};
     if (t->eyes) {
         const struct sight *sight = t->sight = eyes_look(t->eyes);
         t->eyes_now = eyes_state(t->eyes);
@@ -157,6 +163,19 @@ static void check_file(struct tablet *t, int64_t now_ns)
         show_ail(&t->show, gone ? t->ailing : NULL);
 }
 
+void tablet_rest(struct tablet *t, bool rest, int64_t now_ns)
+{
+    if (rest == t->resting)
+        return;
+    t->resting = rest;
+    if (t->eyes)
+        eyes_rest(t->eyes, rest);
+    if (rest)
+        t->rested_ns = now_ns;
+    else
+        show_slept(&t->show, t->rested_ns, now_ns);
+}
+
 int64_t tablet_update(struct tablet *t, int64_t now_ns)
 {
     struct show *s = &t->show;
@@ -193,7 +212,7 @@ static struct stage_look look_now(struct tablet *t, const struct tablet_glass *g
     look.former = s->freshness < 1;
     if (sight) {
         look.lens = sight->lens;
-        look.camera = sight->rgb;
+        look.camera = viewfinder_texture(t->viewfinder);
         look.camera_number = sight->number;
         look.time_ns = player_at(&s->player, sight->came_ns); // the instant of this very picture
         // While it does not know, the actor fades where he was last; he does not jump.
@@ -222,15 +241,29 @@ static void follow(struct tablet *t)
     s->changed = true;
 }
 
+// The sight's picture goes to the graphics chip, once.
+static enum status find_sight(struct tablet *t)
+{
+    if (!t->sight || t->sight->number == t->found)
+        return OK;
+    struct loan *loan = eyes_take_loan(t->eyes);
+    enum status status = viewfinder_show(t->viewfinder, t->sight, &loan);
+    t->found = status == OK ? t->sight->number : 0;
+    return status;
+}
+
 static enum status draw_picture(struct tablet *t, const struct tablet_glass *glass, int64_t now_ns)
 {
+    enum status status = t->show.orbiting ? OK : find_sight(t);
+    if (status != OK)
+        return status;
     struct stage_look look = look_now(t, glass, now_ns);
     if (t->looked && !memcmp(&look, &t->look, sizeof look) && stage_settled(t->stage))
         return OK; // the same again
     bool steady = t->looked;
     t->look = look;
     t->looked = true;
-    enum status status = stage_draw(t->stage, &look, &t->picture);
+    status = stage_draw(t->stage, &look, &t->picture);
     show_model(&t->show, t->picture.prepared);
     if (steady)
         follow(t);

@@ -8,6 +8,7 @@
 #include "app/hands.h"
 #include "app/library.h"
 #include "app/stage.h"
+#include "app/viewfinder.h"
 
 struct tablet_options {
     const char *file;
@@ -34,6 +35,8 @@ struct tablet {
     bool has_place;
     struct stage *stage;
     struct eyes *eyes;
+    struct viewfinder *viewfinder; // of the eyes
+    int64_t found;                 // number of the sight that is in it
     const struct sight *sight; // the newest at the last tablet_update; what is drawn until the next
     struct stage_look look; // what `picture` was drawn for
     bool looked;
@@ -45,12 +48,17 @@ struct tablet {
     struct eyes_state eyes_now;
     char trouble[512], ailing[512];
     int64_t checked_ns, padded_ns, timed_sight;
+    bool resting;
+    int64_t rested_ns; // since when
     int64_t drawing_ns, drawn_ns, controls_ns; // when the last frame's stages began and ended
 };
 
 // A file that cannot be read is told of on the screen, not here. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status tablet_open(struct tablet *t, struct gpu *gpu, const struct tablet_options *options);
 void tablet_close(struct tablet *t); // zeroed is fine
+
+// Nobody sees the screen, or somebody does again: meanwhile the camera rests, and the take's time stands still.
+void tablet_rest(struct tablet *t, bool rest, int64_t now_ns);
 
 // Hears the camera, opens what was chosen, lets time pass. Returns when it wants
 // to be called again at the latest; t->show.changed says whether to draw.

@@ -21,41 +21,84 @@ struct shape_slope {
     double width_a[SOLID_COUNT], width_b[SOLID_COUNT], radius_a[SOLID_COUNT], radius_b[SOLID_COUNT];
 };
 
-double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *normal, struct vec3 *on, double *t,
-                      double *side_m)
+// What is the same for all points.
+struct solid_line {
+    struct vec3 axis;
+    double length2, length, slope; // slope: of the radius, a metre of axis
+};
+
+static struct solid_line solid_line(const struct body_solid *s)
 {
-    struct vec3 axis = v3_sub(s->b, s->a), from_a = v3_sub(p, s->a);
-    double length2 = v3_dot(axis, axis), along = length2 > 1e-12 ? v3_dot(from_a, axis) / length2 : 0;
-    // A cone's nearest middle lies a little towards its thick end.
-    double length = sqrt(length2);
-    if (length > 1e-6) {
-        double slope = (s->radius_b - s->radius_a) / length;
-        struct vec3 off = v3_sub(from_a, v3_scale(axis, along));
+    struct solid_line l = {.axis = v3_sub(s->b, s->a)};
+    l.length2 = v3_dot(l.axis, l.axis);
+    l.length = sqrt(l.length2);
+    l.slope = l.length > 1e-6 ? (s->radius_b - s->radius_a) / l.length : 0;
+    return l;
+}
+
+struct nearest {
+    int solid;
+    double distance, t, side_m;
+    struct vec3 on;
+};
+
+// The distance alone; `view` is the unit vector to p.
+static void measure_solid(const struct body_solid *s, const struct solid_line *l, struct vec3 p, struct vec3 view,
+                          struct nearest *out)
+{
+    struct vec3 from_a = v3_sub(p, s->a);
+    double along = l->length2 > 1e-12 ? v3_dot(from_a, l->axis) / l->length2 : 0;
+    if (l->length > 1e-6) { // a cone's nearest middle lies a little towards its thick end
+        struct vec3 off = v3_sub(from_a, v3_scale(l->axis, along));
         double beside = v3_dot(off, s->side), width = s->width_a + (s->width_b - s->width_a) * along;
         double rest = fabs(beside) > width && width > 0 ? fabs(beside) - width : width > 0 ? 0 : fabs(beside);
         double away = sqrt(fmax(0, v3_dot(off, off) - beside * beside + rest * rest));
-        along += slope * away / length;
+        along += l->slope * away / l->length;
     }
-    *t = along < 0 ? 0 : along > 1 ? 1 : along;
-    double width = s->width_a + (s->width_b - s->width_a) * *t, radius = s->radius_a + (s->radius_b - s->radius_a) * *t;
-    struct vec3 middle = v3_add(s->a, v3_scale(axis, *t));
+    double t = along < 0 ? 0 : along > 1 ? 1 : along;
+    double width = s->width_a + (s->width_b - s->width_a) * t, radius = s->radius_a + (s->radius_b - s->radius_a) * t;
+    struct vec3 middle = v3_add(s->a, v3_scale(l->axis, t));
     double beside = width > 0 ? v3_dot(v3_sub(p, middle), s->side) : 0;
-    *side_m = beside < -width ? -width : beside > width ? width : beside;
-    *on = v3_add(middle, v3_scale(s->side, *side_m));
-    struct vec3 out = v3_sub(p, *on), view = v3_unit(p);
-    double deep = v3_dot(out, view);
-    if (deep > 0) { // the surface seen on this ray lies in front of the middle
-        struct vec3 flat = v3_sub(out, v3_scale(view, deep));
-        double s1 = v3_length(flat);
-        struct vec3 dir = v3_unit(flat);
-        double sine = s1 < radius ? s1 / fmax(radius, 1e-6) : 1;
-        *normal = v3_sub(v3_scale(dir, sine), v3_scale(view, sqrt(fmax(0, 1 - sine * sine))));
-    } else {
-        *normal = v3_unit(out);
-        if (v3_dot(*normal, *normal) < 0.5)
-            *normal = v3_scale(view, -1);
+    out->t = t;
+    out->side_m = beside < -width ? -width : beside > width ? width : beside;
+    out->on = v3_add(middle, v3_scale(s->side, out->side_m));
+    struct vec3 off = v3_sub(p, out->on);
+    double deep = v3_dot(off, view), off2 = v3_dot(off, off);
+    if (deep <= 0) {
+        out->distance = sqrt(off2) - radius;
+        return;
     }
-    return v3_dot(*normal, out) - radius;
+    // The surface seen on this ray lies in front of the middle.
+    double flat2 = fmax(0, off2 - deep * deep), safe = fmax(radius, 1e-6);
+    out->distance = flat2 < radius * radius ? flat2 / safe - deep * sqrt(fmax(0, 1 - flat2 / (safe * safe))) - radius
+                                            : sqrt(flat2) - radius;
+}
+
+static struct vec3 surface_normal(const struct body_solid *s, const struct nearest *n, struct vec3 p, struct vec3 view)
+{
+    double radius = s->radius_a + (s->radius_b - s->radius_a) * n->t;
+    struct vec3 out = v3_sub(p, n->on);
+    double deep = v3_dot(out, view);
+    if (deep > 0) {
+        struct vec3 flat = v3_sub(out, v3_scale(view, deep));
+        double s1 = v3_length(flat), sine = s1 < radius ? s1 / fmax(radius, 1e-6) : 1;
+        return v3_sub(v3_scale(v3_unit(flat), sine), v3_scale(view, sqrt(fmax(0, 1 - sine * sine))));
+    }
+    struct vec3 normal = v3_unit(out);
+    return v3_dot(normal, normal) < 0.5 ? v3_scale(view, -1) : normal;
+}
+
+double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *normal, struct vec3 *on, double *t,
+                      double *side_m)
+{
+    struct solid_line line = solid_line(s);
+    struct nearest n = {.solid = 0};
+    measure_solid(s, &line, p, v3_unit(p), &n);
+    *normal = surface_normal(s, &n, p, v3_unit(p));
+    *on = n.on;
+    *t = n.t;
+    *side_m = n.side_m;
+    return n.distance;
 }
 
 // How far each factor of the shape moves a place on solid i's surface along n.
@@ -97,39 +140,37 @@ static void find_slopes(const struct body_shape *shape, const struct body_pose *
 // that a compiler takes several at once.
 struct bounds {
     float x[SOLID_COUNT], y[SOLID_COUNT], z[SOLID_COUNT], radius[SOLID_COUNT];
+    struct solid_line line[SOLID_COUNT];
 };
 
 static void find_bounds(const struct body_build *build, struct bounds *bounds)
 {
     for (int i = 0; i < SOLID_COUNT; i++) {
         const struct body_solid *s = &build->solid[i];
+        bounds->line[i] = solid_line(s);
         struct vec3 centre = v3_mix(s->a, s->b, 0.5);
         bounds->x[i] = (float)centre.x, bounds->y[i] = (float)centre.y, bounds->z[i] = (float)centre.z;
-        bounds->radius[i] = (float)(0.5 * v3_distance(s->a, s->b) + fmax(s->width_a, s->width_b) +
+        bounds->radius[i] = (float)(0.5 * bounds->line[i].length + fmax(s->width_a, s->width_b) +
                                     fmax(s->radius_a, s->radius_b) + 1e-4);
     }
 }
 
-struct nearest {
-    int solid;
-    double distance, t, side_m;
-    struct vec3 normal, on;
-};
-
-static void try_solid(const struct body_build *build, int k, struct vec3 p, struct nearest *best)
+static void try_solid(const struct body_build *build, const struct solid_line *line, int k, struct vec3 p, struct vec3 view,
+                      struct nearest *best)
 {
     struct nearest n = {.solid = k};
-    n.distance = solid_distance(&build->solid[k], p, &n.normal, &n.on, &n.t, &n.side_m);
+    measure_solid(&build->solid[k], &line[k], p, view, &n);
     if (fabs(n.distance) < fabs(best->distance))
         *best = n;
 }
 
 // `guess`: a solid to try first, -1 none.
-static struct nearest find_nearest(const struct body_build *build, const struct bounds *bounds, struct vec3 p, int guess)
+static struct nearest find_nearest(const struct body_build *build, const struct bounds *bounds, struct vec3 p,
+                                   struct vec3 view, int guess)
 {
     struct nearest best = {.solid = 0, .distance = 1e9};
     if (guess >= 0)
-        try_solid(build, guess, p, &best);
+        try_solid(build, bounds->line, guess, p, view, &best);
     float away2[SOLID_COUNT], x = (float)p.x, y = (float)p.y, z = (float)p.z;
     for (int k = 0; k < SOLID_COUNT; k++) {
         float dx = x - bounds->x[k], dy = y - bounds->y[k], dz = z - bounds->z[k];
@@ -138,10 +179,12 @@ static struct nearest find_nearest(const struct body_build *build, const struct 
     for (int k = 0; k < SOLID_COUNT; k++) {
         float reach = (float)fabs(best.distance) + bounds->radius[k];
         if (k != guess && away2[k] <= reach * reach)
-            try_solid(build, k, p, &best);
+            try_solid(build, bounds->line, k, p, view, &best);
     }
     return best;
 }
+
+static double point_share(const struct body_evidence *e) { return fmin(1, INDEPENDENT_POINTS / fmax(e->count, 1)); }
 
 // Points against the nearest surface that the camera can see. With `system` NULL only judges.
 static double add_points(const struct fit_task *task, const struct body_build *build,
@@ -150,12 +193,10 @@ static double add_points(const struct fit_task *task, const struct body_build *b
     const struct body_evidence *e = task->evidence;
     struct bounds bounds;
     find_bounds(build, &bounds);
-    double c2 = task->reach_m * task->reach_m, share = INDEPENDENT_POINTS / fmax(e->count, 1), energy = 0;
-    if (share > 1)
-        share = 1;
-    share *= task->every;
+    double c2 = task->reach_m * task->reach_m, share = point_share(e) * task->every, energy = 0;
     for (int i = 0; i < e->count; i += task->every) {
-        struct nearest best = find_nearest(build, &bounds, e->point[i].p, out->solid[i]);
+        struct vec3 p = e->point[i].p, view = v3_unit(p);
+        struct nearest best = find_nearest(build, &bounds, p, view, out->solid[i]);
         out->residual[i] = (float)best.distance;
         out->solid[i] = (int8_t)best.solid;
         double e2 = best.distance * best.distance, fade = c2 / (c2 + e2), weight = e->point[i].weight * share;
@@ -164,9 +205,10 @@ static double add_points(const struct fit_task *task, const struct body_build *b
             continue;
         const struct body_solid *s = &build->solid[best.solid];
         double radius = s->radius_a + (s->radius_b - s->radius_a) * best.t, row[SHAPE_COUNT];
+        struct vec3 normal = surface_normal(s, &best, p, view);
         if (slope)
-            shape_row(slope, s, best.solid, best.t, best.side_m, best.normal, row);
-        fit_system_pull(system, build, s->segment, v3_add(best.on, v3_scale(best.normal, radius)), best.normal,
+            shape_row(slope, s, best.solid, best.t, best.side_m, normal, row);
+        fit_system_pull(system, build, s->segment, v3_add(best.on, v3_scale(normal, radius)), normal,
                         best.distance, weight * fade * fade, slope ? row : NULL);
     }
     return energy;
@@ -210,29 +252,36 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     return 0.5 * weight * e2 * fade;
 }
 
+static double add_free_solid(const struct fit_task *task, const struct body_build *build, int i, struct fit_system *system)
+{
+    const struct body_solid *s = &build->solid[i];
+    struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
+    double energy = 0;
+    if (s->width_a > 0)
+        across = s->side;
+    for (int k = 0; k < 4; k++) {
+        double t = (k + 0.5) / 4, radius = s->radius_a + (s->radius_b - s->radius_a) * t,
+               width = s->width_a + (s->width_b - s->width_a) * t;
+        struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
+        for (int side = -1; side <= 1; side++) {
+            double beside = side * (width + 0.75 * radius);
+            double deep = side ? 0.66 * radius : radius; // the round front falls back to the sides
+            struct vec3 c = v3_add(middle, v3_scale(across, beside));
+            energy += add_free_sample(task, build, s->segment, c, deep, side ? 0.15 : 0.3, system);
+        }
+    }
+    return energy;
+}
+
 static double add_free_space(const struct fit_task *task, const struct body_build *build, struct fit_result *out,
                              struct fit_system *system)
 {
     double energy = 0;
     memset(out->limb_energy, 0, sizeof out->limb_energy);
     for (int i = 0; i < SOLID_COUNT; i++) {
-        const struct body_solid *s = &build->solid[i];
-        struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
-        if (s->width_a > 0)
-            across = s->side;
-        for (int k = 0; k < 4; k++) {
-            double t = (k + 0.5) / 4, radius = s->radius_a + (s->radius_b - s->radius_a) * t,
-                   width = s->width_a + (s->width_b - s->width_a) * t;
-            struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
-            for (int side = -1; side <= 1; side++) {
-                double beside = side * (width + 0.75 * radius);
-                double deep = side ? 0.66 * radius : radius; // the round front falls back to the sides
-                struct vec3 c = v3_add(middle, v3_scale(across, beside));
-                double cost = add_free_sample(task, build, s->segment, c, deep, side ? 0.15 : 0.3, system);
-                out->limb_energy[s->segment] += cost;
-                energy += cost;
-            }
-        }
+        double cost = add_free_solid(task, build, i, system);
+        out->limb_energy[build->solid[i].segment] += cost;
+        energy += cost;
     }
     return energy;
 }
@@ -284,6 +333,27 @@ void body_judge(const struct fit_task *task, const struct body_pose *pose, const
     judge(task, pose, shape, out);
 }
 
+double body_judge_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
+                       const struct limb_point *point, int point_count)
+{
+    double c2 = task->reach_m * task->reach_m, energy = 0;
+    struct solid_line line[SOLID_COUNT];
+    for (int k = first; k < first + count; k++)
+        line[k] = solid_line(&build->solid[k]);
+    for (int i = 0; i < point_count; i++) {
+        const struct evidence_point *p = &task->evidence->point[point[i].index];
+        struct nearest best = {.distance = point[i].other_m};
+        for (int k = first; k < first + count; k++)
+            try_solid(build, line, k, p->p, v3_unit(p->p), &best);
+        double e2 = best.distance * best.distance;
+        energy += 0.5 * p->weight * e2 * c2 / (c2 + e2);
+    }
+    energy *= point_share(task->evidence);
+    for (int k = first; k < first + count; k++)
+        energy += add_free_solid(task, build, k, NULL);
+    return energy;
+}
+
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out)
 {
     struct body_pose pose = *start;
@@ -318,7 +388,10 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
             for (int b = 0; b < SHAPE_COUNT; b++) // this picture's alone
                 out->shape_information[a][b] -= task->shape.information[a][b] / task->learn_rate;
     }
-    judge(task, &pose, &shape, out);
+    out->pose = pose;
+    out->shape = shape;
+    if (!task->rough)
+        judge(task, &pose, &shape, out);
 }
 
 struct shape_belief shape_belief_start(void)

@@ -30,6 +30,7 @@ struct fit_task {
     int iterations;
     int every;                    // of the points, one in so many is looked at; 1: all
     double reach_m;               // how far a point pulls a surface towards it
+    bool rough;                   // of the result, only pose and shape are wanted
     bool learn_shape;
     double learn_rate;            // > 0: how much this picture counts beside the belief; 1 = as its points do
     struct shape_belief shape;    // in; with learn_shape its mean is the fit's start
@@ -52,6 +53,16 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
 // The same without moving anything: energy and residuals of a pose.
 void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
                 struct fit_result *out);
+
+// A point of the evidence and how far off the nearest solid is that is not of the limb in question.
+struct limb_point {
+    int index;
+    double other_m;
+};
+
+// What these points and the silhouette have against a limb's solids where `build` has them, nothing else moved.
+double body_judge_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
+                       const struct limb_point *point, int point_count);
 
 // Signed distance of `p` from a solid's surface as a camera at the origin sees
 // it: where p is behind the middle, the surface in front counts. *normal points

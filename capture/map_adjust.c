@@ -181,7 +181,7 @@ static void measure_tag(const struct map *m, const struct map_frame *f, int32_t 
 {
     struct map_tag *tag = &m->tags[f->which[k]];
     struct fit_tag fit = {&f->seen[k], NULL, tag->world_from_tag, tag->side_m, 0, true, 0};
-    double error = fit_tag_rms(&fit, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
+    double error = fit_tag_rms(&fit, NULL, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
     if (!tag->mapped || error > 10) // lost its weight in the adjustment
         return;
     tag->rms_px += error * error;

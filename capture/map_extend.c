@@ -64,9 +64,10 @@ static bool place_by_many(const struct map *m, struct map_desk *d, const struct 
     int agree;
     map_lay_out(d, m, f);
     int count = relocate_match(m->points, m->held_points, &d->index, d->matches, MAP_FEATURES);
-    if (relocate(m->points, &d->index, lens, d->matches, count, camera_from_world, &agree) && agree >= LEAST_POINTS)
+    if (relocate(m->points, &d->index, lens, d->matches, count, NULL, camera_from_world, &agree) &&
+        agree >= LEAST_POINTS)
         return true;
-    if (fit_camera(tags, tag_count, lens->fx, lens->fy, AGREE_RMS_PX, &fit) != OK || fit.used < LEAST_OTHERS)
+    if (fit_camera(tags, tag_count, lens->fx, lens->fy, AGREE_RMS_PX, NULL, &fit) != OK || fit.used < LEAST_OTHERS)
         return false;
     *camera_from_world = fit.camera_from_world;
     return true;
@@ -89,7 +90,7 @@ enum status map_release_moved(struct map *m)
         for (int32_t k = 0; k < f->seen_count && at < count; k++) // as map_fit_tags has them
             if (m->tags[f->which[k]].mapped)
                 votes[m->tags[f->which[k]].id] +=
-                    fit_tag_rms(&tags[at++], &pose, lens->fx, lens->fy) < AGREE_RMS_PX ? 1 : -1;
+                    fit_tag_rms(&tags[at++], NULL, &pose, lens->fx, lens->fy) < AGREE_RMS_PX ? 1 : -1;
     }
     free(d);
     for (int32_t t = 0; t < m->tag_count; t++)

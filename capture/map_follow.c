@@ -18,13 +18,13 @@ enum status map_place_by_points(struct map *m, int *placed)
         if (f->placed)
             continue;
         int count = map_fit_tags(m, f, tags), agree[2] = {0, 0};
-        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, &fit) != AMBIGUOUS)
+        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, NULL, &fit) != AMBIGUOUS)
             continue;
         struct pose pose[2] = {fit.camera_from_world, fit.other};
         map_lay_out(d, m, f);
         for (int k = 0; k < 2; k++)
-            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, &pose[k], d->matches,
-                               MAP_FEATURES, &agree[k]))
+            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, NULL, &pose[k],
+                               d->matches, MAP_FEATURES, &agree[k]))
                 agree[k] = 0;
         int best = agree[1] > agree[0];
         // Both may lead to the same pose: the search reaches far.
@@ -46,8 +46,8 @@ static bool settle(struct map *m, struct map_desk *d, struct map_frame *f, struc
 {
     struct fit_tag tags[FIT_MAX_TAGS];
     int count = 0, tag_count = map_fit_tags(m, f, tags);
-    if (!points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count, &guess,
-                       d->matches, MAP_FEATURES, &count) ||
+    if (!points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count, NULL,
+                       &guess, d->matches, MAP_FEATURES, &count) ||
         count < LEAST_ALONE)
         return false;
     f->camera_from_world = guess;
@@ -75,7 +75,7 @@ static bool place_anywhere(struct map *m, struct map_desk *d, struct map_frame *
     int agree;
     map_lay_out(d, m, f);
     int count = relocate_match(m->points, m->point_count, &d->index, d->matches, MAP_FEATURES);
-    return relocate(m->points, &d->index, &m->calibration.color, d->matches, count, &guess, &agree) &&
+    return relocate(m->points, &d->index, &m->calibration.color, d->matches, count, NULL, &guess, &agree) &&
            settle(m, d, f, guess);
 }
 

@@ -40,7 +40,7 @@ static int place_frames(struct map *m, bool bold)
         if (f->placed)
             continue;
         int count = map_fit_tags(m, f, tags);
-        enum status status = count ? fit_camera(tags, count, lens->fx, lens->fy, GROWING_RMS_PX, &fit) : NOTHING;
+        enum status status = count ? fit_camera(tags, count, lens->fx, lens->fy, GROWING_RMS_PX, NULL, &fit) : NOTHING;
         if (status == OK || (status == AMBIGUOUS && bold)) {
             f->placed = true;
             f->camera_from_world = fit.camera_from_world;

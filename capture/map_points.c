@@ -47,7 +47,7 @@ static void visit(struct map *m, struct map_desk *d, struct map_frame *f)
     f->visited = true;
     map_lay_out(d, m, f);
     bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
-                               &f->camera_from_world, d->matches, MAP_FEATURES, &count);
+                               NULL, &f->camera_from_world, d->matches, MAP_FEATURES, &count);
     map_assign(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
         with_depth += f->features[i].depth > 0;
@@ -98,8 +98,8 @@ static void look_again(struct map *m, struct map_desk *d)
         if (!f->placed)
             continue;
         map_lay_out(d, m, f);
-        int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, &f->camera_from_world,
-                                 AGAIN_PX, d->matches, MAP_FEATURES);
+        int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, NULL,
+                                 &f->camera_from_world, AGAIN_PX, d->matches, MAP_FEATURES);
         map_assign(f, d, count);
     }
 }
@@ -125,8 +125,8 @@ static void forget_bad(struct map *m)
             if (s->point < 0)
                 continue;
             struct vec3 ray = lens_ray(lens, s->feature.at);
-            struct fit_point p = {m->points[s->point].world, ray.x, ray.y, feature_sigma(&s->feature), 0, {0}};
-            if (!f->placed || fit_point_error(&p, &f->camera_from_world, lens->fx, lens->fy) > 4)
+            struct fit_point p = {m->points[s->point].world, ray.x, ray.y, feature_sigma(&s->feature), 0, {0}, 0};
+            if (!f->placed || fit_point_error(&p, NULL, &f->camera_from_world, lens->fx, lens->fy) > 4)
                 s->point = -1;
         }
     }

@@ -11,9 +11,44 @@ static int find_jump_mm(const struct segmenter *s, int depth_mm)
     return (int)(1000 * (fmax(noise, slope) + 0.005));
 }
 
-static int jump_mm(const struct segmenter *s, int depth_mm)
+static int jump_mm(const struct segmenter *s, int depth_mm) { return by_depth(s->jump_mm, depth_mm); }
+
+static void fill_tables(struct segmenter *s)
 {
-    return s->jump_mm[depth_mm < JUMPS ? depth_mm : JUMPS - 1];
+    for (int d = 0; d < JUMPS; d++) {
+        s->jump_mm[d] = (uint16_t)find_jump_mm(s, d);
+        s->same_mm[d] = (uint16_t)(1000 * (3 * 1.4142 * depth_sigma_m(d * 0.001) + 0.01));
+    }
+    s->slope_16 = (int)fmin(65536 * 4 * s->step / s->lens.fx, INT16_MAX);
+    int front = 0;
+    for (int b = 0; b <= UINT16_MAX; b++) { // both rise together
+        while (front < b && (front + 1) * 0.001 <= b * 0.001 - (3 * depth_sigma_m((front + 1) * 0.001) + 0.02))
+            front++;
+        s->front[b] = (uint16_t)(b ? front : UINT16_MAX);
+    }
+}
+
+// By the floor and what is given: up to which depth a cell may be the person. Where a ray runs down, the
+// height over the floor falls faster with depth than its doubt grows.
+static void find_limits(struct segmenter *s)
+{
+    for (int i = 0; i < s->width * s->height; i++) {
+        int low = s->front[s->given[i]];
+        if (s->have_floor) {
+            double slant = v3_dot(s->up, v3((double)s->ray[i].x, (double)s->ray[i].y, 1)); // height a metre of depth
+            int high = low + 1;
+            for (low = 0; high - low > 1;) {
+                int d = (low + high) / 2;
+                double z = d * 0.001;
+                if (slant * z + s->height_m < 0.02 + 3 * depth_sigma_m(z) * fabs(slant))
+                    high = d;
+                else
+                    low = d;
+            }
+        }
+        s->fixed[i] = (uint16_t)low;
+        segmenter_limit(s, i);
+    }
 }
 
 enum status segmenter_open(struct segmenter **out, const struct lens *lens)
@@ -34,14 +69,18 @@ enum status segmenter_open(struct segmenter **out, const struct lens *lens)
     s->depth = calloc(n, sizeof *s->depth);
     s->label = calloc(n, sizeof *s->label);
     s->parent = calloc(n, sizeof *s->parent);
+    s->candidate = calloc(n, sizeof *s->candidate);
     s->background = calloc(n, sizeof *s->background);
     s->sightings = calloc(n, 1);
     s->nearer = calloc(n, 1);
     s->given = calloc(n, sizeof *s->given);
+    s->fixed = calloc(n, sizeof *s->fixed);
+    s->limit = calloc(n, sizeof *s->limit);
+    s->front = calloc(UINT16_MAX + 1, sizeof *s->front);
     s->person = calloc(n, 1);
     s->before = calloc(n, 1);
-    if (!s->ray || !s->depth || !s->label || !s->parent || !s->background || !s->sightings || !s->nearer || !s->given ||
-        !s->person || !s->before) {
+    if (!s->ray || !s->depth || !s->label || !s->parent || !s->candidate || !s->background || !s->sightings || !s->nearer || !s->given ||
+        !s->fixed || !s->limit || !s->front || !s->person || !s->before) {
         segmenter_close(&s);
         return fail(ERR_MEMORY, "not enough memory to segment depth pictures of %d x %d", lens->width, lens->height);
     }
@@ -51,9 +90,9 @@ enum status segmenter_open(struct segmenter **out, const struct lens *lens)
             struct vec3 r = lens_ray(lens, (struct pixel){x * s->step + middle, y * s->step + middle});
             s->ray[y * s->width + x] = (struct grid_ray){(float)r.x, (float)r.y};
         }
-    for (int d = 0; d < JUMPS; d++)
-        s->jump_mm[d] = (uint16_t)find_jump_mm(s, d);
+    fill_tables(s);
     s->up = v3(0, -1, 0);
+    find_limits(s);
     *out = s;
     return OK;
 }
@@ -66,10 +105,14 @@ void segmenter_close(struct segmenter **s)
     free((*s)->depth);
     free((*s)->label);
     free((*s)->parent);
+    free((*s)->candidate);
     free((*s)->background);
     free((*s)->sightings);
     free((*s)->nearer);
     free((*s)->given);
+    free((*s)->fixed);
+    free((*s)->limit);
+    free((*s)->front);
     free((*s)->person);
     free((*s)->before);
     free((*s)->components);
@@ -96,6 +139,7 @@ void segmenter_reset(struct segmenter *s)
         s->height_m = 0;
     }
     s->floor_tries = 0;
+    find_limits(s);
 }
 
 // A cell's depth: the first reading of its pixels, its first pixel first.
@@ -115,6 +159,7 @@ void segmenter_set_background(struct segmenter *s, const uint16_t *depth)
     for (int y = 0; y < s->height; y++)
         for (int x = 0; x < s->width; x++)
             s->given[y * s->width + x] = depth ? cell_depth(s, depth, x, y) : 0;
+    find_limits(s);
 }
 
 void segmenter_set_floor(struct segmenter *s, struct vec3 up, double height_m)
@@ -122,6 +167,7 @@ void segmenter_set_floor(struct segmenter *s, struct vec3 up, double height_m)
     s->up = v3_unit(up);
     s->height_m = height_m;
     s->have_floor = s->floor_given = true;
+    find_limits(s);
 }
 
 bool segmenter_floor(const struct segmenter *s, struct vec3 *up, double *height_m)
@@ -139,48 +185,45 @@ static struct vec3 cell_point(const struct segmenter *s, int i, double z)
 // Lies in the air between two surfaces; a, b: the cells on both sides.
 static bool is_flying(int a, int d, int b, int far)
 {
-    return abs(a - b) > far && a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far));
+    return a && b && ((a - d > far && d - b > far) || (d - a > far && b - d > far));
+}
+
+static void read_row(const struct segmenter *s, const uint16_t *picture, int y, uint16_t out[COLUMNS_MAX])
+{
+    if (y >= s->height)
+        return;
+    const uint16_t *row = picture + (size_t)y * (size_t)s->step * (size_t)s->lens.width;
+    for (int x = 0; x < s->width; x++)
+        out[x] = row[x * s->step] ? row[x * s->step] : cell_depth(s, picture, x, y);
 }
 
 // Reads the cells and drops those that lie in the air between two surfaces.
 static void read_cells(struct segmenter *s, const uint16_t *picture)
 {
+    uint16_t rows[3][COLUMNS_MAX];
     int w = s->width;
+    read_row(s, picture, 0, rows[0]);
     for (int y = 0; y < s->height; y++) {
-        const uint16_t *row = picture + (size_t)y * (size_t)s->step * (size_t)s->lens.width;
-        for (int x = 0; x < w; x++)
-            s->depth[y * w + x] = row[x * s->step] ? row[x * s->step] : cell_depth(s, picture, x, y);
-    }
-    // label[] holds the verdict until the components are drawn.
-    for (int y = 0; y < s->height; y++) {
+        read_row(s, picture, y + 1, rows[(y + 1) % 3]);
         bool inner = y > 0 && y < s->height - 1;
+        const uint16_t *here = rows[y % 3], *above = inner ? rows[(y + 2) % 3] : here, *below = inner ? rows[(y + 1) % 3] : here;
+        uint16_t *out = s->depth + y * w;
         for (int x = 0; x < w; x++) {
-            int i = y * w + x, d = s->depth[i], far = jump_mm(s, d);
-            s->label[i] = d && ((x > 0 && x < w - 1 && is_flying(s->depth[i - 1], d, s->depth[i + 1], far)) ||
-                                (inner && is_flying(s->depth[i - w], d, s->depth[i + w], far)));
+            int d = here[x], left = x > 0 && x < w - 1 ? here[x - 1] : d, right = x > 0 && x < w - 1 ? here[x + 1] : d,
+                up = above[x], down = below[x];
+            int least = 2 * (d * s->slope_16 >> 16); // between two cells on both sides, if one in the middle flies
+            out[x] = (uint16_t)d;
+            if (!d || (abs(left - right) <= least && abs(up - down) <= least))
+                continue;
+            int far = jump_mm(s, d);
+            if (is_flying(left, d, right, far) || is_flying(up, d, down, far))
+                out[x] = 0;
         }
     }
-    for (int i = 0; i < w * s->height; i++)
-        if (s->label[i])
-            s->depth[i] = 0;
 }
 
 // In front of everything that is known not to be the person.
-static bool may_be_person(const struct segmenter *s, int i, double z)
-{
-    double margin = 3 * depth_sigma_m(z) + 0.02;
-    if (s->given[i] && z > s->given[i] * 0.001 - margin)
-        return false;
-    if (s->background[i] && s->sightings[i] >= SETTLED_FRAMES && z > s->background[i] * 0.001 - margin)
-        return false;
-    if (s->have_floor) {
-        struct vec3 ray = v3((double)s->ray[i].x, (double)s->ray[i].y, 1);
-        double slant = v3_dot(s->up, ray); // metres of height a metre of depth
-        if (slant * z + s->height_m < 0.02 + 3 * depth_sigma_m(z) * fabs(slant))
-            return false;
-    }
-    return true;
-}
+static bool may_be_person(const struct segmenter *s, int i, int depth_mm) { return depth_mm <= s->limit[i]; }
 
 static int find_root(int32_t *parent, int i)
 {
@@ -203,16 +246,18 @@ static void join(struct segmenter *s, int a, int b)
 // Labels the components of continuous depth among the cells that may be person.
 static enum status draw_components(struct segmenter *s)
 {
-    int w = s->width, n = w * s->height;
-    for (int i = 0; i < n; i++) {
-        s->parent[i] = i;
-        s->label[i] = s->depth[i] && may_be_person(s, i, s->depth[i] * 0.001) ? 0 : -1;
-    }
+    int w = s->width;
+    s->candidate_count = 0;
     for (int y = 0; y < s->height; y++)
         for (int x = 0; x < w; x++) {
             int i = y * w + x;
-            if (s->label[i] < 0)
+            if (!s->depth[i] || !may_be_person(s, i, s->depth[i])) {
+                s->label[i] = -1;
                 continue;
+            }
+            s->label[i] = 0;
+            s->parent[i] = i;
+            s->candidate[s->candidate_count++] = i;
             if (x > 0)
                 join(s, i, i - 1);
             if (x > 1 && !s->depth[i - 1]) // over a gap of one cell
@@ -223,8 +268,9 @@ static enum status draw_components(struct segmenter *s)
                 join(s, i, i - 2 * w);
         }
     s->component_count = 0;
-    for (int i = 0; i < n; i++) // roots come first, so every label below i is final
-        if (s->label[i] >= 0 && find_root(s->parent, i) == i) {
+    for (int k = 0; k < s->candidate_count; k++) { // roots come first, so every label before is final
+        int i = s->candidate[k];
+        if (find_root(s->parent, i) == i) {
             if (s->component_count == s->component_room) {
                 int room = s->component_room ? 2 * s->component_room : 256;
                 struct component *more = realloc(s->components, (size_t)room * sizeof *more);
@@ -234,9 +280,10 @@ static enum status draw_components(struct segmenter *s)
                 s->component_room = room;
             }
             s->label[i] = s->component_count++;
-        } else if (s->label[i] >= 0) {
+        } else {
             s->label[i] = s->label[find_root(s->parent, i)];
         }
+    }
     return OK;
 }
 
@@ -261,24 +308,26 @@ static void count_close(struct segmenter *s, const struct ball *balls, int ball_
     // The balls' common sphere spares most cells the search.
     struct vec3 middle = v3(0, 0, 0);
     double reach = 0;
+    int last = 0;
     for (int b = 0; b < ball_count; b++)
         middle = v3_add(middle, v3_scale(balls[b].centre, 1.0 / ball_count));
     for (int b = 0; b < ball_count; b++)
         reach = fmax(reach, v3_distance(middle, balls[b].centre) + balls[b].radius + 0.2);
-    for (int i = 0; i < s->width * s->height; i++) {
-        if (s->label[i] < 0)
-            continue;
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n];
         struct component *c = &s->components[s->label[i]];
         double z = s->depth[i] * 0.001, margin = 0.10 + 2 * depth_sigma_m(z);
         struct vec3 p = cell_point(s, i, z), far = v3_sub(p, middle);
         c->cells++;
         if (!(v3_dot(far, far) < reach * reach))
             continue;
-        for (int b = 0; b < ball_count; b++) {
+        for (int k = -1; k < ball_count; k++) {
+            int b = k < 0 ? last : k; // a neighbour's first
             double r = balls[b].radius + margin;
             struct vec3 d = v3_sub(p, balls[b].centre);
             if (v3_dot(d, d) < r * r) {
                 c->close++;
+                last = b;
                 break;
             }
         }
@@ -292,9 +341,8 @@ static void measure_components(struct segmenter *s)
     clear_components(s);
     int w = s->width;
     double cell = s->step / s->lens.fx;
-    for (int i = 0; i < w * s->height; i++) {
-        if (s->label[i] < 0)
-            continue;
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n];
         struct component *c = &s->components[s->label[i]];
         double z = s->depth[i] * 0.001;
         struct vec3 p = cell_point(s, i, z);
@@ -320,9 +368,8 @@ static void measure_components(struct segmenter *s)
         return; // without widths every component counts as narrow
     for (int c = 0; c < s->component_count; c++)
         edge[2 * c] = 1e9, edge[2 * c + 1] = -1e9;
-    for (int i = 0; i < w * s->height; i++) {
-        if (s->label[i] < 0)
-            continue;
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n];
         double z = s->depth[i] * 0.001;
         struct vec3 p = cell_point(s, i, z);
         int c = s->label[i];
@@ -392,22 +439,21 @@ static void count_touching(struct segmenter *s)
     int w = s->width;
     for (int c = 0; c < s->component_count; c++)
         s->components[c].touching = 0;
-    for (int y = 0; y < s->height; y++)
-        for (int x = 0; x < w; x++) {
-            int i = y * w + x, c = s->label[i];
-            if (c < 0 || s->components[c].mine)
-                continue;
-            int reach = 3; // over the shadow that a near limb throws
-            bool found = false;
-            for (int k = 1; k <= reach && !found; k++) {
-                int at[4] = {x >= k ? i - k : -1, x + k < w ? i + k : -1, y >= k ? i - k * w : -1,
-                             y + k < s->height ? i + k * w : -1};
-                for (int q = 0; q < 4 && !found; q++)
-                    found = at[q] >= 0 && s->label[at[q]] >= 0 && s->components[s->label[at[q]]].mine &&
-                            abs(s->depth[at[q]] - s->depth[i]) < 800;
-            }
-            s->components[c].touching += found;
+    for (int n = 0; n < s->candidate_count; n++) {
+        int i = s->candidate[n], c = s->label[i], x = i % w, y = i / w;
+        if (s->components[c].mine)
+            continue;
+        int reach = 3; // over the shadow that a near limb throws
+        bool found = false;
+        for (int k = 1; k <= reach && !found; k++) {
+            int at[4] = {x >= k ? i - k : -1, x + k < w ? i + k : -1, y >= k ? i - k * w : -1,
+                         y + k < s->height ? i + k * w : -1};
+            for (int q = 0; q < 4 && !found; q++)
+                found = at[q] >= 0 && s->label[at[q]] >= 0 && s->components[s->label[at[q]]].mine &&
+                        abs(s->depth[at[q]] - s->depth[i]) < 800;
         }
+        s->components[c].touching += found;
+    }
 }
 
 static bool belongs(const struct segmenter *s, const struct component *c, const struct component *main, int ball_count)
@@ -430,41 +476,54 @@ static bool belongs(const struct segmenter *s, const struct component *c, const 
     return c->touching > 3 || c->touching > 0.1 * c->cells;
 }
 
-// Every pixel of a cell that agrees with the person's cells around it.
-static void refine_mask(const struct segmenter *s, const uint16_t *picture, uint8_t *mask)
+// Marks the pixels of a cell that agree with the person's cells around it, its own first.
+static void refine_cell(const struct segmenter *s, const uint16_t *picture, int x, int y, uint8_t *mask)
 {
-    int w = s->width, left = w, right = -1, top = s->height, bottom = -1;
-    for (int y = 0; y < s->height; y++)
-        for (int x = 0; x < w; x++)
-            if (s->person[y * w + x]) {
-                left = x < left ? x : left, right = x > right ? x : right;
-                top = y < top ? y : top, bottom = y;
-            }
-    for (int y = top > 0 ? top - 1 : 0; y <= bottom + 1 && y < s->height; y++)
-        for (int x = left > 0 ? left - 1 : 0; x <= right + 1 && x < w; x++) {
-            int near[9], count = 0, centre = y * w + x;
-            for (int j = -1; j <= 1; j++)
-                for (int i = -1; i <= 1; i++)
-                    if (x + i >= 0 && x + i < w && y + j >= 0 && y + j < s->height && s->person[centre + j * w + i])
-                        near[count++] = s->depth[centre + j * w + i];
-            if (!count || (!s->person[centre] && s->step == 1))
+    int near[9], count = 0, w = s->width, centre = y * w + x;
+    if (s->person[centre])
+        near[count++] = s->depth[centre];
+    for (int j = -1; j <= 1; j++)
+        for (int i = -1; i <= 1; i++)
+            if ((i || j) && x + i >= 0 && x + i < w && y + j >= 0 && y + j < s->height && s->person[centre + j * w + i])
+                near[count++] = s->depth[centre + j * w + i];
+    if (!count || (!s->person[centre] && s->step == 1))
+        return;
+    for (int j = 0; j < s->step; j++)
+        for (int i = 0; i < s->step; i++) {
+            int px = x * s->step + i, py = y * s->step + j;
+            if (px >= s->lens.width || py >= s->lens.height)
                 continue;
-            for (int j = 0; j < s->step; j++)
-                for (int i = 0; i < s->step; i++) {
-                    int px = x * s->step + i, py = y * s->step + j;
-                    if (px >= s->lens.width || py >= s->lens.height)
-                        continue;
-                    int d = picture[py * s->lens.width + px];
-                    if (!d || (!s->person[centre] && !may_be_person(s, centre, d * 0.001)))
-                        continue;
-                    int limit = jump_mm(s, d);
-                    for (int k = 0; k < count; k++)
-                        if (abs(near[k] - d) <= limit) {
-                            mask[py * s->lens.width + px] = 255;
-                            break;
-                        }
+            int d = picture[py * s->lens.width + px];
+            if (!d || (!s->person[centre] && !may_be_person(s, centre, d)))
+                continue;
+            int limit = jump_mm(s, d);
+            for (int k = 0; k < count; k++)
+                if (abs(near[k] - d) <= limit) {
+                    mask[py * s->lens.width + px] = 255;
+                    break;
                 }
         }
+}
+
+static void refine_mask(const struct segmenter *s, const uint16_t *picture, uint8_t *mask)
+{
+    int w = s->width, left[3] = {w, w, w}, right[3] = {-1, -1, -1}; // of the person, in the rows around one
+    for (int y = -1; y < s->height; y++) {
+        int next = (y + 2) % 3;
+        left[next] = w;
+        right[next] = -1;
+        const uint8_t *row = s->person + (y + 1) * w, *first = y + 1 < s->height ? memchr(row, 1, (size_t)w) : NULL;
+        if (first) {
+            left[next] = (int)(first - row);
+            for (right[next] = w - 1; !row[right[next]];)
+                right[next]--;
+        }
+        int from = left[0] < left[1] ? left[0] : left[1], to = right[0] > right[1] ? right[0] : right[1];
+        from = from < left[2] ? from : left[2];
+        to = to > right[2] ? to : right[2];
+        for (int x = from > 0 ? from - 1 : 0; y >= 0 && x <= to + 1 && x < w; x++)
+            refine_cell(s, picture, x, y, mask);
+    }
 }
 
 static void try_floor(struct segmenter *s)
@@ -477,6 +536,7 @@ static void try_floor(struct segmenter *s)
         s->have_floor = true;
         s->up = plane.up;
         s->height_m = plane.height_m;
+        find_limits(s);
     }
 }
 
@@ -507,8 +567,8 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
             if (!s->components[c].mine && belongs(s, &s->components[c], &s->components[main], ball_count))
                 s->components[c].mine = more = true;
     }
-    for (int i = 0; i < s->width * s->height; i++)
-        s->person[i] = s->label[i] >= 0 && s->components[s->label[i]].mine;
+    for (int n = 0; n < s->candidate_count; n++)
+        s->person[s->candidate[n]] = s->components[s->label[s->candidate[n]]].mine;
     refine_mask(s, picture, mask);
     memcpy(s->before, s->person, (size_t)s->width * (size_t)s->height);
     s->follows = true;

@@ -5,7 +5,7 @@
 
 enum {
     COLUMNS_MAX = 320,
-    JUMPS = 10001,         // depths whose jump is looked up, mm
+    JUMPS = 10001,         // depths whose jump and noise are looked up, mm
     SETTLED_FRAMES = 3,    // a background value is believed after so many sightings
     REPLACED_FRAMES = 24,  // something nearer that stays this long becomes background
 };
@@ -15,12 +15,19 @@ struct segmenter {
     int step, width, height; // grid: pixels a cell, cells
     struct grid_ray *ray;    // per cell: the ray's x/z, y/z
     uint16_t jump_mm[JUMPS]; // by depth: how far two neighbouring readings of one surface may differ
+    uint16_t same_mm[JUMPS]; // by depth: how far two readings of one cell's surface may differ
+    int slope_16;            // jump_mm[d] is at least d * slope_16 / 65536
     uint16_t *depth;         // per cell, mm, flying pixels removed
     int32_t *label;          // per cell: component, -1 none
     int32_t *parent;         // union-find
+    int32_t *candidate;      // the cells that may be the person, in the picture's order
+    int candidate_count;
     uint16_t *background;    // per cell, learned; 0 unknown
     uint8_t *sightings, *nearer;
     uint16_t *given;         // per cell, given; 0 unknown
+    uint16_t *fixed;         // per cell: the furthest depth in front of the floor and of what is given, mm
+    uint16_t *limit;         // the same, and in front of what was learned: up to there it may be the person
+    uint16_t *front;         // by a surface's depth, mm: the furthest reading that is in front of it for certain
     uint8_t *person, *before; // per cell
     struct component *components;
     int component_count, component_room;
@@ -44,3 +51,15 @@ struct component {
     bool mine;                // it is the person, or a part of them
     double top_width;         // how wide it is within 0.2 m of its top
 };
+
+static inline int by_depth(const uint16_t table[JUMPS], int depth_mm)
+{
+    return table[depth_mm < JUMPS ? depth_mm : JUMPS - 1];
+}
+
+// Where a cell's background changed: up to where it may be the person.
+static inline void segmenter_limit(struct segmenter *s, int i)
+{
+    int front = s->sightings[i] >= SETTLED_FRAMES ? s->front[s->background[i]] : UINT16_MAX;
+    s->limit[i] = (uint16_t)(front < s->fixed[i] ? front : s->fixed[i]);
+}

@@ -47,7 +47,9 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
     s->anchor_count = place->tag_count ? place->tag_count : place->point_count;
     struct locator_options options = locator_default_options();
     options.max_position_sigma_m = WORST_SIGMA_M;
-    enum status status = locator_open(&s->locator, place, &calibration->color, &options);
+    struct lens lens = calibration->color;
+    lens.readout_s = 0; // it stands still
+    enum status status = locator_open(&s->locator, place, &lens, &options);
     if (status == OK && !(s->anchors = malloc(sizeof *s->anchors * (size_t)(s->anchor_count + 1))))
         status = fail(ERR_MEMORY, "no memory to locate the sensor");
     if (status != OK) {

@@ -10,6 +10,8 @@
 
 enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2 };
 
+#define ELSEWHERE_M 0.08 // a limb that a search moves further than this was lost
+
 struct tracker {
     struct tracker_options options;
     struct calibration calibration;
@@ -29,6 +31,8 @@ struct tracker {
     int poor_frames, frames;
     double turned_evidence;          // that the person looks the other way, as a logarithm of odds
     double swapped_evidence;         // the same for their legs
+    double elsewhere_evidence[LIMB_COUNT]; // and that a limb is elsewhere
+    bool found_elsewhere[LIMB_COUNT];      // in this frame it turned out to
     bool turned;                     // in this frame they turned out to
     bool seen_ever[JOINT_COUNT];
     float out_of_picture_s[JOINT_COUNT];
@@ -105,6 +109,8 @@ static void forget_person(struct tracker *t)
     t->following = t->moving = false;
     t->poor_frames = 0;
     t->turned_evidence = t->swapped_evidence = 0;
+    memset(t->elsewhere_evidence, 0, sizeof t->elsewhere_evidence);
+    memset(t->found_elsewhere, 0, sizeof t->found_elsewhere);
     t->lost_since_ns = 0;
     memset(t->seen_ever, 0, sizeof t->seen_ever);
     memset(t->out_of_picture_s, 0, sizeof t->out_of_picture_s);
@@ -255,6 +261,16 @@ static bool is_otherwise(struct tracker *t, const struct fit_task *task)
            is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - 0.2 * energy, 20);
 }
 
+// An arm may hide before the trunk so that nothing is left unexplained: one arm a frame is thought over.
+static void reconsider_arm(struct tracker *t, struct fit_task *task, int arm)
+{
+    if (!is_likelier(&t->elsewhere_evidence[arm], limb_elsewhere_gain(task, arm, t->room) - 0.5, 3))
+        return;
+    task->expected = t->room->trial.pose;
+    task->expected_sigma = 2;
+    body_fit(task, &task->expected, &t->room->best);
+}
+
 // Lays the body into this frame from where it is expected. False: it is not there.
 static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
 {
@@ -266,8 +282,10 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     task->reach_m = 0.12;
     struct body_pose start = task->expected;
     if (first > 0) {
+        task->rough = true;
         body_fit(task, &start, best);
         start = best->pose;
+        task->rough = false;
     }
     task->iterations = t->options.iterations - first;
     task->reach_m = 0.06;
@@ -275,6 +293,7 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     task->learn_rate = novelty(t, &start);
     body_fit(task, &start, best);
     took(t, &t->times.fit);
+    struct body_build fitted = best->build;
     double explained = explained_share(t->evidence, best, 0.06);
     if (explained < 0.985 && limbs_search(task, t->room)) {
         start = best->pose;
@@ -282,6 +301,7 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         body_fit(task, &start, &t->room->trial);
         *best = t->room->trial;
     }
+    reconsider_arm(t, task, t->frames % 2);
     t->frames++;
     t->turned = false;
     if (is_otherwise(t, task)) {
@@ -290,6 +310,8 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         body_fit(task, &task->expected, best);
     }
     took(t, &t->times.search);
+    for (int k = 0; k < LIMB_COUNT; k++)
+        t->found_elsewhere[k] = limb_moved_m(k, &fitted, &best->build) > ELSEWHERE_M;
     explained = explained_share(t->evidence, best, 0.10);
     t->poor_frames = explained < 0.7 ? t->poor_frames + 1 : 0;
     if (explained < 0.35 || t->poor_frames > 12)
@@ -364,6 +386,9 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     t->before = t->pose;
     t->before_ns = t->time_ns;
     t->pose = t->room->best.pose;
+    for (int k = 0; k < LIMB_COUNT; k++) // that was no motion, and does not go on
+        if (t->found_elsewhere[k])
+            limb_copy(k, &t->pose, &t->before);
     t->moving = !fresh && !t->turned && time_ns > t->time_ns;
     if (fresh || !t->moving)
         body_steady_start(&t->shown, &t->pose);

@@ -73,29 +73,42 @@ void tag_read_depth(const struct sighting *seen, const struct lens *lens, const 
     out->share = DEPTH_SHARE * fmin(1, 3.0 * levels / fmax(1, kept));
 }
 
-struct normal6 {
-    double a[36], g[6], cost;
+// What is fitted: a small motion (turn, shift) of the camera, and with a rolling shutter its speed.
+enum { POSE = 6, WITH_SPEED = 12 };
+
+struct normal {
+    int size; // POSE or WITH_SPEED
+    double a[WITH_SPEED * WITH_SPEED], g[WITH_SPEED], cost;
 };
 
 // Adds a residual e (already whitened) with derivative `by`; weight is the loss's slope.
-static void add(struct normal6 *n, double e, const double by[6], double weight)
+static void add(struct normal *n, double e, const double by[WITH_SPEED], double weight)
 {
-    for (int i = 0; i < 6; i++) {
+    for (int i = 0; i < n->size; i++) {
         n->g[i] -= weight * by[i] * e;
         for (int j = 0; j <= i; j++)
-            n->a[i * 6 + j] += weight * by[i] * by[j];
+            n->a[i * n->size + j] += weight * by[i] * by[j];
     }
+}
+
+// What is seen at time_s was seen from where the camera was then: as if it had moved the other way.
+static void by_speed(double by[WITH_SPEED], double time_s)
+{
+    for (int i = 0; i < POSE; i++)
+        by[POSE + i] = -time_s * by[i];
 }
 
 // Corner errors in ideal pixels and their derivative by a small motion (turn, shift)
 // of the camera, applied on the left. False: a corner is not before the camera.
-static bool corner_errors(const struct fit_tag *tag, const struct pose *camera_from_tag, double fx, double fy,
-                          double e[8], double by[8][6])
+static bool corner_errors(const struct fit_tag *tag, const struct shutter_motion *motion,
+                          const struct pose *camera_from_tag, double fx, double fy, double e[8],
+                          double by[8][WITH_SPEED])
 {
     double half = tag->side_m / 2;
     const double own[4][2] = {{-half, -half}, {half, -half}, {half, half}, {-half, half}};
     for (int k = 0; k < 4; k++) {
-        struct vec3 p = pose_apply(*camera_from_tag, v3(own[k][0], own[k][1], 0));
+        double time_s = tag->seen->time_s[k];
+        struct vec3 p = shutter_moved(motion, time_s, pose_apply(*camera_from_tag, v3(own[k][0], own[k][1], 0)));
         if (!(p.z > 1e-3))
             return false;
         double x = p.x / p.z, y = p.y / p.z, ux = fx / p.z, uy = fy / p.z;
@@ -105,12 +118,15 @@ static bool corner_errors(const struct fit_tag *tag, const struct pose *camera_f
         const double row1[6] = {uy * (-p.z - y * p.y), uy * y * p.x, uy * p.x, 0, uy, -uy * y};
         memcpy(by[2 * k], row0, sizeof row0);
         memcpy(by[2 * k + 1], row1, sizeof row1);
+        by_speed(by[2 * k], time_s);
+        by_speed(by[2 * k + 1], time_s);
     }
     return true;
 }
 
-// The robust cost of depth inside one tag, and its part of the normal equations.
-static double add_depth(struct normal6 *n, const struct fit_tag *tag, const struct pose *camera_from_tag)
+// The robust cost of depth inside one tag, and its part of the normal equations. A depth sensor is
+// another camera; how it reads its rows nobody knows, so it has no say in the speed.
+static double add_depth(struct normal *n, const struct fit_tag *tag, const struct pose *camera_from_tag)
 {
     double cost = 0;
     struct vec3 normal = quat_rotate(camera_from_tag->rotation, v3(0, 0, 1));
@@ -123,8 +139,8 @@ static double add_depth(struct normal6 *n, const struct fit_tag *tag, const stru
             continue;
         double z = offset / slant, e = (z - s->z) / sigma;
         struct vec3 turn = v3_scale(v3_cross(normal, ray), -z / slant), shift = v3_scale(normal, 1 / slant);
-        double by[6] = {turn.x / sigma,  turn.y / sigma,  turn.z / sigma,
-                        shift.x / sigma, shift.y / sigma, shift.z / sigma};
+        double by[WITH_SPEED] = {turn.x / sigma,  turn.y / sigma,  turn.z / sigma,
+                                 shift.x / sigma, shift.y / sigma, shift.z / sigma};
         double ratio = 1 + e * e / (ROBUST * ROBUST);
         add(n, e, by, tag->depth->share / ratio);
         cost += tag->depth->share * ROBUST * ROBUST * log(ratio);
@@ -152,12 +168,13 @@ static void stage_information(const struct fit_tag *tag, double extra_px, double
 }
 
 // One tag's whole part. Returns its robust cost; a tag behind the camera costs a lot.
-static double add_tag(struct normal6 *n, const struct fit_tag *tag, const double information[64],
-                      const struct pose *camera_from_world, bool with_depth, double fx, double fy)
+static double add_tag(struct normal *n, const struct fit_tag *tag, const double information[64],
+                      const struct shutter_motion *motion, const struct pose *camera_from_world, bool with_depth,
+                      double fx, double fy)
 {
     struct pose camera_from_tag = pose_multiply(*camera_from_world, tag->world_from_tag);
-    double e[8], by[8][6], weighed[8], chi2 = 0;
-    if (!corner_errors(tag, &camera_from_tag, fx, fy, e, by))
+    double e[8], by[8][WITH_SPEED], weighed[8], chi2 = 0;
+    if (!corner_errors(tag, motion, &camera_from_tag, fx, fy, e, by))
         return 1e6;
     for (int i = 0; i < 8; i++) {
         weighed[i] = 0;
@@ -166,7 +183,7 @@ static double add_tag(struct normal6 *n, const struct fit_tag *tag, const double
         chi2 += weighed[i] * e[i];
     }
     double bound = 8 * ROBUST * ROBUST, slope = 1 / (1 + chi2 / bound);
-    for (int a = 0; a < 6; a++) {
+    for (int a = 0; a < n->size; a++) {
         double half[8]; // information * column a
         for (int i = 0; i < 8; i++) {
             half[i] = 0;
@@ -176,17 +193,18 @@ static double add_tag(struct normal6 *n, const struct fit_tag *tag, const double
         }
         for (int b = 0; b <= a; b++)
             for (int i = 0; i < 8; i++)
-                n->a[a * 6 + b] += slope * half[i] * by[i][b];
+                n->a[a * n->size + b] += slope * half[i] * by[i][b];
     }
     double cost = bound * log(1 + chi2 / bound);
     return tag->depth && with_depth ? cost + add_depth(n, tag, &camera_from_tag) : cost;
 }
 
 // One point's part.
-static double add_point(struct normal6 *n, const struct fit_point *point, double extra_px,
-                        const struct pose *camera_from_world, double fx, double fy)
+static double add_point(struct normal *n, const struct fit_point *point, double extra_px,
+                        const struct shutter_motion *motion, const struct pose *camera_from_world, double fx,
+                        double fy)
 {
-    struct vec3 p = pose_apply(*camera_from_world, point->world);
+    struct vec3 p = shutter_moved(motion, point->time_s, pose_apply(*camera_from_world, point->world));
     if (!(p.z > 1e-2))
         return 100;
     // [a 0; b c] times an error in pixels has unit covariance
@@ -197,11 +215,13 @@ static double add_point(struct normal6 *n, const struct fit_point *point, double
     double off_x = fx * (x - point->x), off_y = fy * (y - point->y), ex = a * off_x, ey = b * off_x + c * off_y;
     const double by_x[6] = {ux * -x * p.y, ux * (p.z + x * p.x), ux * -p.y, ux, 0, -ux * x};
     const double by_y[6] = {uy * (-p.z - y * p.y), uy * y * p.x, uy * p.x, 0, uy, -uy * y};
-    double row0[6], row1[6];
-    for (int i = 0; i < 6; i++) {
+    double row0[WITH_SPEED], row1[WITH_SPEED];
+    for (int i = 0; i < POSE; i++) {
         row0[i] = a * by_x[i];
         row1[i] = b * by_x[i] + c * by_y[i];
     }
+    by_speed(row0, point->time_s);
+    by_speed(row1, point->time_s);
     double bound = ROBUST * ROBUST, chi2 = ex * ex + ey * ey, ez = 0, depth = 0;
     if (point->z > 0) {
         depth = 1 / (depth_sigma(point->z) + extra_px * p.z / fx);
@@ -212,7 +232,7 @@ static double add_point(struct normal6 *n, const struct fit_point *point, double
     add(n, ex, row0, slope);
     add(n, ey, row1, slope);
     if (point->z > 0) {
-        const double row2[6] = {p.y * depth, -p.x * depth, 0, 0, 0, depth};
+        const double row2[WITH_SPEED] = {p.y * depth, -p.x * depth, 0, 0, 0, depth};
         add(n, ez, row2, slope);
     }
     return bound * log(1 + chi2 / bound);
@@ -225,30 +245,50 @@ struct evidence {
     const struct fit_point *points;
     int point_count;
     double point_px, fx, fy;
-    bool depth; // of the tags
+    const struct shutter_motion *motion; // or NULL
+    bool depth;                          // of the tags
     struct weights information[FIT_MAX_TAGS];
 };
 
-static void normal_equations(const struct evidence *all, const struct pose *camera_from_world, struct normal6 *n)
+// What was known of the speed before.
+static void add_expected(struct normal *n, const struct shutter_motion *m)
+{
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) {
+            double off_i = m->speed[i] - m->expected[i], off_j = m->speed[j] - m->expected[j];
+            n->cost += off_i * m->information[i * 6 + j] * off_j;
+            n->g[POSE + i] -= m->information[i * 6 + j] * off_j;
+            n->a[(POSE + i) * n->size + POSE + j] += m->information[i * 6 + j];
+        }
+}
+
+static void normal_equations(const struct evidence *all, const struct pose *camera_from_world, struct normal *n)
 {
     memset(n, 0, sizeof *n);
+    n->size = all->motion ? WITH_SPEED : POSE;
+    if (all->motion)
+        add_expected(n, all->motion);
     for (int i = 0; i < all->tag_count; i++)
         if (all->tags[i].used)
             n->cost +=
-                add_tag(n, &all->tags[i], all->information[i].a, camera_from_world, all->depth, all->fx, all->fy);
+                add_tag(n, &all->tags[i], all->information[i].a, all->motion, camera_from_world, all->depth, all->fx,
+                        all->fy);
     for (int i = 0; i < all->point_count; i++)
-        n->cost += add_point(n, &all->points[i], all->point_px, camera_from_world, all->fx, all->fy);
+        n->cost += add_point(n, &all->points[i], all->point_px, all->motion, camera_from_world, all->fx, all->fy);
 }
 
-static void step(struct pose *p, const double d[6])
+static void step(struct pose *p, struct shutter_motion *motion, const double d[WITH_SPEED])
 {
+    for (int i = 0; i < 6 && motion; i++)
+        motion->speed[i] += d[POSE + i];
     struct pose small = {quat_from_rotation_vector(v3(d[0], d[1], d[2])), {d[3], d[4], d[5]}};
     *p = pose_multiply(small, *p);
 }
 
 double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
-                  double point_px, double fx, double fy, struct pose *pose)
+                  double point_px, double fx, double fy, struct shutter_motion *motion, struct pose *pose)
 {
+    struct shutter_motion next_motion;
     struct evidence all = {.tags = tags,
                            .tag_count = count,
                            .points = points,
@@ -256,24 +296,29 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
                            .point_px = point_px,
                            .fx = fx,
                            .fy = fy,
+                           .motion = motion,
                            // Beside corners that count for little, depth would bend the pose at will.
                            .depth = tag_px == 0};
-    struct normal6 n, after;
+    struct normal n, after;
     double damping = 1e-6;
     for (int i = 0; i < count; i++)
         stage_information(&tags[i], tag_px, all.information[i].a);
     normal_equations(&all, pose, &n);
     for (int round = 0; round < 20; round++) {
-        double a[36], d[6];
+        double a[WITH_SPEED * WITH_SPEED], d[WITH_SPEED];
         memcpy(a, n.a, sizeof a);
         memcpy(d, n.g, sizeof d);
-        for (int i = 0; i < 6; i++)
-            a[i * 6 + i] *= 1 + damping;
-        if (!cholesky(a, 6))
+        for (int i = 0; i < n.size; i++)
+            a[i * n.size + i] *= 1 + damping;
+        if (!cholesky(a, n.size))
             break;
-        cholesky_solve(a, 6, d);
+        cholesky_solve(a, n.size, d);
         struct pose next = *pose;
-        step(&next, d);
+        if (motion) {
+            next_motion = *motion;
+            all.motion = &next_motion;
+        }
+        step(&next, motion ? &next_motion : NULL, d);
         if (!pose_finite(next))
             break;
         normal_equations(&all, &next, &after);
@@ -285,6 +330,8 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
         }
         bool settled = n.cost - after.cost < 1e-7 * (1 + n.cost);
         *pose = next;
+        if (motion)
+            *motion = next_motion;
         n = after;
         damping *= 0.1;
         if (settled)
@@ -295,31 +342,62 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
 
 // The normal equations in the end, both halves of them.
 static void look_closely(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count,
-                         double fx, double fy, const struct pose *camera_from_world, struct normal6 *n)
+                         double fx, double fy, const struct shutter_motion *motion,
+                         const struct pose *camera_from_world, struct normal *n)
 {
-    struct evidence all = {
-        .tags = tags, .tag_count = count, .points = points, .point_count = point_count, .fx = fx, .fy = fy, .depth = true};
+    struct evidence all = {.tags = tags,
+                           .tag_count = count,
+                           .points = points,
+                           .point_count = point_count,
+                           .fx = fx,
+                           .fy = fy,
+                           .motion = motion,
+                           .depth = true};
     for (int i = 0; i < count; i++)
         stage_information(&tags[i], 0, all.information[i].a);
     normal_equations(&all, camera_from_world, n);
-    for (int i = 0; i < 6; i++)
+    for (int i = 0; i < n->size; i++)
         for (int j = 0; j < i; j++)
-            n->a[j * 6 + i] = n->a[i * 6 + j];
+            n->a[j * n->size + i] = n->a[i * n->size + j];
+}
+
+// Of the pose. Its speed is always known a little.
+static void pose_information(const struct normal *n, double out[36])
+{
+    if (n->size == POSE)
+        memcpy(out, n->a, 36 * sizeof *out);
+    else if (!half_information(n->a, 6, false, out))
+        memset(out, 0, 36 * sizeof *out);
+}
+
+void fit_expect(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+                double fy, struct shutter_motion *motion, const struct pose *camera_from_world)
+{
+    struct normal n;
+    double information[36];
+    look_closely(tags, count, points, point_count, fx, fy, motion, camera_from_world, &n);
+    if (!half_information(n.a, 6, true, information))
+        return;
+    for (int i = 0; i < 36; i++) // the same from both sides
+        motion->information[i] = (information[i] + information[i % 6 * 6 + i / 6]) / 2;
+    memcpy(motion->expected, motion->speed, sizeof motion->expected);
 }
 
 void fit_information(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
-                     double fy, const struct pose *camera_from_world, double information[36])
+                     double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                     double information[36])
 {
-    struct normal6 n;
-    look_closely(tags, count, points, point_count, fx, fy, camera_from_world, &n);
-    memcpy(information, n.a, sizeof n.a);
+    struct normal n;
+    look_closely(tags, count, points, point_count, fx, fy, motion, camera_from_world, &n);
+    pose_information(&n, information);
 }
 
 bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
-                    double fy, const struct pose *camera_from_world, double covariance[36])
+                    double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                    double covariance[36])
 {
-    struct normal6 n;
-    double numbers = -6; // observed, beyond those that the pose itself takes
+    struct normal n;
+    double information[36], numbers = -6; // observed, beyond those that the pose itself takes
     for (int i = 0; i < count; i++) {
         numbers += tags[i].used ? 8 : 0;
         if (tags[i].used && tags[i].depth)
@@ -327,8 +405,9 @@ bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_poin
     }
     for (int i = 0; i < point_count; i++)
         numbers += points[i].z > 0 ? 3 : 2;
-    look_closely(tags, count, points, point_count, fx, fy, camera_from_world, &n);
-    if (!invert_symmetric(n.a, 6, covariance))
+    look_closely(tags, count, points, point_count, fx, fy, motion, camera_from_world, &n);
+    pose_information(&n, information);
+    if (!invert_symmetric(information, 6, covariance))
         return false;
     // Larger than chance makes it in one case of six.
     numbers = fmax(1, numbers);
@@ -341,23 +420,25 @@ bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_poin
 double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
                     double fy)
 {
-    struct normal6 n = {0};
+    struct normal n = {.size = POSE};
     struct weights w;
     stage_information(tag, extra_px, w.a);
-    return add_tag(&n, tag, w.a, camera_from_world, true, fx, fy);
+    return add_tag(&n, tag, w.a, NULL, camera_from_world, true, fx, fy);
 }
 
-double fit_point_error(const struct fit_point *point, const struct pose *camera_from_world, double fx, double fy)
+double fit_point_error(const struct fit_point *point, const struct shutter_motion *motion,
+                       const struct pose *camera_from_world, double fx, double fy)
 {
-    struct vec3 p = pose_apply(*camera_from_world, point->world);
+    struct vec3 p = shutter_moved(motion, point->time_s, pose_apply(*camera_from_world, point->world));
     return p.z > 1e-2 ? hypot(fx * (p.x / p.z - point->x), fy * (p.y / p.z - point->y)) / point->sigma_px : 1e9;
 }
 
-double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy)
+double fit_tag_rms(const struct fit_tag *tag, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                   double fx, double fy)
 {
     struct pose camera_from_tag = pose_multiply(*camera_from_world, tag->world_from_tag);
-    double e[8], by[8][6], sum = 0;
-    if (!corner_errors(tag, &camera_from_tag, fx, fy, e, by))
+    double e[8], by[8][WITH_SPEED], sum = 0;
+    if (!corner_errors(tag, motion, &camera_from_tag, fx, fy, e, by))
         return 1e9;
     for (int i = 0; i < 8; i++)
         sum += e[i] * e[i];
@@ -367,11 +448,12 @@ double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_wor
 }
 
 // Sets used and rms_px; of twins with one number only the best is used. Returns how many.
-static int choose(struct fit_tag *tags, int count, const struct pose *pose, double fx, double fy, double max_rms_px)
+static int choose(struct fit_tag *tags, int count, const struct shutter_motion *motion, const struct pose *pose,
+                  double fx, double fy, double max_rms_px)
 {
     int used = 0;
     for (int i = 0; i < count; i++) {
-        tags[i].rms_px = fit_tag_rms(&tags[i], pose, fx, fy);
+        tags[i].rms_px = fit_tag_rms(&tags[i], motion, pose, fx, fy);
         tags[i].used = tags[i].rms_px <= max_rms_px;
     }
     for (int i = 0; i < count; i++)
@@ -385,6 +467,7 @@ static int choose(struct fit_tag *tags, int count, const struct pose *pose, doub
 
 struct candidate {
     struct pose pose;
+    struct shutter_motion motion;
     double cost;
     int used;
     uint64_t which; // bit i: tag i
@@ -392,23 +475,26 @@ struct candidate {
 
 // From one start to the pose that most tags agree on; `loose`: with corners loose at
 // first, which leads out of a mirrored pose where other tags are against it.
-static struct candidate follow(struct fit_tag *tags, int count, struct pose pose, bool loose, double fx, double fy,
-                               double max_rms_px)
+static struct candidate follow(struct fit_tag *tags, int count, const struct shutter_motion *known, struct pose pose,
+                               bool loose, double fx, double fy, double max_rms_px)
 {
     struct candidate c = {.pose = pose};
+    struct shutter_motion *motion = known ? &c.motion : NULL;
+    if (known)
+        c.motion = *known;
     for (int i = 0; i < count; i++)
         tags[i].used = true;
     for (size_t s = loose ? 0 : COUNT_OF(STAGES_PX) - 1; s < COUNT_OF(STAGES_PX); s++)
-        c.cost = fit_refine(tags, count, STAGES_PX[s], NULL, 0, 0, fx, fy, &c.pose);
+        c.cost = fit_refine(tags, count, STAGES_PX[s], NULL, 0, 0, fx, fy, motion, &c.pose);
     for (int round = 0; round < 3; round++) {
         uint64_t before = c.which;
-        c.used = choose(tags, count, &c.pose, fx, fy, max_rms_px);
+        c.used = choose(tags, count, motion, &c.pose, fx, fy, max_rms_px);
         c.which = 0;
         for (int i = 0; i < count; i++)
             c.which |= (uint64_t)tags[i].used << i;
         if (!c.used || (round && c.which == before))
             break;
-        c.cost = fit_refine(tags, count, 0, NULL, 0, 0, fx, fy, &c.pose);
+        c.cost = fit_refine(tags, count, 0, NULL, 0, 0, fx, fy, motion, &c.pose);
     }
     return c;
 }
@@ -450,7 +536,8 @@ static void rank(const struct candidate *c, struct candidate *best, struct candi
     }
 }
 
-enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px, struct camera_fit *out)
+enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
+                       const struct shutter_motion *motion, struct camera_fit *out)
 {
     struct candidate best = {.used = 0}, second = {.used = 0};
     assert(count >= 0 && count <= FIT_MAX_TAGS);
@@ -462,7 +549,7 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
             if (loose && count == 1)
                 break;
             struct pose start = pose_multiply(two[k % n], pose_inverse(tags[i].world_from_tag));
-            struct candidate c = follow(tags, count, start, loose, fx, fy, max_rms_px);
+            struct candidate c = follow(tags, count, motion, start, loose, fx, fy, max_rms_px);
             if (c.used && pose_finite(c.pose))
                 rank(&c, &best, &second);
         }
@@ -470,7 +557,7 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
     if (!best.used)
         return NOTHING;
     // Which of two tags with one number is the mapped one, only another tag can say.
-    choose(tags, count, &best.pose, fx, fy, max_rms_px);
+    choose(tags, count, motion ? &best.motion : NULL, &best.pose, fx, fy, max_rms_px);
     bool vouched = best.used > 1;
     for (int i = 0; i < count && !vouched; i++)
         vouched = tags[i].used && !twin(tags, count, i);
@@ -479,7 +566,14 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
     double sum = 0;
     for (int i = 0; i < count; i++)
         sum += tags[i].used ? tags[i].rms_px * tags[i].rms_px : 0;
-    *out = (struct camera_fit){best.pose, second.pose, sqrt(sum / best.used), best.cost, second.cost - best.cost, best.used};
+    *out = (struct camera_fit){.camera_from_world = best.pose,
+                               .other = second.pose,
+                               .rms_px = sqrt(sum / best.used),
+                               .cost = best.cost,
+                               .other_worse = second.cost - best.cost,
+                               .used = best.used,
+                               .motion = best.motion,
+                               .other_motion = second.motion};
     bool alike = second.used == best.used && second.cost - best.cost < ALIKE_COST;
     return alike ? AMBIGUOUS : OK;
 }

@@ -5,6 +5,7 @@
 #pragma once
 #include "capture/recording/place.h"
 #include "locate/refine.h"
+#include "locate/shutter.h"
 #include "locate/square.h"
 
 enum { FIT_MAX_TAGS = 64, TAG_DEPTH_SAMPLES = 36 };
@@ -46,6 +47,7 @@ struct fit_point {
     double sigma_px; // of the sighting and of the map together
     double z;        // depth read there, metres; 0: none
     double own[3];   // covariance of the sighting beside sigma_px: xx, xy, yy, pixels^2
+    double time_s;   // when its row was read, as shutter_time
 };
 
 struct camera_fit {
@@ -55,38 +57,49 @@ struct camera_fit {
     double cost;       // robust, whitened; of the tags used
     double other_worse; // by how much the other's cost is higher
     int32_t used;
+    struct shutter_motion motion, other_motion; // with a rolling shutter
 };
 
-// fx, fy: what a pixel is. 0 <= count <= FIT_MAX_TAGS; the same tag may be there
+// fx, fy: what a pixel is. motion: what is known of the camera's before; NULL: no rolling shutter. 0 <= count <= FIT_MAX_TAGS; the same tag may be there
 // twice, one at most is used.
 // OK, NOTHING (no pose fits within max_rms_px; *out untouched) or AMBIGUOUS
 // (*out is the better of two poses that are apart but fit alike).
 enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
-                       struct camera_fit *out);
+                       const struct shutter_motion *motion, struct camera_fit *out);
 
 // Levenberg-Marquardt on camera_from_world over the tags with `used` set and all
 // points. tag_px, point_px: uncertainty added to every corner and every point,
-// for a start that is far off. Returns the robust cost.
+// for a start that is far off. motion: the speed is fitted too; NULL: no rolling shutter.
+// Returns the robust cost.
 double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
-                  double point_px, double fx, double fy, struct pose *camera_from_world);
+                  double point_px, double fx, double fy, struct shutter_motion *motion,
+                  struct pose *camera_from_world);
 
 // How sure fit_refine's pose is: the covariance of a small motion (turn, then shift; camera
 // axes, radians and metres) of the camera, row-major. Errors larger than the evidence owns
 // to make it larger, smaller ones do not make it smaller. False: the evidence leaves a
 // motion open; *covariance untouched.
 bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
-                    double fy, const struct pose *camera_from_world, double covariance[36]);
+                    double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                    double covariance[36]);
 
 // The same, not yet inverted and as if errors were as large as the evidence owns to.
 void fit_information(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
-                     double fy, const struct pose *camera_from_world, double information[36]);
+                     double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                     double information[36]);
+
+// Makes what the evidence says of the camera's speed what is expected of it.
+void fit_expect(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+                double fy, struct shutter_motion *motion, const struct pose *camera_from_world);
 
 // Reprojection error of one tag; 1e9 behind the camera or from its back.
-double fit_tag_rms(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy);
+double fit_tag_rms(const struct fit_tag *tag, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                   double fx, double fy);
 
 // The robust cost of one tag, corners (with extra_px) and depth.
 double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
                     double fy);
 
 // Reprojection error of a point in its standard deviations; 1e9 behind the camera.
-double fit_point_error(const struct fit_point *p, const struct pose *camera_from_world, double fx, double fy);
+double fit_point_error(const struct fit_point *p, const struct shutter_motion *motion,
+                       const struct pose *camera_from_world, double fx, double fy);

@@ -20,8 +20,10 @@ struct evidence {
 // The robust cost of the best pose if the focal length were exp(log_scale) times what it is
 // said to be: rays are that much steeper, pixels the same.
 static double cost_at(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count,
-                      double log_scale, double fx, double fy, struct pose *camera_from_world)
+                      double log_scale, double fx, double fy, const struct shutter_motion *motion,
+                      struct pose *camera_from_world)
 {
+    struct shutter_motion moving = motion ? *motion : shutter_unknown();
     struct evidence e = {.count = count, .point_count = point_count};
     double scale = exp(log_scale);
     for (int i = 0; i < count; i++) {
@@ -42,11 +44,12 @@ static double cost_at(const struct fit_tag *tags, int count, const struct fit_po
         e.points[i].y /= scale;
         e.points[i].z = 0;
     }
-    return fit_refine(e.tags, count, 0, e.points, point_count, 0, fx * scale, fy * scale, camera_from_world);
+    return fit_refine(e.tags, count, 0, e.points, point_count, 0, fx * scale, fy * scale, motion ? &moving : NULL,
+                      camera_from_world);
 }
 
 void focal_add(struct focal *f, const struct fit_tag *tags, int count, const struct fit_point *points, int point_count,
-               double fx, double fy, const struct pose *camera_from_world)
+               double fx, double fy, const struct shutter_motion *motion, const struct pose *camera_from_world)
 {
     double at = 0, curvature = 0, cost = 0, numbers = -7;
     point_count = point_count < FOCAL_MOST_POINTS ? point_count : FOCAL_MOST_POINTS;
@@ -57,7 +60,7 @@ void focal_add(struct focal *f, const struct fit_tag *tags, int count, const str
         struct pose pose[3] = {*camera_from_world, *camera_from_world, *camera_from_world};
         double c[3];
         for (int k = 0; k < 3; k++)
-            c[k] = cost_at(tags, count, points, point_count, at + (k - 1) * STEP, fx, fy, &pose[k]);
+            c[k] = cost_at(tags, count, points, point_count, at + (k - 1) * STEP, fx, fy, motion, &pose[k]);
         curvature = (c[0] - 2 * c[1] + c[2]) / (STEP * STEP);
         cost = c[1];
         // Far off, where the robust cost flattens, only its slope leads the way.

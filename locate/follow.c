@@ -5,10 +5,7 @@
 #include <string.h>
 
 // Tags are read by this many pixels, all of them together.
-enum { TAG_PIXELS = 800, LEAST_TAG_PIXELS = 300 };
-// So many points are enough; with fewer, new ones are looked for in parts of each picture, so many
-// parts as give what is missing: each picture costs about the same.
-enum { ENOUGH_TRACKS = 140, NEW_IN_A_PART = 20 };
+enum { TAG_PIXELS = 800, LEAST_TAG_PIXELS = 200 };
 // Fewer say nothing, without a tag and with one.
 enum { LEAST_TRACKS = 15 };
 static const double FAR_SIGMA = 4;    // a track further off is lost
@@ -16,33 +13,29 @@ static const double CORNER_PX = 1;    // how sure a tag's corner is by brightnes
 static const double FOLLOW_PX = 0.25; // how exactly a patch is found again, as long as nothing else is known
 static const double LEAST_FOLLOW_PX = 0.05;
 enum { MEMORY = 10 }; // pictures that say how exactly
+// Where so many tracks are as near to where the guess has them, the others are looked for only there.
+enum { ENOUGH_TO_TRUST = 24 };
+static const double TRUST_PX = 2;
 static const double CHANGE_PX = 0.05; // by how much more a track errs in the next picture
-static const double NEAR_PX = 4;  // how near a point is looked for around a pose that is known
-static const double APART_PX = 8; // tracks nearer to each other tell the same
 static const double NEW_LOOK = 0.08; // a patch seen from this much aside (radians), nearer or further is cut anew
 
-static bool in_picture(const struct lens *lens, struct vec3 p)
+// Where a point is for the camera when the row is read that shows it.
+static struct vec3 seen_at(const struct locator *l, const struct pose *camera_from_world, struct vec3 world,
+                           double time_s)
 {
-    // A distortion polynomial means nothing far outside the picture.
-    return p.z > 0.1 && fabs(p.x) < lens->width / lens->fx * p.z && fabs(p.y) < lens->height / lens->fy * p.z;
+    return shutter_moved(l->motion, time_s, pose_apply(*camera_from_world, world));
 }
 
-static bool crowded(const struct locator *l, struct pixel at)
-{
-    for (int i = 0; i < l->track_count; i++)
-        if (fabs(l->tracks[i].at.x - at.x) < APART_PX && fabs(l->tracks[i].at.y - at.y) < APART_PX)
-            return true;
-    return false;
-}
-
-static void add_track(struct locator *l, int32_t point, struct vec3 world, double sigma_px, struct pixel at,
-                      const struct pose *camera_from_world)
+void locator_add_track(struct locator *l, int32_t point, struct vec3 world, double sigma_px, struct pixel at,
+                       const struct pose *camera_from_world)
 {
     if (l->track_count == LOCATOR_MOST_TRACKS)
         return;
     struct point_track *t = &l->tracks[l->track_count];
-    struct vec3 p = pose_apply(*camera_from_world, world), ray = lens_ray(&l->lens, at);
-    *t = (struct point_track){.point = point, .world = world, .sigma_px = sigma_px, .at = at, .ray = ray};
+    double time_s = shutter_time(&l->lens, at.y);
+    struct vec3 p = seen_at(l, camera_from_world, world, time_s), ray = lens_ray(&l->lens, at);
+    *t = (struct point_track){
+        .point = point, .world = world, .sigma_px = sigma_px, .at = at, .ray = ray, .time_s = time_s};
     t->off[0] = point < 0 ? 0 : l->lens.fx * (ray.x - p.x / p.z);
     t->off[1] = point < 0 ? 0 : l->lens.fy * (ray.y - p.y / p.z);
     t->off_variance = point < 0 ? sigma_px * sigma_px : FOLLOW_PX * FOLLOW_PX;
@@ -58,18 +51,7 @@ static void add_corners(struct locator *l, const struct fit_tag *tags, const str
         struct vec3 world[4];
         place_tag_corners(&l->tags[l->which[i]], world);
         for (int k = 0; k < 4 && tags[i].used; k++)
-            add_track(l, -1, world[k], CORNER_PX, lens_project(&l->lens, l->sightings[i].ray[k]), camera_from_world);
-    }
-}
-
-// Features that show points of the place, as far as there is room and none is near.
-static void add_points(struct locator *l, int agree, const struct pose *camera_from_world)
-{
-    for (int i = 0; i < agree && l->track_count < ENOUGH_TRACKS; i++) {
-        const struct feature *f = &l->index.features[l->matches[i].feature];
-        if (!crowded(l, f->at))
-            add_track(l, l->matches[i].point, l->points[l->matches[i].point].world, feature_sigma(f), f->at,
-                      camera_from_world);
+            locator_add_track(l, -1, world[k], CORNER_PX, lens_project(&l->lens, l->sightings[i].ray[k]), camera_from_world);
     }
 }
 
@@ -79,7 +61,7 @@ static void corner_errors(const struct locator *l, int i, const struct pose *cam
     struct vec3 world[4];
     place_tag_corners(&l->tags[l->which[i]], world);
     for (int k = 0; k < 4; k++) {
-        struct vec3 p = pose_apply(*camera_from_world, world[k]);
+        struct vec3 p = seen_at(l, camera_from_world, world[k], l->sightings[i].time_s[k]);
         out[2 * k] = l->lens.fx * (l->sightings[i].ray[k].x - p.x / p.z);
         out[2 * k + 1] = l->lens.fy * (l->sightings[i].ray[k].y - p.y / p.z);
     }
@@ -123,12 +105,13 @@ void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, 
     patch_picture_fill(&l->picture, l->gray);
     l->track_count = 0;
     l->last = *camera_from_world;
+    l->last_moving = l->moving;
     for (int32_t k = 0; k < l->tag_count; k++)
         l->tag_tracks[k].known = false;
     learn_tags(l, tags, camera_from_world, camera_from_world);
     anchor_start(&l->anchor, covariance, none);
     add_corners(l, tags, camera_from_world);
-    add_points(l, agree, camera_from_world);
+    locator_add_points(l, agree, camera_from_world);
     for (int i = 0; i < l->track_count; i++)
         l->tracks[i].weighed = true;
 }
@@ -137,18 +120,26 @@ void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, 
 static void find_tracks(struct locator *l, const struct pose *guess)
 {
     int kept = 0;
+    double furthest = 0; // from where the guess has a track
     for (int i = 0; i < l->track_count; i++) {
         struct point_track *t = &l->tracks[i];
         struct vec3 before = pose_apply(l->last, t->world), now = pose_apply(*guess, t->world);
-        if (!in_picture(&l->lens, before) || !in_picture(&l->lens, now))
+        if (!locator_in_picture(&l->lens, before) || !locator_in_picture(&l->lens, now))
             continue;
         // By how much it moves is known better than where it is.
-        struct pixel a = lens_project(&l->lens, before), b = lens_project(&l->lens, now);
-        struct pixel at = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
-        if (!patch_follow(&l->picture, &t->patch, &at))
+        struct pixel a = shutter_project(&l->lens, l->motion ? &l->last_moving : NULL, before),
+                     b = shutter_project(&l->lens, l->motion, now);
+        const struct pixel guessed = {t->at.x + b.x - a.x, t->at.y + b.y - a.y};
+        struct pixel at = guessed;
+        bool near = kept >= ENOUGH_TO_TRUST && furthest < TRUST_PX;
+        if (!(near && patch_follow(&l->picture, &t->patch, true, &at)) &&
+            !patch_follow(&l->picture, &t->patch, false, &at))
             continue;
+        if (!near)
+            furthest = fmax(furthest, hypot(at.x - guessed.x, at.y - guessed.y));
         t->at = at;
         t->ray = lens_ray(&l->lens, at);
+        t->time_s = shutter_time(&l->lens, at.y);
         if (kept != i)
             l->tracks[kept] = *t;
         kept++;
@@ -185,7 +176,7 @@ static int gather(const struct locator *l, const uint16_t *depth, enum what what
             continue;
         struct fit_point *p = &out[count++];
         *p = (struct fit_point){t->world, t->ray.x, t->ray.y, t->sigma_px,
-                                depth && t->point >= 0 ? feature_depth(&l->lens, depth, t->at) : 0, {0}};
+                                depth && t->point >= 0 ? feature_depth(&l->lens, depth, t->at) : 0, {0}, t->time_s};
         if (what & LEARNT) {
             p->x -= t->off[0] / l->lens.fx;
             p->y -= t->off[1] / l->lens.fy;
@@ -193,7 +184,7 @@ static int gather(const struct locator *l, const uint16_t *depth, enum what what
             memcpy(p->own, t->noise, sizeof p->own);
         }
         if (what & (NOISE | DRIFT)) {
-            struct vec3 at = pose_apply(*camera_from_world, t->world);
+            struct vec3 at = seen_at(l, camera_from_world, t->world, t->time_s);
             p->x = at.x / at.z;
             p->y = at.y / at.z;
             p->sigma_px = what & NOISE ? 0 : change_px(l, t, camera_from_world);
@@ -210,8 +201,8 @@ static int drop_bad(struct locator *l, const struct pose *camera_from_world)
     int kept = 0, points = 0;
     for (int i = 0; i < l->track_count; i++) {
         struct point_track *t = &l->tracks[i];
-        struct fit_point p = {t->world, t->ray.x, t->ray.y, t->sigma_px, 0, {0}};
-        if (!(fit_point_error(&p, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA))
+        struct fit_point p = {t->world, t->ray.x, t->ray.y, t->sigma_px, 0, {0}, t->time_s};
+        if (!(fit_point_error(&p, l->motion, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA))
             continue;
         points += t->point >= 0;
         if (kept != i)
@@ -227,7 +218,7 @@ static void learn(struct locator *l, const struct pose *followed, const struct p
 {
     for (int i = 0; i < l->track_count; i++) {
         struct point_track *t = &l->tracks[i];
-        struct vec3 p = pose_apply(*followed, t->world), q = pose_apply(*best, t->world);
+        struct vec3 p = seen_at(l, followed, t->world, t->time_s), q = seen_at(l, best, t->world, t->time_s);
         double change = change_px(l, t, followed), variance = t->off_variance + change * change;
         double gain = variance / (variance + (t->noise[0] + t->noise[2]) / 2);
         double off_x = l->lens.fx * (t->ray.x - p.x / p.z) - t->off[0],
@@ -250,90 +241,11 @@ static int use_tags(struct locator *l, struct fit_tag *tags, const struct pose *
 {
     int used = 0;
     for (int i = 0; i < l->count; i++) {
-        tags[i].rms_px = fit_tag_rms(&tags[i], camera_from_world, l->lens.fx, l->lens.fy);
+        tags[i].rms_px = fit_tag_rms(&tags[i], l->motion, camera_from_world, l->lens.fx, l->lens.fy);
         tags[i].used = tags[i].rms_px <= l->options.max_rms_px;
         used += tags[i].used;
     }
     return used;
-}
-
-static int part_of(const struct lens *lens, struct pixel at)
-{
-    int x = (int)(at.x * LOCATOR_ACROSS / lens->width), y = (int)(at.y * LOCATOR_DOWN / lens->height);
-    return at.x < 0 || at.y < 0 || x >= LOCATOR_ACROSS || y >= LOCATOR_DOWN ? -1 : y * LOCATOR_ACROSS + x;
-}
-
-// The points of the place that should be seen, by the part of the picture in which they lie.
-static void sort_into_parts(struct locator *l, const struct pose *camera_from_world)
-{
-    double turn[3][3];
-    const struct vec3 *shift = &camera_from_world->translation;
-    int32_t in_part[LOCATOR_PARTS + 1] = {0};
-    quat_to_matrix(camera_from_world->rotation, turn);
-    for (int32_t i = 0; i < l->point_count; i++) {
-        const struct vec3 w = l->points[i].world;
-        struct vec3 p = {turn[0][0] * w.x + turn[0][1] * w.y + turn[0][2] * w.z + shift->x,
-                         turn[1][0] * w.x + turn[1][1] * w.y + turn[1][2] * w.z + shift->y,
-                         turn[2][0] * w.x + turn[2][1] * w.y + turn[2][2] * w.z + shift->z};
-        l->part_of[i] = in_picture(&l->lens, p) ? part_of(&l->lens, lens_project(&l->lens, p)) : -1;
-        if (l->part_of[i] >= 0)
-            in_part[l->part_of[i] + 1]++;
-    }
-    for (int i = 0; i < LOCATOR_PARTS; i++)
-        in_part[i + 1] += in_part[i];
-    memcpy(l->part_start, in_part, sizeof l->part_start);
-    for (int32_t i = 0; i < l->point_count; i++)
-        if (l->part_of[i] >= 0)
-            l->in_parts[in_part[l->part_of[i]]++] = i;
-}
-
-// New points in one part of the picture.
-static enum status look_in(struct locator *l, int part, const uint16_t *depth, const struct pose *camera_from_world)
-{
-    const int32_t *which = l->in_parts + l->part_start[part];
-    int32_t count = l->part_start[part + 1] - l->part_start[part];
-    enum status status = locator_find_features_in(l, part, depth);
-    if (status != OK)
-        return status;
-    for (int32_t i = 0; i < count; i++)
-        l->some_points[i] = l->points[which[i]];
-    int found = points_match(l->some_points, count, &l->index, &l->lens, camera_from_world, NEAR_PX, l->matches,
-                             FEATURES_MAX);
-    for (int i = 0; i < found; i++)
-        l->matches[i].point = which[l->matches[i].point];
-    add_points(l, found, camera_from_world);
-    return OK;
-}
-
-// New points, first where most should be seen that are not followed, and for longest nobody looked.
-static enum status look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
-{
-    int missing[LOCATOR_PARTS], parts = (ENOUGH_TRACKS - l->track_count + NEW_IN_A_PART - 1) / NEW_IN_A_PART;
-    if (parts <= 0 || !l->point_count)
-        return OK;
-    sort_into_parts(l, camera_from_world);
-    for (int i = 0; i < LOCATOR_PARTS; i++) {
-        missing[i] = l->part_start[i + 1] - l->part_start[i];
-        l->unsearched[i]++;
-    }
-    for (int i = 0; i < l->track_count; i++) {
-        int part = part_of(&l->lens, l->tracks[i].at);
-        if (part >= 0)
-            missing[part]--;
-    }
-    while (parts-- > 0) {
-        int best = 0;
-        for (int i = 1; i < LOCATOR_PARTS; i++)
-            if (missing[i] * l->unsearched[i] > missing[best] * l->unsearched[best])
-                best = i;
-        if (missing[best] <= 0)
-            break;
-        missing[best] = l->unsearched[best] = 0;
-        enum status status = look_in(l, best, depth, camera_from_world);
-        if (status != OK)
-            return status;
-    }
-    return OK;
 }
 
 // Gets ready for the next picture: corners of the tags, patches as they look from here, and
@@ -359,7 +271,8 @@ static enum status look_ahead(struct locator *l, const struct fit_tag *tags, con
     }
     l->track_count = kept;
     l->last = *camera_from_world;
-    enum status status = look_for_new(l, depth, camera_from_world);
+    l->last_moving = l->moving;
+    enum status status = locator_look_for_new(l, depth, camera_from_world);
     add_corners(l, tags, camera_from_world);
     return status;
 }
@@ -404,7 +317,7 @@ static void look_back(const struct locator *l, const uint16_t *depth, const stru
     double all[36], inverse[36];
     memset(look->map_information, 0, sizeof look->map_information);
     int count = gather(l, depth, 0, map, points);
-    fit_information(tags, l->count, points, count, lens->fx, lens->fy, map, all);
+    fit_information(tags, l->count, points, count, lens->fx, lens->fy, l->motion, map, all);
     if (!invert_symmetric(all, 6, inverse))
         return;
     for (int i = 0; i < l->count; i++) {
@@ -412,7 +325,8 @@ static void look_back(const struct locator *l, const uint16_t *depth, const stru
         old[i].used = tags[i].used && l->tag_tracks[l->which[i]].known;
     }
     count = gather(l, depth, WEIGHED, map, points);
-    fit_information(old, l->count, points, count, lens->fx, lens->fy, map, look->map_information);
+    fit_information(old, l->count, points, count, lens->fx, lens->fy, l->motion, map,
+                    look->map_information);
     for (int i = 0; i < 36; i++) // errors that are larger than expected are so in both
         look->map_information[i] *= inverse[0] / look->map_covariance[0];
 }
@@ -426,17 +340,25 @@ static bool look_around(const struct locator *l, const struct fit_tag *known, in
     const struct lens *lens = &l->lens;
     double information[36];
     int count = gather(l, NULL, NOISE, followed, points);
-    fit_information(known, known_count, points, count, lens->fx, lens->fy, followed, information);
+    fit_information(known, known_count, points, count, lens->fx, lens->fy, l->motion, followed, information);
     if (!invert_symmetric(information, 6, look->noise))
         return false;
     count = gather(l, NULL, DRIFT, followed, points);
-    fit_information(known, known_count, points, count, lens->fx, lens->fy, followed, information);
+    fit_information(known, known_count, points, count, lens->fx, lens->fy, l->motion, followed, information);
     if (!invert_symmetric(information, 6, look->drift))
         return false;
     // What is new was placed by one picture, and errs as that one did.
     for (int i = 0; i < 36; i++)
         look->drift[i] += new_share * new_share * look->noise[i];
     return true;
+}
+
+// What is followed says how fast the camera moves.
+static void expect_speed(struct locator *l, const struct fit_tag *known, int known_count, const struct pose *followed)
+{
+    struct fit_point points[LOCATOR_MOST_TRACKS];
+    int count = gather(l, NULL, LEARNT, followed, points);
+    fit_expect(known, known_count, points, count, l->lens.fx, l->lens.fy, l->motion, followed);
 }
 
 // From the pose that was followed towards the one that the map gives by itself, as far as
@@ -448,10 +370,11 @@ static bool settle_on(struct locator *l, const uint16_t *depth, const struct fit
     const struct lens *lens = &l->lens;
     double by[6];
     struct pose map = *followed;
+    struct shutter_motion moving = l->moving, *motion = l->motion ? &moving : NULL;
     int count = gather(l, depth, 0, followed, points);
-    fit_refine(tags, l->count, 0, points, count, 0, lens->fx, lens->fy, &map);
+    fit_refine(tags, l->count, 0, points, count, 0, lens->fx, lens->fy, motion, &map);
     if (!pose_finite(map) ||
-        !fit_covariance(tags, l->count, points, count, lens->fx, lens->fy, &map, look->map_covariance))
+        !fit_covariance(tags, l->count, points, count, lens->fx, lens->fy, motion, &map, look->map_covariance))
         return false;
     look_back(l, depth, tags, &map, look);
     small_motion(followed, &map, look->off);
@@ -480,7 +403,7 @@ enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const ui
     const struct lens *lens = &l->lens;
     int count = gather(l, depth, CORNERS | LEARNT, &pose, points), corners = 0;
     for (double loose = 8; loose > 0.4; loose /= 4)
-        fit_refine(NULL, 0, 0, points, count, loose, lens->fx, lens->fy, &pose);
+        fit_refine(NULL, 0, 0, points, count, loose, lens->fx, lens->fy, l->motion, &pose);
     for (int i = 0; i < l->track_count; i++)
         corners += l->tracks[i].point < 0;
     int each = TAG_PIXELS / (corners / 4 + 1);
@@ -491,7 +414,7 @@ enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const ui
     use_tags(l, tags, &pose);
     int known_count = correct_tags(l, tags, known);
     count = gather(l, NULL, LEARNT, &pose, points);
-    fit_refine(known, known_count, 0, points, count, 0, lens->fx, lens->fy, &pose);
+    fit_refine(known, known_count, 0, points, count, 0, lens->fx, lens->fy, l->motion, &pose);
     int agree = drop_bad(l, &pose);
     if (!pose_finite(pose) || agree < LEAST_TRACKS || 2 * agree < count)
         return NOTHING;
@@ -500,8 +423,11 @@ enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const ui
     double covariance[36], weighed = 0;
     for (int i = 0; i < l->track_count; i++)
         weighed += l->tracks[i].point >= 0 && l->tracks[i].weighed;
-    if (!look_around(l, known, known_count, 1 - weighed / agree, &pose, &seen) ||
-        !settle_on(l, depth, tags, &pose, &seen, &found.camera_from_world))
+    if (!look_around(l, known, known_count, 1 - weighed / agree, &pose, &seen))
+        return NOTHING;
+    if (l->motion) // the map's own errors say nothing of the speed
+        expect_speed(l, known, known_count, &pose);
+    if (!settle_on(l, depth, tags, &pose, &seen, &found.camera_from_world))
         return NOTHING;
     found.other = found.camera_from_world;
     found.rms_px = locator_rms(l, tags, &found.camera_from_world);
@@ -519,6 +445,6 @@ enum status locator_follow(struct locator *l, const uint8_t *color, const uint16
     struct pose pose = pose_inverse(guess);
     if (!l->track_count || !pose_finite(guess))
         return NOTHING;
-    gray_from_rgb(color, (size_t)l->lens.width * (size_t)l->lens.height, l->gray);
+    locator_begin(l, color);
     return locator_find_tracks(l, &pose) ? locator_fit_tracks(l, color, depth, pose, out) : NOTHING;
 }

@@ -51,3 +51,25 @@ bool invert_symmetric(const double *a, int n, double *inverse)
     }
     return true;
 }
+
+bool half_information(const double *a, int n, bool second, double *out)
+{
+    int first = second ? n : 0, other = n - first, size = 2 * n;
+    double factor[LINEAR_MAX * LINEAR_MAX], column[LINEAR_MAX];
+    assert(n <= LINEAR_MAX);
+    for (int i = 0; i < n * n; i++)
+        factor[i] = a[(other + i / n) * size + other + i % n];
+    if (!cholesky(factor, n))
+        return false;
+    for (int j = 0; j < n; j++) {
+        for (int i = 0; i < n; i++)
+            column[i] = a[(other + i) * size + first + j];
+        cholesky_solve(factor, n, column);
+        for (int i = 0; i < n; i++) {
+            out[i * n + j] = a[(first + i) * size + first + j];
+            for (int k = 0; k < n; k++)
+                out[i * n + j] -= a[(first + i) * size + other + k] * column[k];
+        }
+    }
+    return true;
+}

@@ -61,9 +61,11 @@ static enum status fill(struct locator *l, const struct place *place)
         l->some_points = malloc(points * sizeof *l->some_points);
         l->part_of = malloc(points * sizeof *l->part_of);
         l->in_parts = malloc(points * sizeof *l->in_parts);
-        if (!l->points || !l->some_points || !l->part_of || !l->in_parts)
+        l->vain = calloc(points, sizeof *l->vain);
+        if (!l->points || !l->some_points || !l->part_of || !l->in_parts || !l->vain)
             return fail(ERR_MEMORY, "no memory to find a camera in the place");
         memcpy(l->points, place->points, points * sizeof *l->points);
+        memset(l->vain, 3, points);
         l->point_count = place->point_count;
     }
     l->tag_count = place->tag_count;
@@ -92,6 +94,8 @@ enum status locator_open(struct locator **out, const struct place *place, const 
         return fail(ERR_MEMORY, "no memory to find a camera in the place");
     l->lens = *lens;
     l->options = wanted;
+    l->motion = lens->readout_s > 0 ? &l->moving : NULL;
+    l->expected = shutter_unknown();
     status = fill(l, place);
     if (status != OK)
         locator_close(&l);
@@ -115,6 +119,7 @@ void locator_close(struct locator **out)
     free(l->some_points);
     free(l->part_of);
     free(l->in_parts);
+    free(l->vain);
     free(l);
     *out = NULL;
 }
@@ -129,12 +134,24 @@ static void keep(struct locator *l, const struct sighting *seen, int32_t which, 
     l->count++;
 }
 
+void locator_expect(struct locator *l, const double speed[6], const double covariance[36])
+{
+    l->expected = shutter_expected(speed, covariance);
+}
+
+void locator_begin(struct locator *l, const uint8_t *color)
+{
+    gray_from_rgb(color, (size_t)l->lens.width * (size_t)l->lens.height, l->gray);
+    l->moving = l->expected;
+    l->expected = shutter_unknown();
+}
+
 static enum status look(struct locator *l, const uint8_t *color, const uint16_t *depth)
 {
     struct tag_seen seen[FIT_MAX_TAGS];
     int count;
     l->count = 0;
-    gray_from_rgb(color, (size_t)l->lens.width * (size_t)l->lens.height, l->gray);
+    locator_begin(l, color);
     enum status status = tag_finder_find(l->finder, l->gray, l->lens.width, l->lens.height, seen, FIT_MAX_TAGS, &count);
     if (status != OK)
         return status;
@@ -166,7 +183,7 @@ void locator_fit_tags(const struct locator *l, struct fit_tag *tags)
 static enum status fit(struct locator *l, struct fit_tag *tags, struct camera_fit *out)
 {
     locator_fit_tags(l, tags);
-    return fit_camera(tags, l->count, l->lens.fx, l->lens.fy, l->options.max_rms_px, out);
+    return fit_camera(tags, l->count, l->lens.fx, l->lens.fy, l->options.max_rms_px, l->motion, out);
 }
 
 // Where a tag must appear; false: not wholly in the picture, from behind, too small.
@@ -185,7 +202,7 @@ static bool predict(const struct locator *l, const struct place_tag *tag, const 
         if (!(p.z > 0.05) || fabs(p.x / p.z) > l->lens.width / l->lens.fx ||
             fabs(p.y / p.z) > l->lens.height / l->lens.fy)
             return false;
-        corner[k] = lens_project(&l->lens, p);
+        corner[k] = shutter_project(&l->lens, l->motion, p);
         if (!(corner[k].x >= 1 && corner[k].y >= 1 && corner[k].x <= l->lens.width - 2 &&
               corner[k].y <= l->lens.height - 2))
             return false;
@@ -222,14 +239,17 @@ static int sharpen(struct locator *l, const struct fit_tag *tags, bool with_dept
 {
     const double *depths = with_depth ? l->feature_depths : NULL;
     struct pose first = found->camera_from_world, second = found->other;
+    struct shutter_motion moving[2] = {found->motion, found->other_motion};
     int agree = 0, agree_second = 0;
-    if (!points_refine(l->points, l->point_count, &l->index, depths, &l->lens, tags, l->count, &first, l->matches,
-                       FEATURES_MAX, &agree))
+    if (!points_refine(l->points, l->point_count, &l->index, depths, &l->lens, tags, l->count,
+                       l->motion ? &moving[0] : NULL, &first, l->matches, FEATURES_MAX, &agree))
         agree = 0;
-    if (*status == AMBIGUOUS && points_refine(l->points, l->point_count, &l->index, depths, &l->lens, tags, l->count,
-                                              &second, l->matches, FEATURES_MAX, &agree_second)) {
+    if (*status == AMBIGUOUS &&
+        points_refine(l->points, l->point_count, &l->index, depths, &l->lens, tags, l->count,
+                      l->motion ? &moving[1] : NULL, &second, l->matches, FEATURES_MAX, &agree_second)) {
         if (agree_second > agree) {
             first = second;
+            moving[0] = moving[1];
             agree = agree_second;
         }
     }
@@ -237,9 +257,11 @@ static int sharpen(struct locator *l, const struct fit_tag *tags, bool with_dept
         return 0;
     // Points that drag the pose off the tags are points of something that moved.
     for (int i = 0; i < l->count; i++)
-        if (tags[i].used && !(fit_tag_rms(&tags[i], &first, l->lens.fx, l->lens.fy) < l->options.max_rms_px))
+        if (tags[i].used && !(fit_tag_rms(&tags[i], l->motion ? &moving[0] : NULL, &first, l->lens.fx, l->lens.fy) <
+                              l->options.max_rms_px))
             return 0;
     found->camera_from_world = first;
+    found->motion = moving[0];
     *status = OK;
     return agree;
 }
@@ -251,7 +273,7 @@ double locator_rms(const struct locator *l, const struct fit_tag *tags, const st
     for (int i = 0; i < l->count; i++) {
         if (!tags[i].used)
             continue;
-        double rms = fit_tag_rms(&tags[i], camera_from_world, l->lens.fx, l->lens.fy);
+        double rms = fit_tag_rms(&tags[i], l->motion, camera_from_world, l->lens.fx, l->lens.fy);
         sum += rms * rms;
         used++;
     }
@@ -306,13 +328,14 @@ static int from_points(struct locator *l, bool with_depth, struct camera_fit *fo
 {
     int agree = 0, kept = 0;
     struct pose pose;
+    struct shutter_motion moving = l->moving, *motion = l->motion ? &moving : NULL;
     int count = relocate_match(l->points, l->point_count, &l->index, l->matches, FEATURES_MAX);
-    if (!relocate(l->points, &l->index, &l->lens, l->matches, count, &pose, &agree) ||
+    if (!relocate(l->points, &l->index, &l->lens, l->matches, count, motion, &pose, &agree) ||
         !points_refine(l->points, l->point_count, &l->index, with_depth ? l->feature_depths : NULL, &l->lens, NULL, 0,
-                       &pose, l->matches, FEATURES_MAX, &kept) ||
+                       motion, &pose, l->matches, FEATURES_MAX, &kept) ||
         !enough(l, kept, &pose))
         return 0;
-    *found = (struct camera_fit){.camera_from_world = pose, .other = pose};
+    *found = (struct camera_fit){.camera_from_world = pose, .other = pose, .motion = moving};
     return kept;
 }
 
@@ -325,9 +348,11 @@ static enum status join_predicted(struct locator *l, struct fit_tag *tags, bool 
     if (more == NOTHING || again.used < found->used)
         return status;
     struct pose sharp = found->camera_from_world;
+    struct shutter_motion moving = found->motion;
     *found = again;
     if (*agree) {
         found->camera_from_world = sharp;
+        found->motion = moving;
         more = OK;
         int now = sharpen(l, tags, with_depth, &more, found);
         *agree = now ? now : *agree;
@@ -380,8 +405,13 @@ static enum status find_anew(struct locator *l, const uint8_t *color, const uint
             return NOTHING;
         status = OK;
     }
-    if (locator_look_where_predicted(l, color, depth, &found->camera_from_world, INT_MAX))
+    struct shutter_motion expected = l->moving;
+    l->moving = found->motion;
+    int more = locator_look_where_predicted(l, color, depth, &found->camera_from_world, INT_MAX);
+    l->moving = expected;
+    if (more)
         status = join_predicted(l, tags, depth != NULL, status, agree, found);
+    l->moving = found->motion;
     found->rms_px = locator_rms(l, tags, &found->camera_from_world);
     return status;
 }
@@ -398,12 +428,13 @@ static enum status find(struct locator *l, const uint8_t *color, const uint16_t 
     enum status status = find_anew(l, color, depth, tags, &found, &agree);
     if (status == OK || status == AMBIGUOUS) {
         points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, l->matches, agree, points);
-        if (!fit_covariance(tags, l->count, points, agree, lens->fx, lens->fy, &found.camera_from_world, covariance) ||
+        if (!fit_covariance(tags, l->count, points, agree, lens->fx, lens->fy, l->motion, &found.camera_from_world,
+                            covariance) ||
             !locator_describe(l, &found, agree, covariance, covariance, out))
             status = NOTHING;
     }
     if (status == OK)
-        focal_add(&l->focal, tags, l->count, points, agree, lens->fx, lens->fy, &found.camera_from_world);
+        focal_add(&l->focal, tags, l->count, points, agree, lens->fx, lens->fy, l->motion, &found.camera_from_world);
     if (again && status == OK && locator_find_tracks(l, &found.camera_from_world)) {
         enum status followed = locator_fit_tracks(l, color, depth, found.camera_from_world, out);
         if (followed == NOTHING)

@@ -37,6 +37,13 @@ MUST_CHECK enum status locator_open(struct locator **out, const struct place *pl
                                     const struct locator_options *options);
 void locator_close(struct locator **l);
 
+// With a rolling shutter (lens.readout_s): how the camera should be moving while the next picture is
+// read, turn (rad/s) and shift (m/s) in its own axes, and how sure that is (6 x 6, row-major). Holds
+// for the next look only; of a picture without it, as much is known as of any hand. Poses are those of
+// the middle row, and by how much the speed that the picture itself shows leaves them open is in their
+// covariance.
+void locator_expect(struct locator *l, const double speed[6], const double covariance[36]);
+
 // color: RGB of the lens's size. depth: of the same pixels, or NULL.
 // OK         *out filled
 // NOTHING    nothing known in sight, nothing that fits, or too little to be sure
@@ -47,7 +54,7 @@ MUST_CHECK enum status locator_find(struct locator *l, const uint8_t *color, con
 
 // The same for a picture that comes soon after one in which this locator found or followed
 // the camera: what was seen there is looked for near where `guess`, world_from_camera, puts it
-// (to about ten pixels), which takes a seventh of the time.
+// (to about ten pixels), which takes a fifteenth of the time.
 // OK; NOTHING: too little of it is there, *out untouched: find the camera anew.
 MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                       struct pose guess, struct location *out);

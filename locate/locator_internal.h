@@ -7,7 +7,7 @@
 #include "locate/patch.h"
 #include "locate/points.h"
 
-enum { LOCATOR_MOST_TRACKS = 160, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
+enum { LOCATOR_MOST_TRACKS = 220, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
 
 // Something of known place that the last picture showed: a natural point, or a tag's corner.
 struct point_track {
@@ -16,6 +16,7 @@ struct point_track {
     double sigma_px;
     struct pixel at; // in the last picture
     struct vec3 ray; // of that, on the plane z = 1
+    double time_s;   // of that, when its row was read
     // Of point, map and feature each errs by some pixels, and the same in each picture that
     // follows. That is learnt, so that new points and old ones do not make the pose jump.
     double off[2], off_variance; // ideal pixels
@@ -62,9 +63,17 @@ struct locator {
     int32_t *part_of, *in_parts, part_start[LOCATOR_PARTS + 1]; // points by the part they should be seen in
     struct place_point *some_points;                             // of one part
     int unsearched[LOCATOR_PARTS]; // for how many pictures no new points were looked for in each part
+    uint8_t *vain; // how often each point was looked for in vain since it was last found, at most 255
     struct pose last; // camera_from_world of the last picture that was placed
+    struct shutter_motion last_moving;
+    // of the picture in hand, with a rolling shutter
+    struct shutter_motion moving;
+    struct shutter_motion *motion; // &moving; NULL: all rows are read at once
+    struct shutter_motion expected; // of the next picture
 };
 
+// Begins a picture: its grey copy, and what is expected of its motion.
+void locator_begin(struct locator *l, const uint8_t *color);
 // Tags that the pose says must be there and that are not among the sightings. most_pixels: of
 // each that are read. How many were added.
 int locator_look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
@@ -81,7 +90,24 @@ double locator_rms(const struct locator *l, const struct fit_tag *tags, const st
 bool locator_describe(const struct locator *l, const struct camera_fit *found, int point_count,
                       const double covariance[36], const double noise[36], struct location *out);
 
+// A distortion polynomial means nothing far outside the picture. p: camera axes.
+static inline bool locator_in_picture(const struct lens *lens, struct vec3 p)
+{
+    return p.z > 0.1 && fabs(p.x) < lens->width / lens->fx * p.z && fabs(p.y) < lens->height / lens->fy * p.z;
+}
+
+// ---- newcomers.c
+// Features that show points of the place become tracks, as far as there is room and none is near.
+// found: of l->matches.
+void locator_add_points(struct locator *l, int found, const struct pose *camera_from_world);
+// New points, in a small part of the picture, where most are to be gained.
+MUST_CHECK enum status locator_look_for_new(struct locator *l, const uint16_t *depth,
+                                            const struct pose *camera_from_world);
+
 // ---- follow.c
+// Something of known place, seen at a pixel, will be followed. point: as in struct point_track.
+void locator_add_track(struct locator *l, int32_t point, struct vec3 world, double sigma_px, struct pixel at,
+                       const struct pose *camera_from_world);
 // After locator_find: keeps what the picture showed for the next one. agree: of l->matches;
 // covariance: of the pose.
 void locator_remember(struct locator *l, const struct fit_tag *tags, int agree, const struct pose *camera_from_world,

@@ -3,11 +3,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_ROUNDS = 8, HALF = PATCH_SIDE / 2, BORDER = PATCH_SIDE + 2 };
+enum { MOST_ROUNDS = 8, WIDE = PATCH_ACROSS + 2, HIGH = PATCH_DOWN + 2 };
 static const float SETTLED_PX = 0.02f;
 static const float LEAST_SPREAD = 4;       // grey levels, standard deviation
 static const float LEAST_LIKENESS = 0.85f; // correlation in the full picture
-static const double MOST_PX = 16;          // further than this from the start it is another one
+// Further than this from the start it is another one.
+static const double MOST_PX = 16, NEAR_PX = 3;
 
 enum status patch_picture_open(struct patch_picture *p, int width, int height)
 {
@@ -45,54 +46,70 @@ void patch_picture_fill(struct patch_picture *p, const uint8_t *gray)
     }
 }
 
-// Reads side x side values around (x, y), bilinear. False: not wholly in the picture.
-static bool read_square(const struct patch_picture *p, int l, double x, double y, int side, float *out)
+// Reads across x down values around (x, y), bilinear. False: not wholly in the picture.
+static inline bool read_around(const struct patch_picture *p, int l, double x, double y, int across, int down,
+                               float *restrict out)
 {
-    double left = floor(x), top = floor(y);
-    int x0 = (int)left - side / 2, y0 = (int)top - side / 2;
-    float fx = (float)(x - left), fy = (float)(y - top);
-    if (!(x > -1 && y > -1) || x0 < 0 || y0 < 0 || x0 + side >= p->width[l] || y0 + side >= p->height[l])
+    double left = x - (across - 1) * 0.5, top = y - (down - 1) * 0.5;
+    if (!(left >= 0 && top >= 0 && left < p->width[l] - across && top < p->height[l] - down))
         return false;
+    int x0 = (int)left, y0 = (int)top;
+    float fx = (float)(left - x0), fy = (float)(top - y0);
     float w00 = (1 - fx) * (1 - fy), w10 = fx * (1 - fy), w01 = (1 - fx) * fy, w11 = fx * fy;
-    for (int row = 0; row < side; row++) {
-        const uint8_t *a = p->level[l] + (size_t)(y0 + row) * (size_t)p->width[l] + (size_t)x0, *b = a + p->width[l];
-        for (int c = 0; c < side; c++)
-            out[row * side + c] = w00 * (float)a[c] + w10 * (float)a[c + 1] + w01 * (float)b[c] + w11 * (float)b[c + 1];
-    }
+    const uint8_t *a = p->level[l] + (size_t)y0 * (size_t)p->width[l] + (size_t)x0, *b = a + p->width[l];
+    for (int row = 0; row < down; row++, a = b, b += p->width[l], out += across)
+        for (int c = 0; c < across; c++)
+            out[c] = w00 * (float)a[c] + w10 * (float)a[c + 1] + w01 * (float)b[c] + w11 * (float)b[c + 1];
     return true;
 }
 
-// Takes the mean off and returns the standard deviation.
-static float centre(float value[PATCH_PIXELS])
+// Sums over a patch are taken column by column, then over the columns in pairs: in vectors of any
+// length the result is the same.
+static inline float sum_columns(const float column[PATCH_ACROSS])
 {
-    float sum = 0, sum2 = 0;
+    return ((column[0] + column[4]) + (column[1] + column[5])) + ((column[2] + column[6]) + (column[3] + column[7]));
+}
+
+static inline float sum_products(const float a[PATCH_PIXELS], const float b[PATCH_PIXELS])
+{
+    float column[PATCH_ACROSS] = {0};
+    for (int i = 0; i < PATCH_PIXELS; i += PATCH_ACROSS)
+        for (int c = 0; c < PATCH_ACROSS; c++)
+            column[c] += a[i + c] * b[i + c];
+    return sum_columns(column);
+}
+
+// Takes the mean off and returns the standard deviation.
+static inline float centre(float value[PATCH_PIXELS])
+{
+    float column[PATCH_ACROSS] = {0};
+    for (int i = 0; i < PATCH_PIXELS; i += PATCH_ACROSS)
+        for (int c = 0; c < PATCH_ACROSS; c++)
+            column[c] += value[i + c];
+    float mean = sum_columns(column) / PATCH_PIXELS;
     for (int i = 0; i < PATCH_PIXELS; i++)
-        sum += value[i];
-    sum /= PATCH_PIXELS;
-    for (int i = 0; i < PATCH_PIXELS; i++) {
-        value[i] -= sum;
-        sum2 += value[i] * value[i];
-    }
-    return sqrtf(sum2 / PATCH_PIXELS);
+        value[i] -= mean;
+    return sqrtf(sum_products(value, value) / PATCH_PIXELS);
 }
 
 static double at_level(double full, int l) { return (full + 0.5) / (1 << l) - 0.5; }
 
 static bool cut_level(const struct patch_picture *p, int l, struct pixel at, struct patch_level *out)
 {
-    float wide[BORDER * BORDER], xx = 0, xy = 0, yy = 0;
+    float wide[WIDE * HIGH];
     out->spread = 0;
-    if (!read_square(p, l, at_level(at.x, l), at_level(at.y, l), BORDER, wide))
+    if (!read_around(p, l, at_level(at.x, l), at_level(at.y, l), WIDE, HIGH, wide))
         return false;
-    for (int i = 0; i < PATCH_PIXELS; i++) {
-        const float *v = wide + (i / PATCH_SIDE + 1) * BORDER + i % PATCH_SIDE + 1;
-        out->value[i] = *v;
-        out->by_x[i] = (v[1] - v[-1]) / 2;
-        out->by_y[i] = (v[BORDER] - v[-BORDER]) / 2;
-        xx += out->by_x[i] * out->by_x[i];
-        xy += out->by_x[i] * out->by_y[i];
-        yy += out->by_y[i] * out->by_y[i];
+    for (int row = 0, i = 0; row < PATCH_DOWN; row++) {
+        const float *v = wide + (row + 1) * WIDE + 1;
+        for (int c = 0; c < PATCH_ACROSS; c++, v++, i++) {
+            out->value[i] = *v;
+            out->by_x[i] = (v[1] - v[-1]) / 2;
+            out->by_y[i] = (v[WIDE] - v[-WIDE]) / 2;
+        }
     }
+    float xx = sum_products(out->by_x, out->by_x), xy = sum_products(out->by_x, out->by_y),
+          yy = sum_products(out->by_y, out->by_y);
     float spread = centre(out->value), det = xx * yy - xy * xy;
     // An edge alone lets the patch slide along it.
     if (!(spread > LEAST_SPREAD) || !(det > 0.02f * (xx + yy) * (xx + yy)))
@@ -115,18 +132,15 @@ static bool settle(const struct patch_picture *p, int l, const struct patch_leve
 {
     float now[PATCH_PIXELS], step = 1;
     for (int round = 0; round < MOST_ROUNDS; round++) {
-        if (!read_square(p, l, *x, *y, PATCH_SIDE, now))
+        if (!read_around(p, l, *x, *y, PATCH_ACROSS, PATCH_DOWN, now))
             return false;
-        float spread = centre(now), gain = patch->spread / fmaxf(spread, 0.5f), bx = 0, by = 0, dot = 0;
-        for (int i = 0; i < PATCH_PIXELS; i++) {
-            float error = now[i] * gain - patch->value[i];
-            bx += patch->by_x[i] * error;
-            by += patch->by_y[i] * error;
-            dot += now[i] * patch->value[i];
-        }
-        *likeness = dot / (PATCH_PIXELS * patch->spread * fmaxf(spread, 0.5f));
+        float spread = centre(now), gain = patch->spread / fmaxf(spread, 0.5f);
+        *likeness = sum_products(now, patch->value) / (PATCH_PIXELS * patch->spread * fmaxf(spread, 0.5f));
         if (step < SETTLED_PX)
             break;
+        for (int i = 0; i < PATCH_PIXELS; i++)
+            now[i] = now[i] * gain - patch->value[i];
+        float bx = sum_products(now, patch->by_x), by = sum_products(now, patch->by_y);
         float dx = patch->inverse[0] * bx + patch->inverse[1] * by,
               dy = patch->inverse[1] * bx + patch->inverse[2] * by;
         step = fmaxf(fabsf(dx), fabsf(dy));
@@ -140,10 +154,10 @@ static bool settle(const struct patch_picture *p, int l, const struct patch_leve
     return isfinite(*x) && isfinite(*y);
 }
 
-bool patch_follow(const struct patch_picture *p, const struct patch *patch, struct pixel *at)
+bool patch_follow(const struct patch_picture *p, const struct patch *patch, bool near, struct pixel *at)
 {
     struct pixel now = *at;
-    for (int l = PATCH_LEVELS - 1; l >= 0; l--) {
+    for (int l = near ? 0 : PATCH_LEVELS - 1; l >= 0; l--) {
         double x = at_level(now.x, l), y = at_level(now.y, l);
         float likeness = 0;
         if (!(patch->level[l].spread > 0))
@@ -158,7 +172,7 @@ bool patch_follow(const struct patch_picture *p, const struct patch *patch, stru
         if (l == 0 || likeness > 0.6f) // a copy that shows something else misleads
             now = (struct pixel){(x + 0.5) * (1 << l) - 0.5, (y + 0.5) * (1 << l) - 0.5};
     }
-    if (!(hypot(now.x - at->x, now.y - at->y) < MOST_PX))
+    if (!(hypot(now.x - at->x, now.y - at->y) < (near ? NEAR_PX : MOST_PX)))
         return false;
     *at = now;
     return true;

@@ -1,11 +1,12 @@
-// Small squares of a picture, found again in the next one to a few hundredths of a
+// Small pieces of a picture, found again in the next one to a few hundredths of a
 // pixel by their brightness alone (Lucas and Kanade 1981, as Baker and Matthews, IJCV
-// 2004, turn it round: everything that depends on the square is computed once), from
-// coarse to fine copies of the picture. Dimmer or brighter is the same square.
+// 2004, turn it round: everything that depends on the piece is computed once), from
+// coarse to fine copies of the picture. Dimmer or brighter is the same piece.
 #pragma once
 #include "platform/lens.h"
 
-enum { PATCH_SIDE = 9, PATCH_PIXELS = PATCH_SIDE * PATCH_SIDE, PATCH_LEVELS = 3 };
+// As wide as the vectors that processors add up at once.
+enum { PATCH_ACROSS = 8, PATCH_DOWN = 9, PATCH_PIXELS = PATCH_ACROSS * PATCH_DOWN, PATCH_LEVELS = 3 };
 
 // A grey picture and copies of it, each half as large as the last.
 struct patch_picture {
@@ -31,5 +32,6 @@ struct patch {
 // False, *out not to be used: at the picture's edge, or too even to be found again.
 bool patch_cut(const struct patch_picture *p, struct pixel at, struct patch *out);
 
-// Looks for the patch near *at, within about ten pixels. False, *at untouched: not there.
-bool patch_follow(const struct patch_picture *p, const struct patch *patch, struct pixel *at);
+// Looks for the patch near *at: within about ten pixels; near: within one or two, in a third of the
+// time. False, *at untouched: not there.
+bool patch_follow(const struct patch_picture *p, const struct patch *patch, bool near, struct pixel *at);

@@ -98,8 +98,8 @@ static int best_feature(const struct place_point *point, const struct feature_in
 }
 
 int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                 const struct lens *lens, const struct pose *camera_from_world, double radius_px,
-                 struct point_match *out, int capacity)
+                 const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                 double radius_px, struct point_match *out, int capacity)
 {
     int32_t owner[FEATURES_MAX];
     int bits_of[FEATURES_MAX];
@@ -110,7 +110,7 @@ int points_match(const struct place_point *points, int32_t point_count, const st
         struct vec3 p = pose_apply(*camera_from_world, points[i].world);
         if (!(p.z > 0.1) || fabs(p.x) > wide * p.z || fabs(p.y) > high * p.z)
             continue;
-        struct pixel at = lens_project(lens, p);
+        struct pixel at = shutter_project(lens, motion, p);
         if (!(at.x > -radius_px && at.y > -radius_px && at.x < lens->width + radius_px &&
               at.y < lens->height + radius_px))
             continue;
@@ -134,7 +134,7 @@ int points_gather(const struct place_point *points, const struct feature_index *
         const struct feature *f = &index->features[matches[i].feature];
         struct vec3 ray = lens_ray(lens, f->at);
         out[i] = (struct fit_point){points[matches[i].point].world, ray.x, ray.y, feature_sigma(f),
-                                    depth ? depth[matches[i].feature] : 0, {0}};
+                                    depth ? depth[matches[i].feature] : 0, {0}, shutter_time(lens, f->at.y)};
     }
     return count;
 }
@@ -166,8 +166,9 @@ static struct vec3 flat_direction(const struct fit_point *points, int count, str
 // A wall seen nearly head-on looks much the same from the mirrored side. Where the
 // mirrored pose fits better, it is taken.
 static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct fit_point *points, int count,
-                         const struct lens *lens, struct pose *camera_from_world)
+                         const struct lens *lens, struct shutter_motion *motion, struct pose *camera_from_world)
 {
+    struct shutter_motion moving = motion ? *motion : shutter_unknown();
     struct vec3 centre = v3(0, 0, 0);
     for (int i = 0; i < count; i++)
         centre = v3_add(centre, v3_scale(points[i].world, 1.0 / count));
@@ -178,10 +179,14 @@ static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct
     struct quat turn = quat_between(out, mirrored);
     struct pose there = {quat_multiply(turn, world_from_camera.rotation), v3_add(centre, quat_rotate(turn, out))};
     struct pose pose = pose_inverse(there);
-    double own = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, camera_from_world);
-    double other = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, &pose);
-    if (other < own)
-        *camera_from_world = pose;
+    double own = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion, camera_from_world);
+    double other =
+        fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion ? &moving : NULL, &pose);
+    if (!(other < own))
+        return;
+    *camera_from_world = pose;
+    if (motion)
+        *motion = moving;
 }
 
 // Searched ever nearer, each time from the pose that the last search gave; the fit of
@@ -189,57 +194,64 @@ static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct
 // found at first.
 static int search(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                   const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
-                  double radius_px, struct pose *pose, struct point_match *matches, int capacity, int *first)
+                  double radius_px, struct shutter_motion *motion, struct pose *pose, struct point_match *matches,
+                  int capacity, int *first)
 {
     static const double LAST_PX = 4;
     struct fit_point seen[FEATURES_MAX];
     int count;
     *first = 0;
     for (double radius = radius_px;; radius = fmax(radius / 2.5, LAST_PX)) {
-        count = points_match(points, point_count, index, lens, pose, radius, matches, capacity);
+        count = points_match(points, point_count, index, lens, motion, pose, radius, matches, capacity);
         *first = *first ? *first : count;
         if (count < LEAST_POINTS)
             return 0;
         points_gather(points, index, depth, lens, matches, count, seen);
         for (double loose = radius / 3; loose > 0.5; loose /= 3)
-            fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, pose);
+            fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, motion, pose);
         if (radius <= LAST_PX)
             break;
     }
-    try_mirrored(tags, tag_count, seen, count, lens, pose);
+    try_mirrored(tags, tag_count, seen, count, lens, motion, pose);
     int kept = 0;
     for (int i = 0; i < count; i++)
-        if (fit_point_error(&seen[i], pose, lens->fx, lens->fy) < 4)
+        if (fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 4)
             matches[kept++] = matches[i];
     return kept < LEAST_POINTS || 2 * kept < count ? 0 : kept;
 }
 
 bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                    const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
-                   struct pose *camera_from_world, struct point_match *matches, int capacity, int *match_count)
+                   struct shutter_motion *motion, struct pose *camera_from_world, struct point_match *matches,
+                   int capacity, int *match_count)
 {
     // A small far tag alone may be off by more than the first search reaches. That
     // shows: most of what seemed to match at first does not in the end.
     static const double NEAR_PX = 40, FAR_PX = 120;
     struct point_match far_matches[FEATURES_MAX];
     struct pose near = *camera_from_world, far = near;
+    struct shutter_motion near_motion = motion ? *motion : shutter_unknown(), far_motion = near_motion;
     int first, first_far;
     if (capacity > FEATURES_MAX)
         capacity = FEATURES_MAX;
     int kept =
-        search(points, point_count, index, depth, lens, tags, tag_count, NEAR_PX, &near, matches, capacity, &first);
+        search(points, point_count, index, depth, lens, tags, tag_count, NEAR_PX, motion ? &near_motion : NULL, &near,
+               matches, capacity, &first);
     if (2 * kept < first) {
-        int kept_far = search(points, point_count, index, depth, lens, tags, tag_count, FAR_PX, &far, far_matches,
-                              capacity, &first_far);
+        int kept_far = search(points, point_count, index, depth, lens, tags, tag_count, FAR_PX,
+                              motion ? &far_motion : NULL, &far, far_matches, capacity, &first_far);
         if (kept_far > kept) {
             memcpy(matches, far_matches, (size_t)kept_far * sizeof *matches);
             kept = kept_far;
             near = far;
+            near_motion = far_motion;
         }
     }
     if (!kept)
         return false;
     *camera_from_world = near;
+    if (motion)
+        *motion = near_motion;
     *match_count = kept;
     return true;
 }

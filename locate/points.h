@@ -23,18 +23,19 @@ struct point_match {
 };
 
 // Which feature shows which point, looked for within radius_px of where the pose
-// puts the point. Each point and each feature at most once. Returns how many.
+// puts the point. motion, here and below: of a rolling shutter, or NULL. Each point and each feature at most once. Returns how many.
 int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                 const struct lens *lens, const struct pose *camera_from_world, double radius_px,
-                 struct point_match *out, int capacity);
+                 const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                 double radius_px, struct point_match *out, int capacity);
 
 // From a pose that is roughly right (tags gave it) to one that fits points and
-// tags. depth[i]: metres at feature i, 0 = none; or NULL. On true `pose` is the better
-// one and matches[0 .. *match_count) are the points that agree; on false (too few do)
+// tags. depth[i]: metres at feature i, 0 = none; or NULL. On true `pose` (and the speed of
+// `motion`) is the better one and matches[0 .. *match_count) are the points that agree; on false (too few do)
 // nothing changed.
 bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                    const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
-                   struct pose *camera_from_world, struct point_match *matches, int capacity, int *match_count);
+                   struct shutter_motion *motion, struct pose *camera_from_world, struct point_match *matches,
+                   int capacity, int *match_count);
 
 // What matches say, for a fit: out has room for `count`, which is returned.
 int points_gather(const struct place_point *points, const struct feature_index *index, const double *depth,

@@ -1,6 +1,7 @@
 #include "locate/refine.h"
 
 #include "locate/linear.h"
+#include "locate/shutter.h"
 #include "locate/square.h"
 
 #include <stdlib.h>
@@ -12,7 +13,7 @@ enum {
     PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
     MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
-    FEW_ROUNDS = 3,  // from corners known to a pixel; more change them by less than the noise does
+    FEW_ROUNDS = 2,  // from corners known to a pixel; more change them by less than the noise does
     NOISE_ROUND = 1, // in which the picture's noise is estimated: the first one has no say in it
     SLOPES = 1024,
     BELL_STEPS = 1024, // of the table of the normal distribution, over +- BELL_REACH
@@ -39,9 +40,11 @@ struct bell {
     double density;
 };
 static const double BELL_REACH = 4;
+static const double GOLDEN = 0.6180339887498949; // multiples of it are spread evenly over 0 .. 1, without their whole part
 
 struct refiner {
     struct lens lens;
+    double pixel_x, pixel_y; // a pixel's sides on the plane z = 1
     float *ray; // of each pixel on the plane z = 1, distortion undone: x, y
     struct bell bell[BELL_STEPS + 1];
     double linear[256];       // sRGB to linear light
@@ -64,6 +67,8 @@ enum status refiner_open(struct refiner **out, const struct lens *lens)
     if (!r)
         return fail(ERR_MEMORY, "no memory to refine tag corners");
     r->lens = *lens;
+    r->pixel_x = 1 / lens->fx;
+    r->pixel_y = 1 / lens->fy;
     r->ray = malloc((size_t)lens->width * (size_t)lens->height * 2 * sizeof *r->ray);
     if (!r->ray) {
         refiner_close(&r);
@@ -99,12 +104,6 @@ void refiner_close(struct refiner **r)
         free((*r)->ray);
     free(*r);
     *r = NULL;
-}
-
-void gray_from_rgb(const uint8_t *rgb, size_t pixels, uint8_t *gray)
-{
-    for (size_t i = 0; i < pixels; i++) // BT.601, in 256ths
-        gray[i] = (uint8_t)((77 * rgb[3 * i] + 150 * rgb[3 * i + 1] + 29 * rgb[3 * i + 2] + 128) >> 8);
 }
 
 static bool invert3(const double m[9], double out[9])
@@ -150,19 +149,18 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], in
         twice_area += at[i].x * at[(i + 1) % 4].y - at[(i + 1) % 4].x * at[i].y;
     int left = (int)fmax(0, floor(x0)), right = (int)fmin(lens->width - 1, ceil(x1));
     int top = (int)fmax(0, floor(y0)), bottom = (int)fmin(lens->height - 1, ceil(y1));
-    // Of a large tag every second, third ... pixel, as they come along the rows; the stride is no
-    // whole number, so that it does not fall into step with the rows.
-    double stride = fmax(1, fabs(twice_area) / 2 / most), next = 0;
-    int inside = 0;
-    for (int y = top; y <= bottom; y++) {
-        for (int x = left; x <= right; x++) {
-            const float *ray = r->ray + ((size_t)y * (size_t)lens->width + (size_t)x) * 2;
+    // Of a large tag every second, third ... pixel along each row; where it begins is another place in
+    // each row, so that the pixels do not stand in columns.
+    double stride = fmax(1, fabs(twice_area) / 2 / most), phase = 0;
+    for (int y = top; y <= bottom; y++, phase += GOLDEN - (phase + GOLDEN >= 1)) {
+        for (double along = phase * stride; along < right - left + 1; along += stride) {
+            size_t pixel = (size_t)y * (size_t)lens->width + (size_t)(left + (int)along);
+            const float *ray = r->ray + pixel * 2;
             double u, v;
             apply(inverse, (double)ray[0], (double)ray[1], &u, &v);
-            if (!(fabs(u) < reach && fabs(v) < reach) || inside++ < next || r->count == MAX_SAMPLES)
+            if (!(fabs(u) < reach && fabs(v) < reach) || r->count == MAX_SAMPLES)
                 continue;
-            next += stride;
-            const uint8_t *p = rgb + ((size_t)y * (size_t)lens->width + (size_t)x) * 3;
+            const uint8_t *p = rgb + pixel * 3;
             double light = 0.2126 * r->linear[p[0]] + 0.7152 * r->linear[p[1]] + 0.0722 * r->linear[p[2]];
             r->samples[r->count++] = (struct sample){(double)ray[0], (double)ray[1], light};
         }
@@ -181,10 +179,11 @@ struct window {
 
 static struct window window_of(double by_x, double by_y, double blur_px)
 {
-    double steep = sqrt(by_x * by_x + by_y * by_y), per_px = steep / CELL;
-    double wide = fmax(fabs(by_x), fabs(by_y)) / steep, narrow = fmin(fabs(by_x), fabs(by_y)) / steep;
-    double blur = sqrt(blur_px * blur_px + narrow * narrow / 12);
-    return (struct window){wide * per_px, blur * per_px, blur_px / blur * per_px};
+    double wide = fabs(by_x), narrow = fabs(by_y), blurred = blur_px * (by_x * by_x + by_y * by_y);
+    if (wide < narrow)
+        wide = fabs(by_y), narrow = fabs(by_x);
+    double blur = sqrt(blur_px * blurred + narrow * narrow / 12);
+    return (struct window){wide / CELL, blur / CELL, blurred / blur / CELL};
 }
 
 // How much of each cell along one axis the point at `a` (in cells, 0..RIM) sees,
@@ -218,14 +217,15 @@ static void look_along(const struct refiner *r, double a, const struct window *w
     out->first = first;
     out->count = last - first + 1;
     double below = 0, below_a = 0, below_blur = 0; // of the edge under the cell
+    double sharp = 1 / w->blur, narrow = 1 / w->width, half = w->width / 2;
     for (int i = first; i <= last; i++) {
         double above = 1, above_a = 0, above_blur = 0;
         if (i < last) {
-            struct bell p = bell_at(r, (i + 1 - a + w->width / 2) / w->blur);
-            struct bell m = bell_at(r, (i + 1 - a - w->width / 2) / w->blur);
-            above = (p.integral - m.integral) * w->blur / w->width;
-            above_a = (m.below - p.below) / w->width;
-            above_blur = (p.density - m.density) / w->width * w->blur_by_px;
+            struct bell p = bell_at(r, (i + 1 - a + half) * sharp);
+            struct bell m = bell_at(r, (i + 1 - a - half) * sharp);
+            above = (p.integral - m.integral) * w->blur * narrow;
+            above_a = (m.below - p.below) * narrow;
+            above_blur = (p.density - m.density) * narrow * w->blur_by_px;
         }
         out->share[i - first] = above - below;
         out->by_a[i - first] = above_a - below_a;
@@ -277,15 +277,14 @@ struct gathered {
 static bool predict(const struct refiner *r, const struct model *m, const double inverse[9], const struct sample *s,
                     double *value, double by[PARAMETERS])
 {
-    double w = inverse[6] * s->x + inverse[7] * s->y + inverse[8];
-    double u = (inverse[0] * s->x + inverse[1] * s->y + inverse[2]) / w;
-    double v = (inverse[3] * s->x + inverse[4] * s->y + inverse[5]) / w;
+    double w = 1 / (inverse[6] * s->x + inverse[7] * s->y + inverse[8]);
+    double u = (inverse[0] * s->x + inverse[1] * s->y + inverse[2]) * w;
+    double v = (inverse[3] * s->x + inverse[4] * s->y + inverse[5]) * w;
     if (!(fabs(u) < 1 + 0.75 * CELL && fabs(v) < 1 + 0.75 * CELL))
         return false;
-    double u_x = (inverse[0] - u * inverse[6]) / (w * r->lens.fx),
-           u_y = (inverse[1] - u * inverse[7]) / (w * r->lens.fy);
-    double v_x = (inverse[3] - v * inverse[6]) / (w * r->lens.fx),
-           v_y = (inverse[4] - v * inverse[7]) / (w * r->lens.fy);
+    double w_x = w * r->pixel_x, w_y = w * r->pixel_y;
+    double u_x = (inverse[0] - u * inverse[6]) * w_x, u_y = (inverse[1] - u * inverse[7]) * w_y;
+    double v_x = (inverse[3] - v * inverse[6]) * w_x, v_y = (inverse[4] - v * inverse[7]) * w_y;
     struct window across = window_of(u_x, u_y, m->blur_px), up = window_of(v_x, v_y, m->blur_px);
     struct shade shade = look(r, m, u, v, &across, &up);
     double white = m->white + m->white_u * u + m->white_v * v;
@@ -515,6 +514,7 @@ bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const stru
     for (int k = 0; k < 4; k++) {
         s.ray[k].z = 1;
         apply(m.h, own[k][0], own[k][1], &s.ray[k].x, &s.ray[k].y);
+        s.time_s[k] = shutter_time(&r->lens, lens_project(&r->lens, s.ray[k]).y);
         double dx = (s.ray[k].x - first[k].x) * r->lens.fx, dy = (s.ray[k].y - first[k].y) * r->lens.fy;
         moved_px = fmax(moved_px, sqrt(dx * dx + dy * dy));
         dx = (first[k].x - first[(k + 1) % 4].x) * r->lens.fx, dy = (first[k].y - first[(k + 1) % 4].y) * r->lens.fy;

@@ -21,6 +21,7 @@ struct sighting {
     struct vec3 ray[4];       // the corners on the plane z = 1, distortion undone; order of place.h
     double information[8][8]; // inverse covariance of (fx ray.x, fy ray.y), corner by corner; 1 / pixel^2
     double likeness;          // squared correlation of picture and pattern, 0..1
+    double time_s[4];         // when each corner's row was read, as shutter_time
 };
 
 // rgb: of the lens's size. corner: a first idea, within about half a cell of the

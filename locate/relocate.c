@@ -174,38 +174,43 @@ static uint32_t draw(uint64_t *state, uint32_t below)
     return (uint32_t)((*state >> 33) % below);
 }
 
-static int agreeing(const struct fit_point *seen, int count, const struct pose *pose, const struct lens *lens,
-                    int to_beat)
+static int agreeing(const struct fit_point *seen, int count, const struct shutter_motion *motion,
+                    const struct pose *pose, const struct lens *lens, int to_beat)
 {
     int agree = 0;
     for (int i = 0; i < count && agree + count - i > to_beat; i++)
-        agree += fit_point_error(&seen[i], pose, lens->fx, lens->fy) < AGREE_SIGMA;
+        agree += fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < AGREE_SIGMA;
     return agree;
 }
 
 // Fits to those that agree, twice, since a better pose has more that do.
-static int improve(const struct fit_point *seen, int count, const struct lens *lens, struct pose *pose)
+static int improve(const struct fit_point *seen, int count, const struct lens *lens, struct shutter_motion *motion,
+                   struct pose *pose)
 {
     struct fit_point good[FEATURES_MAX];
     int agree = 0;
     for (int round = 0; round < 2; round++) {
         int n = 0;
         for (int i = 0; i < count; i++)
-            if (fit_point_error(&seen[i], pose, lens->fx, lens->fy) < 2 * AGREE_SIGMA)
+            if (fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 2 * AGREE_SIGMA)
                 good[n++] = seen[i];
         struct pose better = *pose;
-        fit_refine(NULL, 0, 0, good, n, 0, lens->fx, lens->fy, &better);
-        int now = agreeing(seen, count, &better, lens, 0);
+        struct shutter_motion moving = motion ? *motion : shutter_unknown(), *with = motion ? &moving : NULL;
+        fit_refine(NULL, 0, 0, good, n, 0, lens->fx, lens->fy, with, &better);
+        int now = agreeing(seen, count, with, &better, lens, 0);
         if (now < agree)
             break;
         agree = now;
         *pose = better;
+        if (motion)
+            *motion = moving;
     }
     return agree;
 }
 
 bool relocate(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
-              const struct point_match *matches, int count, struct pose *camera_from_world, int *agree)
+              const struct point_match *matches, int count, struct shutter_motion *motion,
+              struct pose *camera_from_world, int *agree)
 {
     struct fit_point seen[FEATURES_MAX];
     struct vec3 ray[FEATURES_MAX];
@@ -218,7 +223,8 @@ bool relocate(const struct place_point *points, const struct feature_index *inde
     for (int i = 0; i < count; i++) {
         const struct feature *f = &index->features[matches[i].feature];
         struct vec3 r = lens_ray(lens, f->at);
-        seen[i] = (struct fit_point){points[matches[i].point].world, r.x, r.y, feature_sigma(f), 0, {0}};
+        seen[i] = (struct fit_point){points[matches[i].point].world, r.x, r.y, feature_sigma(f), 0, {0},
+                                     shutter_time(lens, f->at.y)};
         ray[i] = v3_unit(r);
     }
     for (int round = 0; round < rounds; round++) {
@@ -232,7 +238,7 @@ bool relocate(const struct place_point *points, const struct feature_index *inde
             (struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
             (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
         for (int p = 0; p < n; p++) {
-            int now = agreeing(seen, count, &poses[p], lens, most);
+            int now = agreeing(seen, count, motion, &poses[p], lens, most);
             if (now > most) {
                 most = now;
                 best = poses[p];
@@ -243,7 +249,7 @@ bool relocate(const struct place_point *points, const struct feature_index *inde
     }
     if (most < LEAST_AGREEING / 2)
         return false;
-    most = improve(seen, count, lens, &best);
+    most = improve(seen, count, lens, motion, &best);
     if (most < LEAST_AGREEING || !pose_finite(best))
         return false;
     *camera_from_world = best;

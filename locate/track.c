@@ -13,8 +13,15 @@ static const double LOST_S = 0.5;
 // One of two mirrored poses has won when the other is this much less likely (log of the odds, doubled).
 static const double CLEARLY = 25;
 
+// A single picture by a rolling shutter does not say well how fast the camera moves, and what it is wrong by
+// stays in what is known of the errors of all that is followed. After so many more it is found anew,
+// with the speed that they tell.
+enum { TELL_SPEED = 1 };
+
 struct camera_track {
     struct locator *locator;
+    bool rolling; // the camera has a rolling shutter
+    int followed; // pictures since it was found
     int64_t time_ns; // of the last picture
     bool started;    // time_ns holds
     int count;       // poses followed: 0 lost, 2 mirrored ones of which nobody knows which
@@ -39,6 +46,7 @@ enum status camera_track_open(struct camera_track **out, const struct place *pla
     struct camera_track *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "no memory to follow a camera");
+    t->rolling = lens->readout_s > 0;
     enum status status = locator_open(&t->locator, place, lens, options);
     if (status != OK)
         camera_track_close(&t);
@@ -57,6 +65,7 @@ void camera_track_close(struct camera_track **t)
 static void start(struct camera_track *t, const struct location *found, bool ambiguous)
 {
     t->count = ambiguous ? 2 : 1;
+    t->followed = 0;
     t->against[0] = t->against[1] = 0;
     kalman_start(&t->of[0], found->world_from_camera, found->covariance);
     kalman_start(&t->of[1], found->other, found->covariance);
@@ -109,6 +118,16 @@ static void tell(const struct camera_track *t, const struct location *found, str
                                      v3(k->speed[0], k->speed[1], k->speed[2])};
 }
 
+// How the camera has moved so far says how it moves while the picture is read.
+static void expect(struct camera_track *t)
+{
+    const struct kalman *k = &t->of[0];
+    double covariance[36];
+    for (int i = 0; i < 36; i++)
+        covariance[i] = k->covariance[6 + i / 6][6 + i % 6];
+    locator_expect(t->locator, k->speed, covariance);
+}
+
 enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
                               struct location *out, struct camera_motion *motion)
 {
@@ -123,15 +142,21 @@ enum status camera_track_look(struct camera_track *t, const uint8_t *color, cons
         t->count = 0;
     for (int i = 0; i < t->count; i++)
         kalman_move(&t->of[i], seconds);
+    bool anew = t->count != 1 || (t->rolling && t->followed == TELL_SPEED);
     enum status status = NOTHING;
     if (t->count == 1)
+        expect(t);
+    if (!anew)
         status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
+    if (status == NOTHING && t->count == 1)
+        expect(t);
     if (status == NOTHING)
-        status = t->count == 1 ? locator_refind(t->locator, color, depth, &found)
-                               : locator_find(t->locator, color, depth, &found);
+        status = anew ? locator_find(t->locator, color, depth, &found)
+                      : locator_refind(t->locator, color, depth, &found);
     if (status < 0 || status == NOTHING)
         return status;
     t->unseen_s = 0;
+    t->followed = t->count == 1 ? t->followed + 1 : 0;
     if (!t->count || !take_in(t, &found, status == AMBIGUOUS))
         start(t, &found, status == AMBIGUOUS);
     tell(t, &found, out, motion);

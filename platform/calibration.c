@@ -5,6 +5,7 @@
 //   LENS: { "width", "height", "fx", "fy", "cx", "cy": numbers (pixels, the
 //           centre of the top-left pixel is (0, 0)),
 //           "distortion": [k1, k2, p1, p2, k3]   optional; k3 may be left out,
+//           "readout_ms": of a rolling shutter, from the first row to the last   optional, 0,
 //           "unit_m": metres per unit of a depth picture   optional, 0.001 }
 //
 // At least one LENS. With both, "registered" says whether the depth pixels are
@@ -81,6 +82,11 @@ static enum status read_lens(const struct json *object, const char *what, const 
     lens->p1 = k[2];
     lens->p2 = k[3];
     lens->k3 = k[4];
+    const struct json *readout = json_member(object, "readout_ms");
+    double readout_ms = 0;
+    if (status == OK && readout && !json_get_number(readout, &readout_ms))
+        status = fail(ERR_INPUT, "%s: '%s.readout_ms' must be a number of milliseconds", path, what);
+    lens->readout_s = readout_ms * 1e-3;
     if (status == OK && lens_check(lens, what) != OK)
         status = fail(ERR_INPUT, "%s: %s", path, status_sentence());
     return status;

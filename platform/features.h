@@ -18,8 +18,8 @@ struct feature {
 MUST_CHECK enum status features_find(const uint8_t *gray, int width, int height, struct feature *out, int capacity,
                                      int *count);
 
-// The same in one part of the picture, of width x height pixels from (left, top), by itself:
-// in a time that is as much less as the part is smaller. `at` is of the whole picture, whose rows are
+// The same in one part of the picture, of width x height pixels from (left, top), by itself, at half
+// as many scales: a third of the time that the same part of the whole picture takes. `at` is of the whole picture, whose rows are
 // `stride` bytes apart.
 MUST_CHECK enum status features_find_in(const uint8_t *gray, int stride, int left, int top, int width, int height,
                                         struct feature *out, int capacity, int *count);

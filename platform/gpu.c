@@ -2,7 +2,6 @@
 
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
-#include <GLES3/gl3.h>
 
 #include <stdlib.h>
 #include <string.h>
@@ -53,7 +52,7 @@ enum status gpu_wait(struct gpu *g)
     return gpu_check(g);
 }
 
-static bool has_word(const char *list, const char *word)
+bool gpu_has_word(const char *list, const char *word)
 {
     size_t length = strlen(word);
     for (const char *at = list; at && (at = strstr(at, word)); at += length)
@@ -65,7 +64,7 @@ static bool has_word(const char *list, const char *word)
 static EGLDisplay find_display(void)
 {
     const char *client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
-    if (has_word(client, "EGL_MESA_platform_surfaceless")) {
+    if (gpu_has_word(client, "EGL_MESA_platform_surfaceless")) {
         PFNEGLGETPLATFORMDISPLAYEXTPROC get =
             (PFNEGLGETPLATFORMDISPLAYEXTPROC)eglGetProcAddress("eglGetPlatformDisplayEXT");
         EGLDisplay display = get ? get(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, NULL) : EGL_NO_DISPLAY;
@@ -84,7 +83,7 @@ static enum status make_context(struct gpu *g)
     if (g->display == EGL_NO_DISPLAY)
         return fail(ERR_DEVICE, "no graphics driver answers (EGL error 0x%x); is Mesa's EGL installed?", eglGetError());
     const char *extensions = eglQueryString(g->display, EGL_EXTENSIONS);
-    if (!eglBindAPI(EGL_OPENGL_ES_API) || !has_word(extensions, "EGL_KHR_surfaceless_context"))
+    if (!eglBindAPI(EGL_OPENGL_ES_API) || !gpu_has_word(extensions, "EGL_KHR_surfaceless_context"))
         return fail(ERR_DEVICE, "the graphics driver cannot draw without a window; Mesa's can");
     // No surface is ever made, so any config that speaks ES 3 will do.
     const EGLint wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_ES3_BIT, EGL_SURFACE_TYPE, EGL_DONT_CARE, EGL_NONE};
@@ -97,7 +96,7 @@ static enum status make_context(struct gpu *g)
                              EGL_LOSE_CONTEXT_ON_RESET_EXT, EGL_NONE};
     const EGLint plain[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_NONE};
     g->context = EGL_NO_CONTEXT;
-    if (has_word(extensions, "EGL_EXT_create_context_robustness"))
+    if (gpu_has_word(extensions, "EGL_EXT_create_context_robustness"))
         g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, robust);
     if (g->context == EGL_NO_CONTEXT)
         g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, plain);
@@ -123,9 +122,9 @@ static enum status ask_limits(struct gpu *g)
         memcpy(g->renderer, renderer, length);
     g->renderer[length] = 0;
     const char *extensions = (const char *)glGetString(GL_EXTENSIONS);
-    if (has_word(extensions, "GL_KHR_robustness"))
+    if (gpu_has_word(extensions, "GL_KHR_robustness"))
         g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusKHR");
-    else if (has_word(extensions, "GL_EXT_robustness"))
+    else if (gpu_has_word(extensions, "GL_EXT_robustness"))
         g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusEXT");
     // Rows without padding everywhere; pixel for pixel the same on every driver.
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
@@ -289,12 +288,13 @@ void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int c
 
 static size_t texture_bytes(const struct gpu_texture *t)
 {
-    return (size_t)t->width * (size_t)t->height * (t->format == GPU_R8 ? 1 : 4);
+    return t->borrowed ? 0 : (size_t)t->width * (size_t)t->height * (t->format == GPU_RGB8 ? 4 : (size_t)t->format);
 }
 
 static GLenum layout_of(const struct gpu_texture *t)
 {
-    return t->format == GPU_R8 ? GL_RED : t->format == GPU_RGB8 ? GL_RGB : GL_RGBA;
+    static const GLenum layouts[] = {[GPU_R8] = GL_RED, [GPU_RG8] = GL_RG, [GPU_RGB8] = GL_RGB, [GPU_RGBA8] = GL_RGBA};
+    return layouts[t->format];
 }
 
 static enum status make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels)
@@ -304,8 +304,8 @@ static enum status make_texture(struct gpu_texture *t, enum gpu_filter filter, c
                     t->width, t->height, t->g->max_size, t->g->renderer);
     glGenTextures(1, &t->id);
     glBindTexture(GL_TEXTURE_2D, t->id);
-    GLint inside = t->format == GPU_R8 ? GL_R8 : t->format == GPU_RGB8 ? GL_RGB8 : GL_RGBA8;
-    glTexImage2D(GL_TEXTURE_2D, 0, inside, t->width, t->height, 0, layout_of(t), GL_UNSIGNED_BYTE, pixels);
+    static const GLint kept[] = {[GPU_R8] = GL_R8, [GPU_RG8] = GL_RG8, [GPU_RGB8] = GL_RGB8, [GPU_RGBA8] = GL_RGBA8};
+    glTexImage2D(GL_TEXTURE_2D, 0, kept[t->format], t->width, t->height, 0, layout_of(t), GL_UNSIGNED_BYTE, pixels);
     GLint how = filter == GPU_LINEAR ? GL_LINEAR : GL_NEAREST;
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, how);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, how);

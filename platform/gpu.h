@@ -65,7 +65,7 @@ void gpu_program_close(struct gpu_program **p);
 void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int count);
 
 // ---- textures: bytes that the shader sees as 0..1; edges are clamped
-enum gpu_format { GPU_R8 = 1, GPU_RGB8 = 3, GPU_RGBA8 = 4 }; // the value: bytes a pixel
+enum gpu_format { GPU_R8 = 1, GPU_RG8 = 2, GPU_RGB8 = 3, GPU_RGBA8 = 4 }; // the value: bytes a pixel
 enum gpu_filter { GPU_NEAREST, GPU_LINEAR };
 // ERR_DEVICE: too large, or out of memory. pixels may be NULL: undefined until written.
 MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width,

@@ -1,8 +1,6 @@
 #include "platform/gpu_flat.h"
 #include "platform/gpu_parts.h"
 
-#include <GLES3/gl3.h>
-
 #include <stdlib.h>
 
 struct gpu_flat {

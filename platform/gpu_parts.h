@@ -1,7 +1,9 @@
-// What gpu.c and gpu_flat.c share: the objects behind gpu.h. For those two alone;
-// names are OpenGL's.
+// What gpu.c, gpu_flat.c and gpu_import.c share: the objects behind gpu.h. For those
+// alone; names are OpenGL's.
 #pragma once
 #include "platform/gpu.h"
+
+#include <GLES3/gl3.h>
 
 enum { MAX_UNIFORMS = 16, MAX_SAMPLERS = 4 };
 
@@ -28,6 +30,7 @@ struct gpu_texture {
     unsigned id;
     enum gpu_format format;
     int width, height;
+    bool borrowed; // somebody else's memory
 };
 
 struct gpu_mesh {
@@ -50,3 +53,6 @@ struct gpu_target {
 
 // Makes the gpu's context current, unless it is or is somebody else's to keep so.
 void gpu_use(const struct gpu *g);
+
+// Is the word in a list of words with blanks between them? A list that is NULL has none.
+bool gpu_has_word(const char *list, const char *word);

@@ -60,5 +60,8 @@ enum status lens_check(const struct lens *l, const char *what)
             return fail(ERR_INPUT, "the %s camera's calibration holds a number that is not finite", what);
     if (!(l->fx > 0) || !(l->fy > 0))
         return fail(ERR_INPUT, "the %s camera's focal length must be greater than 0, not %g x %g", what, l->fx, l->fy);
+    if (!(l->readout_s >= 0 && l->readout_s <= LENS_MOST_READOUT_S))
+        return fail(ERR_INPUT, "the %s camera's readout_ms must be from 0 (no rolling shutter) to %g, not %g", what,
+                    LENS_MOST_READOUT_S * 1e3, l->readout_s * 1e3);
     return OK;
 }

@@ -8,7 +8,13 @@ struct lens {
     int width, height; // pixels, > 0
     double fx, fy, cx, cy;
     double k1, k2, p1, p2, k3; // no unit; all 0 for an ideal lens
+    // A rolling shutter: how long after the first row the last one is read, seconds. A picture's time is its
+    // middle row's. 0: all rows are read at once.
+    double readout_s;
 };
+
+// No camera takes longer to read a picture.
+#define LENS_MOST_READOUT_S 0.2
 
 struct pixel {
     double x, y;

@@ -4,7 +4,8 @@
 // 640 x 480, in the first format of those it offers that becomes RGB with the
 // least loss. Only the latest picture is kept; those it replaces are counted as
 // dropped, as are gaps in the camera's own numbering. Times are those of the
-// exposure where the camera tells, else of the buffer.
+// exposure where the camera tells, else of the buffer. Pictures that are not
+// compressed can be lent; of the camera's buffers it always keeps some to go on with.
 //
 // libcamera knows no focal length; see camera_lens_read() and camera_lens_guess()
 // in source_kinds.h for where the calibration comes from.
@@ -29,6 +30,7 @@ extern "C" {
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -48,6 +50,10 @@ using libcamera::formats::UYVY;
 using libcamera::formats::XBGR8888;
 using libcamera::formats::XRGB8888;
 using libcamera::formats::YUYV;
+
+// So many are asked for, and so many of them stay with the camera however many are lent.
+constexpr unsigned BUFFERS = 8;
+constexpr int KEPT_BUFFERS = 3;
 
 // libcamera allows one manager in a process; all who need it share it.
 enum status get_manager(std::shared_ptr<libcamera::CameraManager> &out)
@@ -125,15 +131,45 @@ class Mapping
     std::vector<std::pair<const uint8_t *, size_t>> planes_;
 };
 
+// Where what was lent comes back to: as long as the camera is open it goes on with it.
+struct Counter {
+    std::mutex lock; // guards what follows
+    std::function<void(libcamera::Request *)> take_back; // empty: the camera was closed
+    int out = 0;
+};
+
+// One picture that was lent. Its files are its own, for the camera may be closed meanwhile.
+struct Lent : loan {
+    std::shared_ptr<Counter> counter;
+    libcamera::Request *request = nullptr;
+    libcamera::UniqueFD files[2];
+
+    static void come_back(loan *l)
+    {
+        std::unique_ptr<Lent> self(static_cast<Lent *>(l));
+        std::lock_guard<std::mutex> guard(self->counter->lock);
+        self->counter->out--;
+        if (self->counter->take_back)
+            self->counter->take_back(self->request);
+    }
+};
+
 class Source
 {
   public:
-    explicit Source(source_facts *facts) : facts_(facts) {}
+    explicit Source(source_facts *facts) : facts_(facts), counter_(std::make_shared<Counter>())
+    {
+        counter_->take_back = [this](libcamera::Request *request) { (void)requeue(request); };
+    }
     Source(const Source &) = delete;
     Source &operator=(const Source &) = delete;
 
     ~Source()
     {
+        {
+            std::lock_guard<std::mutex> guard(counter_->lock);
+            counter_->take_back = nullptr;
+        }
         if (camera_) {
             camera_->requestCompleted.disconnect(this);
             camera_->disconnected.disconnect(this);
@@ -187,8 +223,9 @@ class Source
                 return fail(ERR_DEVICE, "the camera %s has sent no picture for 5 seconds", name_.c_str());
         }
         enum status status = take(request, out);
-        request->reuse(libcamera::Request::ReuseBuffers);
-        if (camera_->queueRequest(request) != 0 && status == OK) {
+        if (status == OK && facts_->lends)
+            out->loan = lend(request);
+        if (!out->loan && !requeue(request) && status == OK) {
             std::lock_guard<std::mutex> guard(lock_);
             gone_ = true; // said at the next call; this picture is good
         }
@@ -196,6 +233,54 @@ class Source
     }
 
   private:
+    bool requeue(libcamera::Request *request)
+    {
+        request->reuse(libcamera::Request::ReuseBuffers);
+        return camera_->queueRequest(request) == 0;
+    }
+
+    bool layout_of(loan_layout *out) const
+    {
+        static const std::pair<libcamera::PixelFormat, loan_layout> known[] = {
+            {YUYV, LOAN_YUYV}, {UYVY, LOAN_UYVY}, {NV12, LOAN_NV12}, {XBGR8888, LOAN_RGBX}, {XRGB8888, LOAN_BGRX}};
+        for (const auto &pair : known)
+            if (pair.first == format_) {
+                *out = pair.second;
+                return true;
+            }
+        return false;
+    }
+
+    // NULL: this picture is not lent.
+    loan *lend(libcamera::Request *request)
+    {
+        const auto &planes = request->buffers().begin()->second->planes();
+        auto lent = std::make_unique<Lent>();
+        const size_t wanted = format_ == NV12 ? 2 : 1;
+        if (!layout_of(&lent->layout))
+            return nullptr;
+        for (size_t i = 0; i < wanted; i++) {
+            const auto &plane = planes[std::min(i, planes.size() - 1)];
+            lent->files[i] = plane.fd.dup();
+            if (!lent->files[i].isValid())
+                return nullptr;
+            lent->planes[i] = {lent->files[i].get(), plane.offset, stride_};
+            if (i == 1 && planes.size() == 1)
+                lent->planes[i].offset += stride_ * unsigned(height_); // right behind the luma
+        }
+        lent->width = width_;
+        lent->height = height_;
+        lent->meaning = meaning_;
+        lent->request = request;
+        lent->counter = counter_;
+        lent->give_back = Lent::come_back;
+        std::lock_guard<std::mutex> guard(counter_->lock);
+        if (counter_->out >= int(requests_.size()) - KEPT_BUFFERS)
+            return nullptr;
+        counter_->out++;
+        return lent.release();
+    }
+
     enum status configure()
     {
         config_ = camera_->generateConfiguration({libcamera::StreamRole::Viewfinder});
@@ -215,7 +300,7 @@ class Source
             return known_;
         stream.size =
             known_ == OK ? libcamera::Size(unsigned(known.width), unsigned(known.height)) : libcamera::Size(640, 480);
-        stream.bufferCount = 4;
+        stream.bufferCount = BUFFERS;
         if (config_->validate() == libcamera::CameraConfiguration::Invalid || camera_->configure(config_.get()) != 0)
             return fail(ERR_DEVICE, "the camera %s cannot be set to %s", name_.c_str(), stream.toString().c_str());
         format_ = stream.pixelFormat;
@@ -323,6 +408,7 @@ class Source
         int64_t time_ns = request->metadata()
                               .get(libcamera::controls::SensorTimestamp)
                               .value_or(int64_t(buffer->metadata().timestamp));
+        time_ns += int64_t(facts_->calibration.color.readout_s / 2 * 1e9); // theirs is the first row's
         if (time_ns <= last_ns_)
             time_ns = last_ns_ + 1; // some cameras give no times; their order is all there is
         last_ns_ = time_ns;
@@ -373,6 +459,7 @@ class Source
     }
 
     source_facts *facts_;
+    std::shared_ptr<Counter> counter_;
     std::shared_ptr<libcamera::CameraManager> manager_; // outlives the camera
     std::shared_ptr<libcamera::Camera> camera_;
     std::string name_;

@@ -15,6 +15,13 @@ struct yuv_meaning {
     bool full_range; // Y 0..255; else Y 16..235, Cb and Cr 16..240
 };
 
+// The same in numbers, times 2^16 but for y_zero. With Y less y_zero, Cb and Cr less 128:
+// R = y Y + r_cr Cr, G = y Y - g_cb Cb - g_cr Cr, B = y Y + b_cb Cb, each rounded half up, then clamped to 0..255.
+struct yuv_coefficients {
+    int32_t y, r_cr, g_cb, g_cr, b_cb, y_zero;
+};
+struct yuv_coefficients yuv_coefficients_of(struct yuv_meaning meaning);
+
 // Where a pixel's parts are within its bytes, first to last.
 enum packed_order { PACKED_RGB, PACKED_BGR, PACKED_RGBX, PACKED_BGRX };
 

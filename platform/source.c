@@ -79,6 +79,8 @@ int64_t source_remaining(const struct source *s) { return s->facts.remaining; }
 
 int64_t source_dropped(const struct source *s) { return s->facts.dropped; }
 
+void source_lend(struct source *s) { s->facts.lends = true; }
+
 enum status source_next(struct source *s, struct frame *out)
 {
     *out = (struct frame){0};

@@ -10,6 +10,7 @@
 // half a frame apart. One handle belongs to one thread.
 #pragma once
 #include "platform/lens.h"
+#include "platform/loan.h"
 
 // One instant. A picture that is not there has NULL pixels.
 struct frame {
@@ -19,6 +20,7 @@ struct frame {
     const uint8_t *jpeg;   // the same picture as the source coded it, where it did; else NULL
     size_t jpeg_bytes;
     const uint16_t *depth; // millimetres, 0 = no reading, of calibration.depth
+    struct loan *loan;     // the colour picture where it lies, after source_lend; who fetched the frame returns it
 };
 
 struct source;
@@ -49,6 +51,9 @@ int64_t source_remaining(const struct source *s);
 // NOTHING: the end. ERR_DEVICE: unplugged. ERR_INPUT: a damaged picture, with
 // its name; the next call goes on behind it.
 MUST_CHECK enum status source_next(struct source *s, struct frame *out);
+
+// From now on frames come with loans, where the source has such and not too many are out.
+void source_lend(struct source *s);
 
 // Frames that the source itself saw go by without handing them out.
 int64_t source_dropped(const struct source *s);

@@ -9,12 +9,13 @@ extern "C" {
 
 // What a kind tells about itself. source.c owns it, at a fixed address for the
 // source's life; the kind fills it on opening and keeps `remaining` and
-// `dropped` current from within next().
+// `dropped` current from within next(); `lends` is source.c's.
 struct source_facts {
     struct calibration calibration;
     bool live;
     int64_t remaining; // -1: unknown
     int64_t dropped;
+    bool lends; // source_lend was called
 };
 
 // Each opens one kind. On OK *self is what `kind` wants as its first argument;

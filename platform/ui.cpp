@@ -158,7 +158,8 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
     u->width_px = in->width_px;
     u->height_px = in->height_px;
     ImGuiIO &io = ImGui::GetIO();
-    io.DisplaySize = ImVec2(float(in->width_px / in->px_per_dp), float(in->height_px / in->px_per_dp));
+    // It clips to whole dp; to too few of them, and the last row and column would stay empty.
+    io.DisplaySize = ImVec2(float(std::ceil(in->width_px / in->px_per_dp)), float(std::ceil(in->height_px / in->px_per_dp)));
     io.DisplayFramebufferScale = ImVec2(float(in->px_per_dp), float(in->px_per_dp));
     io.DeltaTime = 1.0F / 60; // nothing here lasts; what moves is timed by its users
     io.MousePos = in->pointer_there ? ImVec2(float(in->pointer_x), float(in->pointer_y)) : ImVec2(-FLT_MAX, -FLT_MAX);

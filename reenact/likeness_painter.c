@@ -3,6 +3,7 @@
 #include "reenact/shaders.h"
 #include "reenact/shown_frames.h"
 #include "reenact/silhouette.h"
+#include "reenact/warp.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -19,6 +20,7 @@ enum uniform {
     KIND,
     ABSENT,
     VIEWER_FROM_NOW,
+    SHIFT_RANGE,
     WORLD_FROM_NOW,
     LIGHT,
     COLOR_LENS,
@@ -33,16 +35,16 @@ enum program { SHARED, OWN, SOURCE, PROGRAMS };
 struct program_plan {
     const char *fragment;
     uint32_t unused; // uniforms that it has not, a bit each
-    const char *samplers[3];
+    const char *samplers[4];
     int sampler_count;
 };
 static const struct program_plan plans[PROGRAMS] = {
-    [SHARED] = {"figure.frag", 0, {"atlas", "now_picture", "now_depth"}, 3},
+    [SHARED] = {"figure.frag", 0, {"atlas", "shifts", "now_picture", "now_depth"}, 4},
     [OWN] = {"figure_own.frag",
              1U << COLOR_LENS | 1U << DEPTH_LENS | 1U << DEPTH_FROM_COLOR | 1U << NOW_WINDOWS,
-             {"atlas"},
-             1},
-    [SOURCE] = {"figure_source.frag", 1U << WORLD_FROM_NOW | 1U << LIGHT | 1U << COLOR_LENS, {"atlas_when", "now_depth"}, 2},
+             {"atlas", "shifts"},
+             2},
+    [SOURCE] = {"figure_source.frag", 1U << WORLD_FROM_NOW | 1U << LIGHT | 1U << COLOR_LENS, {"atlas_when", "shifts", "now_depth"}, 3},
 };
 static const char *const uniform_names[UNIFORMS] = {
     [VIEWER_FROM_PART] = "viewer_from_part",
@@ -52,6 +54,7 @@ static const char *const uniform_names[UNIFORMS] = {
     [KIND] = "kind",
     [ABSENT] = "absent",
     [VIEWER_FROM_NOW] = "viewer_from_now",
+    [SHIFT_RANGE] = "shift_range",
     [WORLD_FROM_NOW] = "world_from_now",
     [LIGHT] = "light",
     [COLOR_LENS] = "color_lens",
@@ -163,6 +166,7 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
     for (int i = 0; i < LIGHT_TERMS; i++)
         light[i][0] = p->likeness.coat.light.term[i];
     set(p, LIGHT, light[0], LIGHT_TERMS);
+    set(p, SHIFT_RANGE, (const float[4]){(float)WARP_MOST_M, (float)p->likeness.atlas.mesh.point_count, 0, 0}, 1);
     enum status status = open_brought(p);
     if (status != OK)
         drop_likeness(p);
@@ -315,7 +319,7 @@ static void draw_colors(struct likeness_painter *p, const struct likeness_view *
     struct gpu_job job = {.target = view->actor,
                           .program = p->programs[SHARED],
                           .mesh = p->brought.mesh,
-                          .textures = {p->brought.color, now->color, now->depth},
+                          .textures = {p->brought.color, now->shifts, now->color, now->depth},
                           .closed = true,
                           .depth_test = true,
                           .count = corners->shared};
@@ -357,9 +361,9 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
     set(p, KIND, (const float[4]){now->seen, time_s, HALF_OUTLINE_PX, 0}, 1);
     if (p->frame != view->frame)
-        silhouette_set_shown(p->silhouette, now_from_part);
+        silhouette_set_shown(p->silhouette, now_from_part, now->shift);
     p->frame = view->frame;
-    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part);
+    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part, now->shift);
     if (corners.shared + corners.own + corners.ribbon == 0)
         return OK;
     gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.shared + corners.own + corners.ribbon);
@@ -369,7 +373,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
         gpu_draw(&(struct gpu_job){.target = view->source,
                                    .program = p->programs[SOURCE],
                                    .mesh = p->brought.mesh,
-                                   .textures = {p->brought.when, now->depth},
+                                   .textures = {p->brought.when, now->shifts, now->depth},
                                    .closed = true,
                                    .depth_test = true,
                                    .count = corners.shared + corners.own});

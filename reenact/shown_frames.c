@@ -1,5 +1,7 @@
 #include "reenact/shown_frames.h"
 
+#include "reenact/warp.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,6 +17,7 @@ struct shown_frames {
     struct gpu *gpu;
     struct take *take;
     struct sight sight;
+    struct warp *warp;     // of the likeness; NULL before the first frame
     uint8_t *rgb, *pixels; // the frame's colours; what goes over
     struct kept *kept;
     int count, capacity;
@@ -49,6 +52,8 @@ static void drop(struct shown_frames *f, int i)
     f->bytes -= f->kept[i].bytes;
     gpu_texture_close(&f->kept[i].shown.color);
     gpu_texture_close(&f->kept[i].shown.depth);
+    gpu_texture_close(&f->kept[i].shown.shifts);
+    free(f->kept[i].shown.shift);
     f->kept[i] = f->kept[--f->count];
 }
 
@@ -56,6 +61,7 @@ void shown_frames_forget(struct shown_frames *f)
 {
     while (f->count)
         drop(f, f->count - 1);
+    warp_close(&f->warp);
 }
 
 void shown_frames_close(struct shown_frames **out)
@@ -144,6 +150,31 @@ static enum status open_nobody(struct shown_frames *f, struct shown_frame *s)
     return status == OK ? gpu_texture_open(&s->depth, f->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, nobody) : status;
 }
 
+// What is kept is what the texture can hold, so that whoever asks here and the GPU shift alike.
+static enum status open_shifts(struct shown_frames *f, const struct likeness *likeness, struct shown_frame *s)
+{
+    const struct unfolded *m = &likeness->atlas.mesh;
+    int height = (m->point_count + SHIFTS_WIDE - 1) / SHIFTS_WIDE;
+    uint8_t (*codes)[4] = calloc((size_t)height * 2 * SHIFTS_WIDE, sizeof *codes);
+    s->shift = malloc(sizeof *s->shift * (size_t)m->point_count);
+    enum status status = codes && s->shift ? OK : fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < m->point_count && status == OK; i++) {
+        struct vec3 d = v3_scale(warp_at(f->warp, likeness->surface.points[m->points[i]]), 32767 / WARP_MOST_M);
+        const double steps[3] = {d.x, d.y, d.z};
+        uint8_t (*code)[4] = codes + i / SHIFTS_WIDE * 2 * SHIFTS_WIDE + i % SHIFTS_WIDE;
+        for (int a = 0; a < 3; a++) {
+            const int coded = (int)(32768.5 + steps[a]);
+            code[0][a] = (uint8_t)(coded >> 8);
+            code[SHIFTS_WIDE][a] = (uint8_t)(coded & 255);
+            s->shift[i][a] = (float)(coded - 32768) * (float)(WARP_MOST_M / 32767);
+        }
+    }
+    if (status == OK)
+        status = gpu_texture_open(&s->shifts, f->gpu, GPU_RGBA8, 2 * SHIFTS_WIDE, height, GPU_NEAREST, codes[0]);
+    free(codes);
+    return status;
+}
+
 // Reads the frame; NOTHING: it does not show the person.
 static enum status read_frame(struct shown_frames *f, const struct likeness *likeness, int64_t frame,
                               struct shown_frame *s)
@@ -165,22 +196,29 @@ static enum status read_frame(struct shown_frames *f, const struct likeness *lik
     if (status < 0)
         return status;
     s->adjustment = align(likeness->volume, &likeness->rest, &f->sight, &joints, &s->adjustment);
+    joints = posture_adjusted(&joints, &s->adjustment);
+    const struct warp_model model = {likeness->volume, &likeness->surface, likeness->skins};
+    warp_fit(f->warp, &model, &f->sight, &joints);
     return s->seen ? OK : NOTHING;
 }
 
 static enum status load(struct shown_frames *f, const struct likeness *likeness, int64_t frame)
 {
     struct shown_frame s = {0};
-    enum status status = read_frame(f, likeness, frame, &s);
+    const struct calibration *c = take_calibration(f->take);
+    enum status status = f->warp ? OK : warp_open(&f->warp, &likeness->rest, &likeness->surface, c);
+    if (status != OK)
+        return status;
+    warp_clear(f->warp);
+    status = read_frame(f, likeness, frame, &s);
     if (status < 0)
         return status;
-    const struct calibration *c = take_calibration(f->take);
     const struct sight *sight = &f->sight;
-    size_t bytes = 4 * 2;
+    size_t bytes = 8 * (size_t)(1 + likeness->atlas.mesh.point_count + SHIFTS_WIDE);
     if (s.seen) {
         size_t depth = (size_t)(sight->right - sight->left + 3) * (size_t)(sight->bottom - sight->top + 3);
         size_t color = c->registered ? depth : (size_t)c->color.width * (size_t)c->color.height;
-        bytes = 4 * (depth + color);
+        bytes += 4 * (depth + color);
     }
     status = make_room(f, bytes);
     if (status != OK)
@@ -188,6 +226,8 @@ static enum status load(struct shown_frames *f, const struct likeness *likeness,
     status = s.seen ? open_depth(f, &s) : open_nobody(f, &s);
     if (status == OK && s.seen)
         status = open_color(f, &s);
+    if (status == OK)
+        status = open_shifts(f, likeness, &s);
     f->kept[f->count++] = (struct kept){.shown = s, .frame = frame, .bytes = bytes};
     f->bytes += bytes;
     if (status != OK)

@@ -12,6 +12,7 @@ MUST_CHECK enum status shown_frames_open(struct shown_frames **out, struct gpu *
                                          const struct source_rays *rays, size_t max_bytes);
 void shown_frames_close(struct shown_frames **f);
 
+enum { SHIFTS_WIDE = 128 };
 struct shown_frame {
     bool seen;                     // it has colours and depth; else the textures are of one pixel, of nobody
     struct gpu_texture *color;     // the person's alone: others' colours are replaced by the nearest of theirs
@@ -19,6 +20,9 @@ struct shown_frame {
                                    // the person it lies, 1 well within, 0 at an edge and elsewhere, and all round the rim
     float windows[2][4];           // colours' and depth's: left, top, width, height in the frame's own pixels
     struct adjustment adjustment;  // of the joints' posture
+    float (*shift)[3];             // beyond it (warp.h), of each point of the atlas's mesh in the rest pose, metres
+    struct gpu_texture *shifts;    // the same: 32767 t + 32768 is a component of WARP_MOST_M * t; its high bytes, and
+                                   // SHIFTS_WIDE texels to the right its low bytes
 };
 
 // *out: borrowed until the next call. As take_read; ERR_DEVICE.

@@ -57,6 +57,11 @@ void silhouette_close(struct silhouette **s)
 
 int silhouette_most(const struct silhouette *s) { return (1 + RIBBON) * s->likeness->atlas.mesh.corner_count; }
 
+static struct spot shifted(struct spot p, const float shift[3])
+{
+    return (struct spot){p.x + shift[0], p.y + shift[1], p.z + shift[2]};
+}
+
 // w: 1 for a place, 0 for a direction.
 static struct spot skinned(const struct skin *skin, const struct part_map *maps, struct spot p, float w)
 {
@@ -69,12 +74,13 @@ static struct spot skinned(const struct skin *skin, const struct part_map *maps,
     return (struct spot){at[0], at[1], at[2]};
 }
 
-void silhouette_set_shown(struct silhouette *s, const struct part_map *now_from_part)
+void silhouette_set_shown(struct silhouette *s, const struct part_map *now_from_part, float (*shift)[3])
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
     for (int i = 0; i < m->point_count; i++) {
         const struct skin *skin = &s->likeness->skins[m->points[i]];
-        const struct spot p = skinned(skin, now_from_part, s->rest[i], 1), n = skinned(skin, now_from_part, s->normals[i], 0);
+        const struct spot p = skinned(skin, now_from_part, shifted(s->rest[i], shift[i]), 1),
+                          n = skinned(skin, now_from_part, s->normals[i], 0);
         s->shared[i] = p.x * n.x + p.y * n.y + p.z * n.z < 0;
     }
 }
@@ -110,11 +116,13 @@ static int put_ribbon(const struct silhouette *s, uint16_t *out)
     return count;
 }
 
-struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part)
+struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
+                                          float (*shift)[3])
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
     for (int i = 0; i < m->point_count; i++)
-        s->placed[i] = skinned(&s->likeness->skins[m->points[i]], viewer_from_part, s->rest[i], 1);
+        s->placed[i] = skinned(&s->likeness->skins[m->points[i]], viewer_from_part,
+                               shifted(s->rest[i], shift[i]), 1);
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
         const struct spot a = s->placed[c[0]], b = s->placed[c[1]], d = s->placed[c[2]];

@@ -11,8 +11,9 @@ MUST_CHECK enum status silhouette_open(struct silhouette **out, const struct lik
 void silhouette_close(struct silhouette **s);
 
 // From here on that is the shown frame: where each part was in its camera's axes, which
-// tells what of the person may have faced it. PART_COUNT.
-void silhouette_set_shown(struct silhouette *s, const struct part_map *now_from_part);
+// tells what of the person may have faced it. PART_COUNT. shift: of each of the mesh's points
+// in the rest pose, metres.
+void silhouette_set_shown(struct silhouette *s, const struct part_map *now_from_part, float (*shift)[3]);
 
 // Corners of triangles: point i of the atlas's mesh is i, and its double farther out is
 // point_count + i. First come those that face the viewer and the shown frame's camera, then
@@ -21,5 +22,6 @@ struct silhouette_corners {
     const uint16_t *corners; // valid until the next call
     int shared, own, ribbon; // how many of each
 };
-struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part);
+struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
+                                          float (*shift)[3]);
 int silhouette_most(const struct silhouette *s); // corners, of all three together

@@ -22,6 +22,9 @@ uniform vec4 depth_lens[3];        // of its depth
 uniform vec4 now_windows[2];       // the parts of its colours and depth that there are: left, top, width, height
 uniform vec4 kind;                 // x: 1 if there are any; y: the shown frame's time, seconds of the take;
                                    // z: half of the outline's width, pixels
+uniform vec4 shift_range;          // x: how far 32767 steps of a shift go, metres; y: how many points there are
+uniform highp sampler2D shifts;    // each point's in the rest pose, for the shown frame (warp.h): high bytes in the
+                                   // left half, low bytes in the right; 32768: none
 
 out vec4 place;    // in the atlas, and in the frame's colours; of their sizes
 out vec4 seen;     // in the frame's depth, likewise; z: how far it should be there, metres; w: how squarely it is seen
@@ -57,9 +60,17 @@ float lit(vec3 n)
     return clamp(sum, 0.4, 1.6); // as coat.h has it
 }
 
+vec3 shifted(vec3 p)
+{
+    int wide = textureSize(shifts, 0).x / 2, number = gl_VertexID % int(shift_range.y);
+    ivec2 at = ivec2(number % wide, number / wide);
+    vec3 high = texelFetch(shifts, at, 0).xyz, low = texelFetch(shifts, ivec2(at.x + wide, at.y), 0).xyz;
+    return p + (255.0 * (256.0 * high + low) - 32768.0) * (shift_range.x / 32767.0);
+}
+
 void main()
 {
-    vec4 h = vec4(point.xyz, 1.0), f = vec4(facing.xyz, 0.0);
+    vec4 h = vec4(shifted(point.xyz), 1.0), f = vec4(facing.xyz, 0.0);
     float missing = 0.0;
     vec3 p = vec3(0.0), now = vec3(0.0), turned = vec3(0.0);
     for (int i = 0; i < 3; i++) {

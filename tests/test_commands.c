@@ -150,6 +150,12 @@ static void test_bad_sensors(void **state)
                  "{\"depth\": {\"width\": 64, \"height\": 48, \"fx\": 52.5, \"fy\": 52.5, \"cy\": 23.5}}");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("no_cx"), "--out", out, "--take", "x"), "cx");
 
+    make_folder("backwards", WIDTH, HEIGHT);
+    scratch_text(&scratch, "backwards/calibration.json",
+                 "{\"color\": {\"width\": 64, \"height\": 48, \"fx\": 52.5, \"fy\": 52.5, \"cx\": 31.5, \"cy\": 23.5, "
+                 "\"readout_ms\": -20}}");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("backwards"), "--out", out), "readout_ms");
+
     make_folder("wrong_size", WIDTH / 2, HEIGHT);
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("wrong_size"), "--out", out, "--take", "x"), "32");
 

@@ -5,12 +5,13 @@
 
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
+#include "reenact/warp.h"
 #include "tests/support/rehearsal.h"
 
 #include <stdlib.h>
 
 enum { W = 240, H = 180 };
-static const struct lens lens = {W, H, 210, 208, 121, 88, -0.1, 0.02, 0.004, -0.003, 0.001};
+static const struct lens lens = {W, H, 210, 208, 121, 88, -0.1, 0.02, 0.004, -0.003, 0.001, 0};
 static const double HALF_OUTLINE_PX = 0.5; // the outline is drawn in by that, and a ribbon of twice that laid over it
 static const double PI = 3.14159265358979323846;
 
@@ -35,16 +36,17 @@ static double lit(const struct light *light, struct vec3 n)
 }
 
 // out: 1 for the point's double at the outline's outer rim, else -1.
-static struct seen see(const struct likeness *l, int i, const struct posture *viewer, const struct posture *world,
-                       struct quat viewer_from_world, double out)
+static struct seen see(const struct likeness *l, int i, const struct warp *warp, const struct posture *viewer,
+                       const struct posture *world, struct quat viewer_from_world, double out)
 {
     const struct unfolded *m = &l->atlas.mesh;
     const int point = m->points[i];
-    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0);
+    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0), rest = l->surface.points[point];
+    rest = v3_add(rest, warp_at(warp, rest));
     for (int s = 0; s < SKIN_PARTS; s++) {
         const double share = (double)l->skins[point].weight[s];
         const int part = l->skins[point].part[s];
-        p = v3_add(p, v3_scale(pose_apply(viewer->part[part], l->surface.points[point]), share));
+        p = v3_add(p, v3_scale(pose_apply(viewer->part[part], rest), share));
         n = v3_add(n, v3_scale(quat_rotate(world->part[part].rotation, l->atlas.normals[i]), share));
     }
     struct vec3 facing = v3_unit(quat_rotate(viewer_from_world, n));
@@ -182,6 +184,10 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     EXPECT_STATUS(posture_of(&l->rest, &s->moment.skeleton, &shown), OK);
     shown = posture_adjusted(&shown, &a);
     joints = posture_adjusted(&joints, &a);
+    struct warp *warp;
+    const struct warp_model model = {l->volume, &l->surface, l->skins};
+    EXPECT_STATUS(warp_open(&warp, &l->rest, &l->surface, take_calibration(s->take)), OK);
+    warp_fit(warp, &model, &sight, &joints);
     for (int p = 0; p < PART_COUNT; p++) {
         into_viewer.part[p] = pose_multiply(pose_inverse(s->viewer), shown.part[p]);
         into_world.part[p] = pose_multiply(e->world_from_camera, joints.part[p]);
@@ -190,7 +196,7 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     const int points = m->point_count;
     struct seen *seen = malloc(sizeof *seen * 2 * (size_t)points);
     for (int i = 0; i < 2 * points; i++)
-        seen[i] = see(l, i % points, &into_viewer, &into_world, pose_inverse(s->viewer).rotation, i < points ? -1 : 1);
+        seen[i] = see(l, i % points, warp, &into_viewer, &into_world, pose_inverse(s->viewer).rotation, i < points ? -1 : 1);
     for (int i = 0; i < W * H; i++)
         canvas->z[i] = INFINITY;
     for (int t = 0; t < m->corner_count; t += 3) {
@@ -206,6 +212,7 @@ static void draw_reference(struct set *s, struct canvas *canvas)
         fill(canvas, &l->atlas, &seen[p], &seen[points + q], &seen[points + p], true);
     }
     free(seen);
+    warp_close(&warp);
     sight_close(&sight);
 }
 

@@ -4,6 +4,7 @@
 
 #include "app/eyes.h"
 #include "app/latest.h"
+#include "app/pace.h"
 #include "platform/clock.h"
 #include "tests/support/rehearsal.h"
 
@@ -38,7 +39,7 @@ static void test_pictures_come_with_their_places(void **state)
 {
     (void)state;
     struct eyes *e;
-    const struct eyes_options options = {uri("viewer"), &place, NULL, NULL};
+    const struct eyes_options options = {uri("viewer"), &place, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     int64_t last = 0;
     for (int i = 0; i < 6; i++) { // round and round: the folder has fewer
@@ -62,7 +63,7 @@ static void test_without_a_place_pictures_come_all_the_same(void **state)
 {
     (void)state;
     struct eyes *e;
-    const struct eyes_options options = {uri("small"), NULL, NULL, NULL};
+    const struct eyes_options options = {uri("small"), NULL, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     const struct sight *s = wait_for_sight(e, 3);
     assert_non_null(s);
@@ -77,7 +78,7 @@ static void test_a_camera_is_tried_again_until_it_is_there(void **state)
     struct eyes *e;
     char missing[300];
     snprintf(missing, sizeof missing, "%s", uri("later"));
-    const struct eyes_options options = {missing, &place, NULL, NULL};
+    const struct eyes_options options = {missing, &place, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     for (int i = 0; i < 500 && !*eyes_state(e).trouble; i++)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
@@ -104,7 +105,7 @@ static void test_closed_eyes_see_nothing(void **state)
 {
     (void)state;
     struct eyes *e;
-    const struct eyes_options options = {uri("small"), NULL, NULL, NULL};
+    const struct eyes_options options = {uri("small"), NULL, NULL, NULL, false};
     EXPECT_STATUS(eyes_open(&e, &options), OK);
     assert_non_null(wait_for_sight(e, 0));
     eyes_rest(e, true);
@@ -116,6 +117,29 @@ static void test_closed_eyes_see_nothing(void **state)
     assert_non_null(wait_for_sight(e, came));
     eyes_close(&e);
     eyes_close(&e); // NULL is fine
+}
+
+static void test_a_picture_that_was_overtaken_is_passed_over(void **state)
+{
+    (void)state;
+    struct pace p = {0};
+    EXPECT_TRUE(!pace_passes_over(&p, 80, true, true)); // the first is shown, however long it took
+    p = (struct pace){0};
+    for (int i = 0; i < 10; i++)
+        EXPECT_TRUE(!pace_passes_over(&p, 9 + i % 2, true, true)); // behind as ever: what is there is shown
+    EXPECT_NEAR(p.typical_ms, 9.5, 0.5);
+    struct pace as_ever = p;
+    EXPECT_TRUE(!pace_passes_over(&p, 70, true, false)); // nothing newer is there
+    p = as_ever;
+    EXPECT_TRUE(!pace_passes_over(&p, 70, false, true)); // the next would not be found quickly
+    p = as_ever;
+    EXPECT_TRUE(pace_passes_over(&p, 70, true, true));
+    EXPECT_TRUE(!pace_passes_over(&p, 700, true, true)); // never two in a row
+    p = as_ever;
+    int shown = 0; // and where everything takes long from now on, that is soon as usual
+    for (int i = 0; i < 20; i++)
+        shown += !pace_passes_over(&p, 70, true, true);
+    EXPECT_AT_LEAST(shown, 18);
 }
 
 // ---------------------------------------------------------------- the place for one thing
@@ -143,7 +167,7 @@ static void test_the_newest_wins_and_nothing_is_lost_unseen(void **state)
     struct latest *l;
     pthread_t thread;
     EXPECT_STATUS(latest_open(&l), OK);
-    EXPECT_TRUE(!latest_take(l, false));
+    EXPECT_TRUE(!latest_waits(l) && !latest_take(l, false));
     assert_int_equal(pthread_create(&thread, NULL, take_all, l), 0);
     for (int i = 0; i < ITEMS; i++) {
         items[i] = i + 1;
@@ -188,6 +212,7 @@ int main(void)
         cmocka_unit_test(test_without_a_place_pictures_come_all_the_same),
         cmocka_unit_test(test_a_camera_is_tried_again_until_it_is_there),
         cmocka_unit_test(test_closed_eyes_see_nothing),
+        cmocka_unit_test(test_a_picture_that_was_overtaken_is_passed_over),
         cmocka_unit_test(test_the_newest_wins_and_nothing_is_lost_unseen),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -24,7 +24,7 @@ struct room { // a folder for one test
 
 static const char calibration[] =
     "{ \"color\": {\"width\": 32, \"height\": 24, \"fx\": 26.5, \"fy\": 26.25, \"cx\": 15.5, \"cy\": 11.5,"
-    " \"distortion\": [-0.05, 0.015, 0.0005, -0.0004, 0.001], \"maker\": \"x\"},"
+    " \"distortion\": [-0.05, 0.015, 0.0005, -0.0004, 0.001], \"readout_ms\": 16.5, \"maker\": \"x\"},"
     " \"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, \"cy\": 12, \"unit_m\": 0.001},"
     " \"registered\": true, \"pixel_origin\": \"centre\" }";
 
@@ -139,6 +139,8 @@ static void test_round_trip(void **state)
     EXPECT_NEAR(c->color.p2, -0.0004, 0);
     EXPECT_NEAR(c->color.k3, 0.001, 0);
     EXPECT_NEAR(c->depth.cx, 16, 0);
+    EXPECT_NEAR(c->color.readout_s, 0.0165, 1e-15);
+    EXPECT_NEAR(c->depth.readout_s, 0, 0);
     EXPECT_NEAR(c->depth.k1, 0, 0);
     assert_true(c->registered);
     EXPECT_NEAR(c->color_from_depth.rotation.w, 1, 0);
@@ -352,6 +354,11 @@ static void test_bad_calibration(void **state)
         {"true", "1", "'registered'"},
         {"\"registered\": true", "\"registered\": false", "color_from_depth"},
         {"true,", "true", "calibration.json"},
+        {"16.5", "-1", "readout_ms must be from 0 (no rolling shutter) to 200, not -1"},
+        {"16.5", "1e9", "readout_ms must be from 0 (no rolling shutter) to 200, not 1e+09"},
+        {"16.5", "1e999", "'color.readout_ms' must be a number"},
+        {"16.5", "\"16\"", "'color.readout_ms' must be a number"},
+        {"16.5", "NaN", "calibration.json"},
         {"\"depth\"", "\"death\"", "'depth' is missing"},
         {"\"color\"", "\"colour\"", "'color' is missing"},
     };

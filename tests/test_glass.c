@@ -195,7 +195,7 @@ static void test_lost_graphics_are_made_anew(void **state)
     setenv("SDL_VIDEODRIVER", "x11", 1);
     setenv("LD_PRELOAD", LOSE_CONTEXT, 1);
     struct said said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--take", "turn", "--camera", rehearsal.camera,
-                               "--stats");
+                               "--size", "480x320", "--stats");
     unsetenv("LD_PRELOAD");
     print_message("%s%s", said.out, said.err);
     EXPECT_INT(said.exit_code, 0);

@@ -206,7 +206,7 @@ static void a_moved_tag_is_rejected(void **state)
             s[i] = tag_sight(&now, &truth, 0.1, &dice);
             tags[i] = tag_sight_for_fit(&wall[i], &s[i]);
         }
-        EXPECT_STATUS(fit_camera(tags, 4, 525, 525, 2.5, &fit), OK);
+        EXPECT_STATUS(fit_camera(tags, 4, 525, 525, 2.5, NULL, &fit), OK);
         EXPECT_INT(fit.used, 3);
         EXPECT_TRUE(!tags[moved].used);
         EXPECT_AT_MOST(v3_distance(pose_inverse(fit.camera_from_world).translation, truth.translation), 0.02);
@@ -224,7 +224,7 @@ static void two_tags_that_disagree_are_no_place(void **state)
     struct sighting s[2] = {tag_sight(&wall[0], &truth, 0.05, &dice), tag_sight(&now, &truth, 0.05, &dice)};
     struct fit_tag tags[2] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[1], &s[1])};
     struct camera_fit fit;
-    enum status status = fit_camera(tags, 2, 525, 525, 2.5, &fit);
+    enum status status = fit_camera(tags, 2, 525, 525, 2.5, NULL, &fit);
     EXPECT_TRUE(status == AMBIGUOUS || status == NOTHING);
 }
 
@@ -239,8 +239,8 @@ static void a_number_seen_twice(void **state)
                             tag_sight(&wall[2], &truth, 0.05, &dice)};
     struct camera_fit fit;
     struct fit_tag tags[3] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[0], &s[1]), tag_sight_for_fit(&wall[2], &s[2])};
-    EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, &fit), NOTHING); // which of the two?
-    EXPECT_STATUS(fit_camera(tags, 3, 525, 525, 2.5, &fit), OK);      // the third tag says which
+    EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, NULL, &fit), NOTHING); // which of the two?
+    EXPECT_STATUS(fit_camera(tags, 3, 525, 525, 2.5, NULL, &fit), OK);      // the third tag says which
     EXPECT_INT(fit.used, 2);
     EXPECT_TRUE(!tags[0].used && tags[1].used && tags[2].used);
     EXPECT_AT_MOST(v3_distance(pose_inverse(fit.camera_from_world).translation, truth.translation), 0.02);
@@ -254,16 +254,16 @@ static void bad_sightings_are_no_place(void **state)
     struct sighting s[2] = {tag_sight(&wall[0], &truth, 0.05, &dice), tag_sight(&wall[2], &truth, 0.05, &dice)};
     struct fit_tag tags[2] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[2], &s[1])};
     struct camera_fit fit;
-    EXPECT_STATUS(fit_camera(tags, 0, 525, 525, 2.5, &fit), NOTHING);
+    EXPECT_STATUS(fit_camera(tags, 0, 525, 525, 2.5, NULL, &fit), NOTHING);
     s[0].ray[2].x = NAN;
-    EXPECT_STATUS(fit_camera(tags, 1, 525, 525, 2.5, &fit), NOTHING);
-    EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, &fit), OK); // the other tag is sound
+    EXPECT_STATUS(fit_camera(tags, 1, 525, 525, 2.5, NULL, &fit), NOTHING);
+    EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, NULL, &fit), OK); // the other tag is sound
     EXPECT_INT(fit.used, 1);
     EXPECT_TRUE(pose_finite(fit.camera_from_world));
     for (int k = 0; k < 4; k++) // what a tag behind the camera would project to
         s[0].ray[k] = v3(-s[1].ray[k].x, -s[1].ray[k].y, 1);
     s[0].ray[0] = v3_scale(s[0].ray[0], 1.3);
-    enum status status = fit_camera(tags, 1, 525, 525, 0.5, &fit);
+    enum status status = fit_camera(tags, 1, 525, 525, 0.5, NULL, &fit);
     if (status != NOTHING)
         EXPECT_TRUE(pose_apply(fit.camera_from_world, wall[0].world_from_tag.translation).z > 0);
 }
@@ -280,7 +280,7 @@ static void a_mirrored_pose_is_said(void **state)
         struct sighting s = tag_sight(&tag, &truth, 0.1, &dice);
         struct fit_tag fit_one = tag_sight_for_fit(&tag, &s);
         struct camera_fit fit;
-        enum status status = fit_camera(&fit_one, 1, 525, 525, 2.5, &fit);
+        enum status status = fit_camera(&fit_one, 1, 525, 525, 2.5, NULL, &fit);
         bool flipped = pose_angle(pose_inverse(fit.camera_from_world), truth) > 0.35;
         ambiguous += status == AMBIGUOUS;
         wrong += status == OK && flipped;
@@ -294,7 +294,7 @@ static void a_mirrored_pose_is_said(void **state)
         }
         fit_one = tag_sight_for_fit(&tag, &seen_near);
         fit_one.depth = &plane;
-        status = fit_camera(&fit_one, 1, 525, 525, 8, &fit);
+        status = fit_camera(&fit_one, 1, 525, 525, 8, NULL, &fit);
         resolved += status >= 0 && status != NOTHING && pose_angle(pose_inverse(fit.camera_from_world), near) < 0.2;
     }
     printf("50 small tags: %d ambiguous, %d wrong without saying so; with depth %d right\n", ambiguous, wrong,

@@ -95,9 +95,9 @@ static void corners_nearly_in_a_line(void **state)
     struct sighting s = tag_sight(&one[0], &truth, 0.1, &dice);
     struct fit_tag tag = tag_sight_for_fit(&one[0], &s);
     struct camera_fit fit = {.used = 0};
-    enum status status = fit_camera(&tag, 1, F_PX, F_PX, 2.5, &fit);
+    enum status status = fit_camera(&tag, 1, F_PX, F_PX, 2.5, NULL, &fit);
     double covariance[36], off = off_m(pose_inverse(fit.camera_from_world), truth);
-    bool known = status != NOTHING && fit_covariance(&tag, 1, NULL, 0, F_PX, F_PX, &fit.camera_from_world, covariance);
+    bool known = status != NOTHING && fit_covariance(&tag, 1, NULL, 0, F_PX, F_PX, NULL, &fit.camera_from_world, covariance);
     double sigma = known ? sqrt(covariance[21] + covariance[28] + covariance[35]) : INFINITY;
     printf("corners nearly in a line: %s, %.1f mm off, sigma %.1f mm\n", status_name(status), off * 1e3, sigma * 1e3);
     EXPECT_TRUE(status >= 0);
@@ -107,7 +107,7 @@ static void corners_nearly_in_a_line(void **state)
     }
     for (int k = 0; k < 4; k++) // wholly in a line
         s.ray[k] = v3(0.1 * k, 0.05 * k, 1);
-    EXPECT_STATUS(fit_camera(&tag, 1, F_PX, F_PX, 2.5, &fit), NOTHING);
+    EXPECT_STATUS(fit_camera(&tag, 1, F_PX, F_PX, 2.5, NULL, &fit), NOTHING);
 }
 
 static void a_corner_that_is_not_a_number(void **state)
@@ -123,12 +123,12 @@ static void a_corner_that_is_not_a_number(void **state)
         tags[i] = tag_sight_for_fit(&corner[i], &s[i]);
     }
     s[1].ray[2].x = NAN;
-    EXPECT_STATUS(fit_camera(tags, 3, F_PX, F_PX, 2.5, &fit), OK);
+    EXPECT_STATUS(fit_camera(tags, 3, F_PX, F_PX, 2.5, NULL, &fit), OK);
     double off = off_m(pose_inverse(fit.camera_from_world), truth);
     printf("one corner of three tags not a number: %.2f mm, %d tags used\n", off * 1e3, (int)fit.used);
     EXPECT_INT(fit.used, 2);
     EXPECT_AT_MOST(off, 0.01);
-    EXPECT_STATUS(fit_camera(&tags[1], 1, F_PX, F_PX, 2.5, &fit), NOTHING);
+    EXPECT_STATUS(fit_camera(&tags[1], 1, F_PX, F_PX, 2.5, NULL, &fit), NOTHING);
 }
 
 // Points as seen by a camera; behind it they are seen nowhere, but may be claimed.
@@ -138,7 +138,7 @@ static int sight_points(const struct vec3 *world, int count, const struct pose *
     for (int i = 0; i < count; i++) {
         struct vec3 p = pose_apply(pose_inverse(*world_from_camera), world[i]);
         out[i] = (struct fit_point){world[i], p.x / p.z + 0.5 * dice_normal(dice) / F_PX,
-                                    p.y / p.z + 0.5 * dice_normal(dice) / F_PX, 0.5, 0, {0}};
+                                    p.y / p.z + 0.5 * dice_normal(dice) / F_PX, 0.5, 0, {0}, 0};
     }
     return count;
 }
@@ -154,8 +154,8 @@ static void all_points_on_one_plane(void **state)
         wall[i] = v3(2 * dice_uniform(&dice) - 1, 1.5 * dice_uniform(&dice) - 0.75, 0);
     sight_points(wall, 60, &truth, &dice, seen);
     for (double loose = 30; loose > 0.5; loose /= 3)
-        fit_refine(NULL, 0, 0, seen, 60, loose, F_PX, F_PX, &found);
-    fit_refine(NULL, 0, 0, seen, 60, 0, F_PX, F_PX, &found);
+        fit_refine(NULL, 0, 0, seen, 60, loose, F_PX, F_PX, NULL, &found);
+    fit_refine(NULL, 0, 0, seen, 60, 0, F_PX, F_PX, NULL, &found);
     double off = off_m(pose_inverse(found), truth), turned = off_deg(pose_inverse(found), truth);
     printf("all points on one plane: %.2f mm, %.3f degrees\n", off * 1e3, turned);
     EXPECT_AT_MOST(off, 0.01);
@@ -174,12 +174,12 @@ static void points_behind_the_camera(void **state)
         world[i] = v3(1.6 * dice_uniform(&dice) - 0.8, 1.2 * dice_uniform(&dice) - 0.6, z);
     }
     sight_points(world, 80, &truth, &dice, seen);
-    fit_refine(NULL, 0, 0, seen, 80, 0, F_PX, F_PX, &found);
+    fit_refine(NULL, 0, 0, seen, 80, 0, F_PX, F_PX, NULL, &found);
     double off = off_m(pose_inverse(found), truth);
     printf("30 of 80 points behind the camera: %.2f mm\n", off * 1e3);
     EXPECT_AT_MOST(off, 0.01);
     for (int i = 50; i < 80; i++)
-        EXPECT_AT_LEAST(fit_point_error(&seen[i], &found, F_PX, F_PX), 1e9);
+        EXPECT_AT_LEAST(fit_point_error(&seen[i], NULL, &found, F_PX, F_PX), 1e9);
 }
 
 static void a_number_twice_in_sight(void **state)

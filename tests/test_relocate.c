@@ -1,9 +1,8 @@
 // The tablet found in a furnished room under bad conditions: tags painted over, little
 // light, motion, somebody in the way; and in rooms that are not as they were mapped.
-#include "capture/mapper.h"
 #include "locate/locate.h"
 #include "locate/relocate.h"
-#include "tests/support/align.h"
+#include "tests/support/film.h"
 #include "tests/test.h"
 #include "tests/world/world.h"
 
@@ -22,42 +21,6 @@ static struct room {
 } room;
 static uint8_t rgb[BYTES];
 
-static void map_room(void)
-{
-    static uint8_t color[BYTES];
-    static uint16_t depth[WIDTH * HEIGHT];
-    struct calibration sensor = world_calibration(1);
-    struct mapper_tag listed[32];
-    struct mapper_report report;
-    struct mapper *m;
-    int32_t count;
-    const struct place_tag *tags = world_tags(room.world, &count);
-    for (int32_t i = 0; i < count; i++)
-        listed[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
-    EXPECT_STATUS(mapper_open(&m, &sensor, listed, count, NULL), OK);
-    for (int i = 0; i < SWEEP; i++) {
-        double t = (double)WORLD_SWEEP_S * i / SWEEP;
-        struct world_shot shot = {sensor.color, world_sweep_pose(room.world, t), 0, false};
-        struct world_picture picture = {.color = color, .depth = depth};
-        EXPECT_STATUS(world_render(room.world, &shot, &picture), OK);
-        EXPECT_STATUS(world_depth_noise(&sensor.color, depth, (uint64_t)i, depth), OK);
-        struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = depth};
-        EXPECT_STATUS(mapper_add(m, &frame), OK);
-    }
-    EXPECT_STATUS(mapper_finish(m, &room.place, &report), OK);
-    mapper_close(&m);
-    struct vec3 ours[128], truth[128];
-    int n = 0;
-    for (int32_t i = 0; i < room.place.tag_count; i++)
-        for (int32_t k = 0; k < count; k++)
-            if (tags[k].id == room.place.tags[i].id) {
-                place_tag_corners(&room.place.tags[i], &ours[n]);
-                place_tag_corners(&tags[k], &truth[n]);
-                n += 4;
-            }
-    room.world_from_place = align_points(ours, truth, n);
-}
-
 static int enter(void **state)
 {
     (void)state;
@@ -65,7 +28,7 @@ static int enter(void **state)
     o.motion = "still";
     o.threads = 2;
     EXPECT_STATUS(world_open(&room.world, &o), OK);
-    map_room();
+    room.place = film_mapped_place(room.world, SWEEP, &room.world_from_place);
     room.lens = world_viewer_calibration(1).color;
     for (int i = 0; i < VIEWS; i++) {
         room.truth[i] = world_viewer_pose(room.world, world_seconds(room.world) * (i + 0.4) / VIEWS);
@@ -299,7 +262,7 @@ static void one_wall_alone(void **state)
         feature_index_build(&index, features, POINTS, &room.lens);
         struct pose found;
         int agree;
-        EXPECT_TRUE(relocate(points, &index, &room.lens, matches, POINTS, &found, &agree));
+        EXPECT_TRUE(relocate(points, &index, &room.lens, matches, POINTS, NULL, &found, &agree));
         worst_m = fmax(worst_m, v3_distance(pose_inverse(found).translation, pose_inverse(truth).translation));
         worst_rad = fmax(worst_rad, pose_angle(found, truth));
     }

@@ -5,6 +5,7 @@
 //     test_screens FILE CAMERA FOLDER       photographs of the screens, for the documents (see tests/screens)
 #include "tests/test.h"
 
+#include "app/scene.h"
 #include "app/tablet.h"
 #include "platform/clock.h"
 #include "platform/file.h"
@@ -194,6 +195,145 @@ static void test_actor_and_camera_are_of_one_instant(void **state)
         EXPECT_INT(t->look.camera_number, t->sight->number);
         EXPECT_INT(t->look.time_ns, player_at(&t->show.player, t->sight->came_ns));
         EXPECT_INT(memcmp(&t->look.world_from_camera, &t->sight->world_from_camera, sizeof(struct pose)), 0);
+    }
+    glass_close(&g);
+}
+
+static void draw_turned(struct glass *g, int quarter_turns)
+{
+    const bool across = quarter_turns & 1;
+    gpu_target_close(&g->target);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height, 1), OK);
+    const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, scale_of(g)};
+    EXPECT_STATUS(tablet_draw(&g->tablet, &glass, clock_now_ns()), OK);
+    read_back(g);
+}
+
+static void test_a_screen_mounted_turned_shows_the_same(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL); // the takes to choose from, which stand still
+    const int w = g.width, h = g.height;
+    uint8_t *upright = malloc(4 * (size_t)w * (size_t)h);
+    draw(&g);
+    draw_turned(&g, 0);
+    memcpy(upright, g.rgba, 4 * (size_t)w * (size_t)h);
+    for (int turns = 1; turns < 4; turns++) {
+        draw_turned(&g, turns);
+        double sum = 0;
+        for (int y = 0; y < h; y++)
+            for (int x = 0; x < w; x++) {
+                const int column = turns == 1 ? h - 1 - y : turns == 2 ? w - 1 - x : y;
+                const int row = turns == 1 ? x : turns == 2 ? h - 1 - y : w - 1 - x;
+                const uint8_t *p = g.rgba + 4 * (row * (turns == 2 ? w : h) + column), *q = upright + 4 * (y * w + x);
+                sum += abs(p[0] - q[0]) + abs(p[1] - q[1]) + abs(p[2] - q[2]);
+            }
+        EXPECT_AT_MOST(sum / (3.0 * w * h), 0.2); // edges may be cut one way or the other
+    }
+    free(upright);
+    glass_close(&g);
+}
+
+static void test_what_a_finger_hits_is_large_enough_on_every_screen(void **state)
+{
+    (void)state;
+    static const double dpis[] = {96, 149, 220, 264, 320, 450};
+    int least = 1 << 30, most = 0;
+    for (size_t i = 0; i < COUNT_OF(dpis); i++) {
+        const double scale = tablet_px_per_dp(dpis[i]), mm = TARGET * scale / dpis[i] * 25.4;
+        EXPECT_AT_LEAST(mm, 9);
+        if (dpis[i] < 149 || dpis[i] > 300)
+            continue;
+        // A screen of 20 x 13 cm with that many pixels: the same is seen on it.
+        struct glass g;
+        glass_open(&g, (int)(7.9 * dpis[i]), (int)(5.1 * dpis[i]), rehearsal.file, "turn", NULL);
+        const struct tablet_glass glass = {g.target, g.width, g.height, 0, scale};
+        for (int n = 0; n < 2; n++) {
+            tablet_update(&g.tablet, clock_now_ns());
+            EXPECT_STATUS(tablet_draw(&g.tablet, &glass, clock_now_ns()), OK);
+            at(&g, 0.5);
+        }
+        read_back(&g);
+        int accent = (int)(count_color(&g, theme_of(true)->accent, 6) / (scale * scale));
+        least = accent < least ? accent : least;
+        most = accent > most ? accent : most;
+        glass_close(&g);
+    }
+    EXPECT_AT_LEAST(least, 2000);
+    EXPECT_AT_MOST(most, 1.1 * least);
+}
+
+static void test_who_does_not_look_misses_nothing(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    settle(&g, true);
+    struct tablet *t = &g.tablet;
+    int64_t hidden = clock_now_ns(), at_ns = player_at(&t->show.player, hidden);
+    EXPECT_TRUE(t->show.player.playing);
+    tablet_rest(t, true, hidden);
+    clock_sleep_until_ns(hidden + 300000000); // the camera is let go of
+    int64_t came = eyes_state(t->eyes).came;
+    clock_sleep_until_ns(clock_now_ns() + 400000000);
+    EXPECT_INT(eyes_state(t->eyes).came, came);
+    int64_t shown = clock_now_ns();
+    tablet_rest(t, false, shown);
+    EXPECT_INT(player_at(&t->show.player, shown), at_ns);
+    for (int64_t until = shown + 30000000000; eyes_state(t->eyes).came == came && clock_now_ns() < until;)
+        clock_sleep_until_ns(clock_now_ns() + 10000000);
+    settle(&g, true);
+    EXPECT_AT_LEAST(eyes_state(t->eyes).came, came + 1);
+    glass_close(&g);
+}
+
+// How many pixels of the actor and his shadow lie outside of where they are drawn.
+static int beyond_the_box(struct glass *g, int *within)
+{
+    struct tablet *t = &g->tablet;
+    const double scale = scale_of(g);
+    const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
+    const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
+    const struct stage_picture *p = &t->picture;
+    struct cover cover = cover_of(&p->lens, all);
+    struct ui_box whole = {cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
+    struct ui_box box = scene_actor_box(p, cover, all);
+    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
+    ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a ground without soft edges
+    EXPECT_TRUE(p->shadow && p->actor);
+    ui_picture(t->ui, p->shadow, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_picture(t->ui, p->actor, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_end(t->ui);
+    EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
+    read_back(g);
+    int beyond = 0;
+    for (int y = 0; y < g->height; y++)
+        for (int x = 0; x < g->width; x++) {
+            const uint8_t *rgba = g->rgba + 4 * (y * g->width + x);
+            const double at_x = (x + 0.5) / scale, at_y = (y + 0.5) / scale;
+            bool inside = at_x >= box.x && at_x <= box.x + box.w && at_y >= box.y && at_y <= box.y + box.h;
+            bool his = rgba[0] < 255 || rgba[1] < 255 || rgba[2] < 255;
+            *within += his && inside;
+            beyond += his && !inside;
+        }
+    return beyond;
+}
+
+static void test_he_is_drawn_whole(void **state)
+{
+    (void)state;
+    struct glass g;
+    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    draw(&g);
+    g.tablet.show.orbit.distance_m = 4;
+    for (int i = 0; i < 8; i++) {
+        int within = 0;
+        at(&g, i / 7.0);
+        g.tablet.show.orbit.angle_rad += 0.8;
+        draw(&g);
+        EXPECT_INT(beyond_the_box(&g, &within), 0);
+        EXPECT_AT_LEAST(within, 2000);
     }
     glass_close(&g);
 }
@@ -469,6 +609,10 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_an_orbit_shows_the_actor_and_a_finger_turns_it),
         cmocka_unit_test(test_nothing_is_drawn_when_nothing_changes),
         cmocka_unit_test(test_actor_and_camera_are_of_one_instant),
+        cmocka_unit_test(test_he_is_drawn_whole),
+        cmocka_unit_test(test_a_screen_mounted_turned_shows_the_same),
+        cmocka_unit_test(test_what_a_finger_hits_is_large_enough_on_every_screen),
+        cmocka_unit_test(test_who_does_not_look_misses_nothing),
         cmocka_unit_test(test_a_photograph_is_what_is_seen_without_the_controls),
         cmocka_unit_test(test_a_recording_that_is_taken_away_plays_on),
         cmocka_unit_test(test_a_camera_that_is_lost_says_what_to_do),

@@ -119,7 +119,7 @@ static struct show watching(void)
 
 static struct show_camera seeing(int64_t sight, bool placed, int64_t came_ns)
 {
-    return (struct show_camera){true, true, true, came_ns, sight, placed, ""};
+    return (struct show_camera){true, true, true, true, came_ns, sight, placed, ""};
 }
 
 static void hear(struct show *s, struct show_camera camera, int64_t now_ns)

@@ -15,7 +15,22 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { WIDTH = 1280, HEIGHT = 800, MOST_FRAMES = 200000 };
+enum { WIDTH = 1280, HEIGHT = 800, MOST_FRAMES = 200000, SLOWEST = 10, REFERENCE_EACH = 8 };
+
+// How long the test lasts, seconds: some pictures must be drawn in every third of it.
+#ifdef EMULATED
+static const double PATIENCE_S = 120;
+#else
+static const double PATIENCE_S = 9;
+#endif
+
+// One picture's way.
+struct way {
+    double total_ms, ms[FRAME_STAGES];
+    double at_s;      // since the beginning
+    double take_s;    // of the take
+    double fineness;  // that the actor was drawn at
+};
 
 static double resident_mib(void)
 {
@@ -46,20 +61,33 @@ struct soak {
     // drawn, takes some for a moment.
     double settled_mib, last_mib;
     int most_descriptors_settled, most_descriptors_last;
-    double median_ms, worst_ms;   // of arrival to display, from the second third on
-    double alone_ms;              // locating and drawing the camera's picture alone, mean
-    struct frame_times times;     // of all
+    double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
+    struct way slowest[SLOWEST];             // of the same, the slowest first
+    double alone_ms;                         // locating and drawing the camera's picture alone, mean
 };
 
-static int ascending(const void *a, const void *b)
+// What a soak is made with.
+struct bath {
+    struct gpu *gpu;
+    struct gpu_target *target;
+    struct tablet tablet;
+    struct tablet_glass glass;
+    uint8_t *rgba;
+    struct way *ways;
+    int64_t count, references, last_sight;
+    double alone_ms; // sum
+};
+
+static int slowest_first(const void *a, const void *b)
 {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
+    const struct way *x = a, *y = b;
+    return (x->total_ms < y->total_ms) - (x->total_ms > y->total_ms);
 }
 
 // The camera's picture alone, drawn and waited for.
-static double draw_camera_alone(struct tablet *t, struct gpu_target *target, uint8_t *rgba)
+static double draw_camera_alone(struct bath *b)
 {
+    struct tablet *t = &b->tablet;
     const struct ui_input input = {.width_px = WIDTH, .height_px = HEIGHT, .px_per_dp = ui_px_per_dp(t->ui)};
     const struct brush brush = {t->ui, theme_of(true)};
     struct show alone = t->show;
@@ -68,70 +96,102 @@ static double draw_camera_alone(struct tablet *t, struct gpu_target *target, uin
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);
     scene_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->picture, &alone);
     ui_end(t->ui);
-    EXPECT_STATUS(ui_draw(t->ui, target, 0), OK);
-    EXPECT_STATUS(gpu_target_read(target, rgba), OK);
+    EXPECT_STATUS(ui_draw(t->ui, b->target, 0), OK);
+    EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK);
     return (double)(clock_now_ns() - began) * 1e-6;
 }
 
-// reference: measures the app as it is used, and the camera's picture alone beside it. Else every picture is
-// drawn at the display's size, for what memory is needed must not hang on how busy the machine is.
+// Draws what is new. False: nothing is.
+static bool draw_next(struct bath *b, int64_t now, struct way *way)
+{
+    struct tablet *t = &b->tablet;
+    if (!t->sight || t->sight->number == b->last_sight || t->show.page != PAGE_WATCH)
+        return false;
+    b->last_sight = t->sight->number;
+    EXPECT_STATUS(tablet_draw(t, &b->glass, now), OK);
+    EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
+    tablet_shown(t, clock_now_ns());
+    *way = (struct way){.total_ms = (double)(clock_now_ns() - t->sight->came_ns) * 1e-6,
+                        .take_s = (double)t->look.time_ns * 1e-9,
+                        .fineness = t->look.fineness};
+    for (int i = 0; i < FRAME_STAGES; i++)
+        way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
+    return true;
+}
+
+// What that costs must not be seen in the way of the next picture: one that came meanwhile does not count.
+static void refer(struct bath *b)
+{
+    const struct sight *sight = b->tablet.sight;
+    b->alone_ms += draw_camera_alone(b) + (double)(sight->located_ns - sight->locating_ns) * 1e-6;
+    b->references++;
+    tablet_update(&b->tablet, clock_now_ns());
+    b->last_sight = b->tablet.sight->number;
+}
+
+static void look_at_memory(struct soak *s, bool late)
+{
+    int open_now = descriptors(), *most = late ? &s->most_descriptors_last : &s->most_descriptors_settled;
+    double resident = resident_mib(), *most_mib = late ? &s->last_mib : &s->settled_mib;
+    *most_mib = fmax(*most_mib, resident);
+    *most = open_now > *most ? open_now : *most;
+}
+
+static void sum_up(struct soak *s, struct bath *b)
+{
+    s->alone_ms = b->references ? b->alone_ms / (double)b->references : 0;
+    for (int64_t i = 0; i < b->count; i++)
+        for (int stage = 0; stage < FRAME_STAGES; stage++)
+            s->mean_ms[stage] += b->ways[i].ms[stage] / (double)b->count;
+    qsort(b->ways, (size_t)b->count, sizeof *b->ways, slowest_first);
+    s->median_ms = b->count ? b->ways[b->count / 2].total_ms : 0;
+    for (int i = 0; i < SLOWEST && i < b->count; i++)
+        s->slowest[i] = b->ways[i];
+}
+
+// reference: measures the app as it is used, and now and then the camera's picture alone beside it. Else every picture
+// is drawn at the display's size, for what memory is needed must not hang on how busy the machine is.
 static struct soak soak(const char *file, const char *camera, double seconds, bool reference)
 {
     const struct tablet_options how = {.file = file, .camera = camera, .refresh_hz = 60, .fixed_fineness = !reference};
-    struct tablet_glass glass = {NULL, WIDTH, HEIGHT, 0, tablet_px_per_dp(149)};
-    struct tablet t;
-    struct gpu *gpu;
-    struct gpu_target *target;
+    struct bath b = {.ways = malloc(sizeof *b.ways * MOST_FRAMES), .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
     struct soak s = {0};
-    double *totals = malloc(sizeof *totals * MOST_FRAMES);
-    uint8_t *rgba = malloc((size_t)WIDTH * HEIGHT * 4);
-    int64_t counted = 0, references = 0;
-    EXPECT_STATUS(gpu_open(&gpu), OK);
-    EXPECT_STATUS(gpu_target_open(&target, gpu, WIDTH, HEIGHT, 1), OK);
-    EXPECT_STATUS(tablet_open(&t, gpu, &how), OK);
-    glass.target = target;
-    show_choose(&t.show, 0);
-    int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9), last_sight = 0;
+    assert_non_null(b.ways);
+    EXPECT_STATUS(gpu_open(&b.gpu), OK);
+    EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT, 1), OK);
+    EXPECT_STATUS(tablet_open(&b.tablet, b.gpu, &how), OK);
+    b.glass = (struct tablet_glass){b.target, WIDTH, HEIGHT, 0, tablet_px_per_dp(149)};
+    show_choose(&b.tablet.show, 0);
+    int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9);
     for (int64_t now = began; now < began + length; now = clock_now_ns()) {
-        tablet_update(&t, now);
-        if (!t.stage || stage_prepared(t.stage) < 1 || !stage_settled(t.stage)) { // it counts from when the take is prepared
+        tablet_update(&b.tablet, now);
+        const struct stage *stage = b.tablet.stage;
+        if (!stage || stage_prepared(stage) < 1 || !stage_settled(stage)) { // it counts from when the take is prepared
             began = now;
             s.frames = 0;
         }
         bool settled = now - began > length / 3, late = now - began > 2 * length / 3;
-        if (!t.sight || t.sight->number == last_sight || t.show.page != PAGE_WATCH) {
+        struct way way;
+        if (!draw_next(&b, now, &way)) {
             clock_sleep_until_ns(now + 1000000);
             continue;
         }
-        last_sight = t.sight->number;
-        EXPECT_STATUS(tablet_draw(&t, &glass, now), OK);
-        EXPECT_STATUS(gpu_target_read(target, rgba), OK); // as a display would have to wait for it
-        tablet_shown(&t, clock_now_ns());
-        double total = (double)(clock_now_ns() - t.sight->came_ns) * 1e-6;
-        if (settled && counted < MOST_FRAMES)
-            totals[counted++] = total;
-        int open_now = descriptors(), *most = late ? &s.most_descriptors_last : &s.most_descriptors_settled;
-        double resident = resident_mib(), *most_mib = late ? &s.last_mib : &s.settled_mib;
-        if (settled)
-            *most_mib = fmax(*most_mib, resident);
-        if (settled && open_now > *most)
-            *most = open_now;
-        if (reference && settled) {
-            s.alone_ms += draw_camera_alone(&t, target, rgba) + (double)(t.sight->located_ns - t.sight->locating_ns) * 1e-6;
-            references++;
-        }
         s.frames++;
+        if (!settled)
+            continue;
+        way.at_s = (double)(now - began) * 1e-9;
+        if (b.count < MOST_FRAMES)
+            b.ways[b.count++] = way;
+        look_at_memory(&s, late);
+        if (reference && s.frames % REFERENCE_EACH == 0)
+            refer(&b);
     }
-    s.times = t.times;
-    s.alone_ms /= references ? (double)references : 1;
-    qsort(totals, (size_t)counted, sizeof *totals, ascending);
-    s.median_ms = counted ? totals[counted / 2] : 0;
-    s.worst_ms = counted ? totals[counted - 1] : 0;
-    free(totals);
-    free(rgba);
-    tablet_close(&t);
-    gpu_target_close(&target);
-    gpu_close(&gpu);
+    sum_up(&s, &b);
+    free(b.ways);
+    free(b.rgba);
+    tablet_close(&b.tablet);
+    gpu_target_close(&b.target);
+    gpu_close(&b.gpu);
     return s;
 }
 
@@ -139,7 +199,7 @@ static void test_memory_stays_flat(void **state)
 {
     (void)state;
     struct rehearsal r = rehearsal_make();
-    struct soak s = soak(r.file, r.camera, 9, false);
+    struct soak s = soak(r.file, r.camera, PATIENCE_S, false);
     print_message("%lld pictures, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.settled_mib,
                   s.last_mib, s.most_descriptors_settled, s.most_descriptors_last);
     EXPECT_AT_LEAST(s.frames, 5);
@@ -157,10 +217,18 @@ static void say(const struct soak *s)
     printf("descriptors   %d at most in the second third, %d in the last\n", s->most_descriptors_settled,
            s->most_descriptors_last);
     for (int i = 0; i < FRAME_STAGES; i++)
-        printf("%-13s %.1f ms\n", frame_stage_names[i], s->times.sum_ms[i] / (double)s->times.frames);
-    printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->worst_ms,
-           s->worst_ms / s->median_ms);
+        printf("%-13s %.1f ms\n", frame_stage_names[i], s->mean_ms[i]);
+    printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->slowest[0].total_ms,
+           s->slowest[0].total_ms / s->median_ms);
     printf("locating and the camera's picture alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
+    for (int i = 0; i < SLOWEST; i++) {
+        const struct way *w = &s->slowest[i];
+        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f:", w->total_ms, w->at_s, w->take_s,
+               w->fineness);
+        for (int k = 0; k < FRAME_STAGES; k++)
+            printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
+        printf("\n");
+    }
 }
 
 int main(int argc, char **argv)

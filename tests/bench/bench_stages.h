@@ -10,6 +10,7 @@ extern const struct bench_stage bench_stage_tag_distance;
 extern const struct bench_stage bench_stage_place;
 extern const struct bench_stage bench_stage_still;
 extern const struct bench_stage bench_stage_views;
+extern const struct bench_stage bench_stage_left_out;
 extern const struct bench_stage bench_stage_draw;
 
 static const struct bench_stage *const bench_stages[] = {
@@ -21,5 +22,6 @@ static const struct bench_stage *const bench_stages[] = {
     &bench_stage_place,
     &bench_stage_still,
     &bench_stage_views,
+    &bench_stage_left_out,
     &bench_stage_draw,
 };

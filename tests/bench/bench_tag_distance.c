@@ -93,7 +93,7 @@ static enum status find(struct setup *s, int tag_count, struct pose *found, bool
                 kept++;
             }
     if (status == OK)
-        status = kept ? fit_camera(tags, kept, s->lens.fx, s->lens.fy, MAX_RMS_PX, &fit) : NOTHING;
+        status = kept ? fit_camera(tags, kept, s->lens.fx, s->lens.fy, MAX_RMS_PX, NULL, &fit) : NOTHING;
     if (status != OK && status != AMBIGUOUS)
         return status;
     *ambiguous = status == AMBIGUOUS;

@@ -116,7 +116,7 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
             !refine_tag(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
             continue;
         struct fit_tag tag = {.seen = &fine, .world_from_tag = POSE_IDENTITY, .side_m = SIDE_M};
-        if (fit_camera(&tag, 1, p->lens.fx, p->lens.fy, 2.5, &fit) == NOTHING)
+        if (fit_camera(&tag, 1, p->lens.fx, p->lens.fy, 2.5, NULL, &fit) == NOTHING)
             continue;
         judge(p, item, fit.camera_from_world, started_ms, out);
         return OK;

@@ -1,5 +1,8 @@
 #include "tests/support/film.h"
 
+#include "capture/mapper.h"
+#include "tests/support/align.h"
+
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
@@ -74,5 +77,48 @@ struct place film_true_place(const struct world *w, double scale)
     if (!place.tags)
         abort();
     memcpy(place.tags, tags, sizeof *tags * (size_t)place.tag_count);
+    return place;
+}
+
+struct place film_mapped_place(const struct world *w, int pictures, struct pose *world_from_place)
+{
+    struct calibration sensor = world_calibration(1);
+    size_t pixels = (size_t)sensor.color.width * (size_t)sensor.color.height;
+    uint8_t *color = malloc(pixels * 3);
+    uint16_t *depth = malloc(pixels * sizeof *depth);
+    struct mapper_tag listed[32];
+    struct mapper_report report;
+    struct mapper *m;
+    struct place place;
+    int32_t count;
+    const struct place_tag *tags = world_tags(w, &count);
+    if (!color || !depth || count > (int32_t)COUNT_OF(listed))
+        abort();
+    for (int32_t i = 0; i < count; i++)
+        listed[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
+    check(mapper_open(&m, &sensor, listed, count, NULL));
+    for (int i = 0; i < pictures; i++) {
+        double t = (double)WORLD_SWEEP_S * i / pictures;
+        struct world_shot shot = {sensor.color, world_sweep_pose(w, t), 0, false};
+        struct world_picture picture = {.color = color, .depth = depth};
+        check(world_render(w, &shot, &picture));
+        check(world_depth_noise(&sensor.color, depth, (uint64_t)i, depth));
+        struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = depth};
+        check(mapper_add(m, &frame));
+    }
+    check(mapper_finish(m, &place, &report));
+    mapper_close(&m);
+    free(color);
+    free(depth);
+    struct vec3 ours[128], truth[128];
+    int n = 0;
+    for (int32_t i = 0; i < place.tag_count; i++)
+        for (int32_t k = 0; k < count; k++)
+            if (tags[k].id == place.tags[i].id) {
+                place_tag_corners(&place.tags[i], &ours[n]);
+                place_tag_corners(&tags[k], &truth[n]);
+                n += 4;
+            }
+    *world_from_place = align_points(ours, truth, n);
     return place;
 }

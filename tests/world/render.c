@@ -261,3 +261,21 @@ enum status world_render(const struct world *w, const struct world_shot *shot, s
     free(j.corners);
     return status;
 }
+
+enum status world_render_rolling(const struct world *w, const struct world_shot *shot, world_path *path,
+                                 const void *context, double time_s, struct world_picture *out)
+{
+    enum status status = lens_check(&shot->lens, "small world's");
+    for (int y = 0; y < shot->lens.height && status == OK; y++) {
+        size_t at = (size_t)y * (size_t)shot->lens.width;
+        double middle = (shot->lens.height - 1) / 2.0, rows = shot->lens.height > 1 ? shot->lens.height - 1 : 1;
+        struct world_shot row = *shot;
+        struct world_picture part = {out->color ? out->color + 3 * at : NULL, out->depth ? out->depth + at : NULL,
+                                     out->mask ? out->mask + at : NULL};
+        row.lens.height = 1;
+        row.lens.cy -= y;
+        row.world_from_camera = path(context, time_s + shot->lens.readout_s * (y - middle) / rows);
+        status = world_render(w, &row, &part);
+    }
+    return status;
+}

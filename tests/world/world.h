@@ -133,6 +133,15 @@ struct world_picture {
 // ERR_INPUT: a senseless lens. ERR_MEMORY. Deterministic.
 MUST_CHECK enum status world_render(const struct world *w, const struct world_shot *shot, struct world_picture *out);
 
+// Where a camera is, world_from_camera, at a time in seconds.
+typedef struct pose world_path(const void *context, double time_s);
+
+// The same by a camera with a rolling shutter: each row from where the path has the camera when that row is
+// read, within shot->lens.readout_s, the middle one at `time_s` of the path. shot->world_from_camera is not
+// read; the figure does not move meanwhile.
+MUST_CHECK enum status world_render_rolling(const struct world *w, const struct world_shot *shot, world_path *path,
+                                            const void *context, double time_s, struct world_picture *out);
+
 // ---------------------------------------------------------------- a sensor's weaknesses
 
 // Depth as a Kinect v1 would read it, from exact depth of the same lens. A zero

@@ -21,6 +21,7 @@ struct film {
     int sets;
     double seconds; // < 0: all
     int width, height;
+    double readout_s; // of a rolling shutter; the sensor on its stand does not notice
     bool clean;
     struct world_options world;
 };
@@ -108,6 +109,8 @@ static void add_lens(struct json *root, const char *name, const struct lens *l, 
         json_push_number(d, k[i]);
     if (depth)
         json_add_number(o, "unit_m", 0.001);
+    if (l->readout_s > 0)
+        json_add_number(o, "readout_ms", l->readout_s * 1e3);
 }
 
 static enum status save_calibration(const struct calibration *c, const char *folder)
@@ -186,6 +189,24 @@ static enum status save_jpeg(const uint8_t *rgb, const struct lens *l, const cha
     return status;
 }
 
+static struct pose camera_at(const struct world *w, const struct reel *r, double t)
+{
+    return r->set == SET_PLACE    ? world_sweep_pose(w, t)
+           : r->set == SET_SENSOR ? world_sensor_pose(w)
+                                  : world_viewer_pose(w, t);
+}
+
+struct carried {
+    const struct world *world;
+    const struct reel *reel;
+};
+
+static struct pose carried_at(const void *context, double time_s)
+{
+    const struct carried *c = context;
+    return camera_at(c->world, c->reel, time_s);
+}
+
 // Frame `i` of a reel: its picture, its depth, and what a viewer should have seen.
 static enum status film_frame(const struct film *f, const struct world *w, const struct reel *r,
                               const struct lens *lens, struct pose world_from_camera, int i, struct pixels *px)
@@ -193,7 +214,10 @@ static enum status film_frame(const struct film *f, const struct world *w, const
     char path[PATH_BYTES];
     uint64_t seed = f->world.seed * 1000003u + (uint64_t)i * 8 + r->set;
     struct world_shot shot = {*lens, world_from_camera, i / r->rate_hz, r->actor};
-    enum status status = world_render(w, &shot, &(struct world_picture){px->color, r->depth ? px->depth : NULL, NULL});
+    struct world_picture picture = {px->color, r->depth ? px->depth : NULL, NULL};
+    enum status status = lens->readout_s > 0 ? world_render_rolling(w, &shot, carried_at, &(struct carried){w, r},
+                                                                    i / r->rate_hz, &picture)
+                                             : world_render(w, &shot, &picture);
     if (!status && r->depth && !f->clean)
         status = world_depth_noise(lens, px->depth, seed, px->depth);
     if (!status) {
@@ -242,13 +266,6 @@ static enum status make_folders(const struct film *f, const struct reel *r)
     return status;
 }
 
-static struct pose camera_at(const struct world *w, const struct reel *r, double t)
-{
-    return r->set == SET_PLACE    ? world_sweep_pose(w, t)
-           : r->set == SET_SENSOR ? world_sensor_pose(w)
-                                  : world_viewer_pose(w, t);
-}
-
 static enum status film_reel(const struct film *f, const struct world *w, const struct reel *r, struct pixels *px)
 {
     enum status status = make_folders(f, r);
@@ -258,6 +275,7 @@ static enum status film_reel(const struct film *f, const struct world *w, const 
     if (f->seconds >= 0)
         length = fmin(length, f->seconds);
     struct calibration c = r->set == SET_VIEWER ? world_viewer_calibration(scale) : world_calibration(scale);
+    c.color.readout_s = r->set == SET_SENSOR ? 0 : f->readout_s;
     struct text rgb = {0}, depth = {0}, poses = {0}, joints = {0};
     add(&poses, "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
     add(&joints, "timestamp,joint,x_m,y_m,z_m\n");
@@ -328,7 +346,8 @@ enum {
     KEY_MOTION,
     KEY_SEED,
     KEY_THREADS,
-    KEY_CLEAN
+    KEY_CLEAN,
+    KEY_READOUT
 };
 
 static void read_number(struct argp_state *state, const char *text, const char *option, double low, double high,
@@ -380,6 +399,10 @@ static error_t parse(int key, char *text, struct argp_state *state)
         read_number(state, text, "threads", 1, 16, &number);
         f->world.threads = (int)number;
         break;
+    case KEY_READOUT:
+        read_number(state, text, "readout", 0, LENS_MOST_READOUT_S * 1e3, &number);
+        f->readout_s = number * 1e-3;
+        break;
     case KEY_CLEAN:
         f->clean = true;
         break;
@@ -407,6 +430,8 @@ int main(int argc, char **argv)
          "pirouette (the default), kata, still, bend, walk, hide, or the path of a .bvh file", 0},
         {"seed", KEY_SEED, "N", 0, "Of posters, hands and noise; 1 unless told", 0},
         {"threads", KEY_THREADS, "N", 0, "1 unless told; the files do not depend on it", 0},
+        {"readout", KEY_READOUT, "MS", 0,
+         "Cameras in the hand have a rolling shutter: the last row is read this much after the first", 0},
         {"clean", KEY_CLEAN, NULL, 0, "No noise on colour and depth", 0},
         {0},
     };

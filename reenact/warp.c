@@ -1,0 +1,510 @@
+#include "reenact/warp.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { POINTS = 3000, ROUNDS = 3, STEPS = 20, TILE_PX = 16, OUTLINE_EVERY_PX = 2, INWARD_PX = 3, ROOM_MM = 100 };
+
+// Least squares in units of metres: a reading is good to this much,
+static const float READING_M = 0.01F;
+static const float OUTLINE_M = 0.01F; // a place of the outline to that,
+static const float BEND_M = 0.024F;   // neighbouring nodes shift alike within this,
+static const float SHIFT_M = 0.04F;   // and all of them little.
+static const double OUTLIER_M[ROUNDS] = {0.04, 0.03, 0.025};
+static const double ASIDE_PX = 12; // an outline is looked for so far from where the surface has it
+static const double SURELY_SEEN = 1; // frames
+static const double LEAST_FACING = 0.1;  // cosine: what a reading shows faces the camera
+static const double GRAZING = 0.3;       // cosine: what may be at the outline
+
+struct row { // share . shift along n = value
+    int32_t node[8];
+    float share[8], n[3], value, weight;
+};
+
+// A place of the surface that may be at the outline.
+struct brink {
+    struct pixel px;
+    double nx, ny;  // outwards in the picture, unit
+    double z;       // depth camera's axes, metres
+    int point;
+    int next;       // in the same tile; -1: none
+};
+
+struct warp {
+    struct rest rest;
+    struct lens depth_lens;
+    struct pose depth_from_color;
+    struct warp_grid grid;
+    int32_t *node;      // of each point of the grid; -1: none
+    int32_t (*beside)[3]; // of each node: the nodes that follow in x, y, z; -1: none
+    int node_count;
+    float (*shift)[3];  // of each node
+    float (*right)[3], (*residual)[3], (*along)[3], (*image)[3], (*scale)[3]; // the solver's
+    struct row *rows;
+    int row_count, row_most;
+    struct brink *brinks;
+    int brink_count, brink_most;
+    uint8_t *picture;
+};
+
+// ---------------------------------------------------------------- the grid
+
+static int grid_count(const struct warp_grid *g) { return g->size[0] * g->size[1] * g->size[2]; }
+
+static struct warp_grid grid_about(const struct surface *s)
+{
+    struct vec3 low = s->points[0], high = low;
+    for (int i = 1; i < s->point_count; i++) {
+        struct vec3 p = s->points[i];
+        low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
+        high = v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
+    }
+    const struct vec3 margin = {WARP_STEP_M, WARP_STEP_M, WARP_STEP_M};
+    struct warp_grid g = {.corner = v3_sub(low, margin)};
+    struct vec3 extent = v3_sub(v3_add(high, margin), g.corner);
+    g.size[0] = (int)ceil(extent.x / WARP_STEP_M) + 1;
+    g.size[1] = (int)ceil(extent.y / WARP_STEP_M) + 1;
+    g.size[2] = (int)ceil(extent.z / WARP_STEP_M) + 1;
+    return g;
+}
+
+// The cube of the grid that holds a point, and where in it; false: outside.
+static bool cube_of(const struct warp_grid *g, struct vec3 p, int *at, double in[3])
+{
+    const double q[3] = {(p.x - g->corner.x) / WARP_STEP_M, (p.y - g->corner.y) / WARP_STEP_M,
+                         (p.z - g->corner.z) / WARP_STEP_M};
+    int cell[3];
+    for (int i = 0; i < 3; i++) {
+        if (!(q[i] >= 0 && q[i] < g->size[i] - 1))
+            return false;
+        cell[i] = (int)q[i];
+        in[i] = q[i] - cell[i];
+    }
+    *at = (cell[2] * g->size[1] + cell[1]) * g->size[0] + cell[0];
+    return true;
+}
+
+static int corner_at(const struct warp_grid *g, int at, int corner)
+{
+    return at + (corner & 1) + ((corner >> 1 & 1) + (corner >> 2) * g->size[1]) * g->size[0];
+}
+
+static double corner_share(const double in[3], int corner)
+{
+    double share = 1;
+    for (int i = 0; i < 3; i++)
+        share *= corner >> i & 1 ? in[i] : 1 - in[i];
+    return share;
+}
+
+// Nodes are the corners of the cubes that the surface passes through, and all that lies inside it.
+static void find_nodes(struct warp *w, const struct surface *surface)
+{
+    const struct warp_grid *g = &w->grid;
+    int count = grid_count(g), at;
+    double in[3];
+    memset(w->node, -1, sizeof *w->node * (size_t)count);
+    for (int i = 0; i < surface->point_count; i++)
+        if (cube_of(g, surface->points[i], &at, in))
+            for (int c = 0; c < 8; c++)
+                w->node[corner_at(g, at, c)] = 0;
+    w->node_count = 0;
+    for (int i = 0; i < count; i++) {
+        struct vec3 p = v3_add(g->corner, v3_scale(v3(i % g->size[0], i / g->size[0] % g->size[1],
+                                                      i / g->size[0] / g->size[1]), WARP_STEP_M));
+        if (w->node[i] == 0 || rest_distance(&w->rest, p) < 0)
+            w->node[i] = w->node_count++;
+    }
+}
+
+static void join_nodes(struct warp *w)
+{
+    const struct warp_grid *g = &w->grid;
+    const int step[3] = {1, g->size[0], g->size[0] * g->size[1]};
+    for (int i = 0; i < grid_count(g); i++) {
+        const int at[3] = {i % g->size[0], i / g->size[0] % g->size[1], i / g->size[0] / g->size[1]};
+        for (int a = 0; a < 3 && w->node[i] >= 0; a++)
+            w->beside[w->node[i]][a] = at[a] + 1 < g->size[a] ? w->node[i + step[a]] : -1;
+    }
+}
+
+enum status warp_open(struct warp **out, const struct rest *rest, const struct surface *surface,
+                      const struct calibration *calibration)
+{
+    struct warp *w = *out = calloc(1, sizeof *w);
+    if (!w)
+        return fail(ERR_MEMORY, "out of memory");
+    w->rest = *rest;
+    w->depth_lens = calibration->depth;
+    w->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
+    w->grid = grid_about(surface);
+    size_t count = (size_t)grid_count(&w->grid);
+    w->node = malloc(sizeof *w->node * count);
+    w->picture = malloc(4 * count);
+    if (w->node)
+        find_nodes(w, surface);
+    size_t nodes = (size_t)w->node_count;
+    w->beside = malloc(sizeof *w->beside * nodes);
+    w->shift = malloc(sizeof *w->shift * nodes);
+    w->right = malloc(sizeof *w->right * nodes);
+    w->residual = malloc(sizeof *w->residual * nodes);
+    w->along = malloc(sizeof *w->along * nodes);
+    w->image = malloc(sizeof *w->image * nodes);
+    w->scale = malloc(sizeof *w->scale * nodes);
+    w->row_most = 2 * POINTS;
+    w->rows = malloc(sizeof *w->rows * (size_t)w->row_most);
+    w->brink_most = surface->point_count;
+    w->brinks = malloc(sizeof *w->brinks * (size_t)w->brink_most);
+    if (!w->node || !w->picture || !w->beside || !w->shift || !w->right || !w->residual || !w->along || !w->image ||
+        !w->scale || !w->rows || !w->brinks) {
+        warp_close(out);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    join_nodes(w);
+    warp_clear(w);
+    return OK;
+}
+
+void warp_close(struct warp **out)
+{
+    struct warp *w = *out;
+    if (!w)
+        return;
+    void *const all[] = {w->node,  w->beside, w->shift, w->right, w->residual, w->along,
+                         w->image, w->scale,  w->rows,  w->brinks, w->picture};
+    for (size_t i = 0; i < COUNT_OF(all); i++)
+        free(all[i]);
+    free(w);
+    *out = NULL;
+}
+
+struct warp_grid warp_grid_of(const struct warp *w) { return w->grid; }
+const uint8_t *warp_picture(const struct warp *w) { return w->picture; }
+
+struct vec3 warp_at(const struct warp *w, struct vec3 rest)
+{
+    struct vec3 sum = v3(0, 0, 0);
+    double in[3];
+    int at;
+    if (!cube_of(&w->grid, rest, &at, in))
+        return sum;
+    for (int c = 0; c < 8; c++) {
+        const uint8_t *t = w->picture + 4 * corner_at(&w->grid, at, c);
+        sum = v3_add(sum, v3_scale(v3(t[0] - 128, t[1] - 128, t[2] - 128), corner_share(in, c)));
+    }
+    return v3_scale(sum, WARP_MOST_M / 127);
+}
+
+// What everybody reads is the picture, so that the GPU and the rest of us shift alike.
+static void write_picture(struct warp *w)
+{
+    for (int i = 0; i < grid_count(&w->grid); i++) {
+        uint8_t *t = w->picture + 4 * i;
+        memset(t, 128, 4);
+        for (int a = 0; a < 3 && w->node[i] >= 0; a++) {
+            double part = (double)w->shift[w->node[i]][a] / WARP_MOST_M;
+            t[a] = (uint8_t)(128.5 + 127 * (part < -1 ? -1 : part > 1 ? 1 : part));
+        }
+    }
+}
+
+void warp_clear(struct warp *w)
+{
+    memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
+    write_picture(w);
+}
+
+// ---------------------------------------------------------------- the evidence
+
+static struct vec3 shift_now(const struct warp *w, struct vec3 rest)
+{
+    struct vec3 sum = v3(0, 0, 0);
+    double in[3];
+    int at;
+    if (!cube_of(&w->grid, rest, &at, in))
+        return sum;
+    for (int c = 0; c < 8; c++) {
+        int node = w->node[corner_at(&w->grid, at, c)];
+        if (node < 0)
+            continue;
+        const float *s = w->shift[node];
+        sum = v3_add(sum, v3_scale(v3((double)s[0], (double)s[1], (double)s[2]), corner_share(in, c)));
+    }
+    return sum;
+}
+
+// The place `rest` should go by `more` along n beyond what it is shifted now.
+static void add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more, double weight)
+{
+    double in[3];
+    int at;
+    if (w->row_count == w->row_most || !cube_of(&w->grid, rest, &at, in))
+        return;
+    struct row *r = &w->rows[w->row_count];
+    for (int c = 0; c < 8; c++) {
+        r->node[c] = w->node[corner_at(&w->grid, at, c)];
+        r->share[c] = (float)corner_share(in, c);
+        if (r->node[c] < 0)
+            return;
+    }
+    r->n[0] = (float)n.x, r->n[1] = (float)n.y, r->n[2] = (float)n.z;
+    r->value = (float)(v3_dot(n, shift_now(w, rest)) + more);
+    r->weight = (float)weight;
+    w->row_count++;
+}
+
+// Where a point in the camera's axes is in the rest pose, if it is of a part or of one that meets it, and the
+// direction from the camera to it.
+static struct vec3 into_rest(const struct warp *w, const struct pose back[PART_COUNT], int part, struct vec3 at,
+                             struct vec3 *ray)
+{
+    struct vec3 rest = pose_apply(back[part], at);
+    struct skin skin = rest_skin(&w->rest, rest);
+    struct vec3 mixed = v3(0, 0, 0), turned = v3(0, 0, 0);
+    for (int i = 0; i < SKIN_PARTS; i++) { // near enough to undoing the mix of maps where they differ little
+        mixed = v3_add(mixed, v3_scale(pose_apply(back[skin.part[i]], at), (double)skin.weight[i]));
+        turned = v3_add(turned, v3_scale(quat_rotate(back[skin.part[i]].rotation, at), (double)skin.weight[i]));
+    }
+    *ray = v3_unit(turned);
+    return mixed;
+}
+
+static int every_px(const struct sight *s)
+{
+    long pixels = 0;
+    for (int y = s->top; y <= s->bottom; y++)
+        for (int x = s->left; x <= s->right; x++)
+            pixels += s->part[y * s->width + x] < PART_COUNT;
+    int every = 1;
+    while (pixels / every / every > POINTS)
+        every++;
+    return every;
+}
+
+static void add_readings(struct warp *w, const struct volume *volume, const struct sight *s,
+                         const struct posture *posture, double outlier)
+{
+    struct pose back[PART_COUNT];
+    for (int p = 0; p < PART_COUNT; p++)
+        back[p] = pose_inverse(posture->part[p]);
+    int every = every_px(s);
+    for (int y = s->top; y <= s->bottom; y += every)
+        for (int x = s->left; x <= s->right; x += every) {
+            int i = y * s->width + x, part = s->part[i];
+            if (part >= PART_COUNT || !w->rest.known[part])
+                continue;
+            struct vec3 ray, gradient;
+            struct vec3 rest = into_rest(w, back, part, source_rays_point(s->rays, i, s->depth[i]), &ray);
+            double distance, seen;
+            rest = v3_sub(rest, shift_now(w, rest));
+            if (!volume_at(volume, rest, &distance, &gradient, &seen) || v3_length(gradient) < 0.3)
+                continue;
+            struct vec3 n = v3_unit(gradient);
+            if (-v3_dot(n, ray) < LEAST_FACING)
+                continue;
+            double robust = outlier * outlier / (outlier * outlier + distance * distance);
+            add_row(w, rest, n, distance,
+                    robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
+        }
+}
+
+// ---- the outline
+
+// Sorts what may be at the outline into tiles of the picture. first: of each tile, -1: none.
+static void find_brinks(struct warp *w, const struct warp_model *m, const struct posture *posture, int across,
+                        int tiles, int32_t *first)
+{
+    memset(first, -1, sizeof *first * (size_t)tiles);
+    w->brink_count = 0;
+    for (int i = 0; i < m->surface->point_count; i++) {
+        struct vec3 p, n, rest = m->surface->points[i];
+        rest = v3_add(rest, shift_now(w, rest));
+        skin_place(&m->skins[i], posture, rest, m->surface->normals[i], &p, &n);
+        p = pose_apply(w->depth_from_color, p);
+        n = quat_rotate(w->depth_from_color.rotation, n);
+        if (!(p.z > 0.05) || fabs(v3_dot(n, v3_unit(p))) > GRAZING)
+            continue;
+        struct brink b = {.px = lens_project(&w->depth_lens, p), .nx = n.x, .ny = n.y, .z = p.z, .point = i};
+        double flat = hypot(b.nx, b.ny);
+        if (!(b.px.x >= 0 && b.px.y >= 0 && b.px.x < w->depth_lens.width && b.px.y < w->depth_lens.height) ||
+            !(flat > 0.1))
+            continue;
+        b.nx /= flat, b.ny /= flat;
+        int tile = (int)b.px.y / TILE_PX * across + (int)b.px.x / TILE_PX;
+        b.next = first[tile];
+        first[tile] = w->brink_count;
+        w->brinks[w->brink_count++] = b;
+    }
+}
+
+// The brink nearest to the outline at px, which faces (nx, ny) there; NULL: none.
+static const struct brink *nearest_brink(const struct warp *w, const struct warp_model *m, const int32_t *first,
+                                         int across, int down, struct pixel px, double nx, double ny, int part)
+{
+    const struct brink *best = NULL;
+    double least = ASIDE_PX * ASIDE_PX;
+    int tx = (int)px.x / TILE_PX, ty = (int)px.y / TILE_PX;
+    for (int y = ty > 0 ? ty - 1 : 0; y <= ty + 1 && y < down; y++)
+        for (int x = tx > 0 ? tx - 1 : 0; x <= tx + 1 && x < across; x++)
+            for (int b = first[y * across + x]; b >= 0; b = w->brinks[b].next) {
+                const struct brink *k = &w->brinks[b];
+                double dx = k->px.x - px.x, dy = k->px.y - px.y, far = dx * dx + dy * dy;
+                if (far >= least || k->nx * nx + k->ny * ny < 0.7 ||
+                    !parts_meet((enum part)m->skins[k->point].part[0], (enum part)part))
+                    continue;
+                least = far;
+                best = k;
+            }
+    return best;
+}
+
+static bool of_person(const struct sight *s, int i) { return s->part[i] != SIGHT_ROOM; }
+
+static void add_outline_at(struct warp *w, const struct warp_model *m, const struct sight *s, const int32_t *first,
+                           int across, int down, int i)
+{
+    static const int steps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
+    int x = i % s->width, y = i / s->width;
+    double nx = 0, ny = 0; // out of the person: where fewer pixels about are theirs
+    for (int v = -2; v <= 2; v++)
+        for (int u = -2; u <= 2; u++)
+            if (of_person(s, i + v * s->width + u))
+                nx -= u, ny -= v;
+    double length = hypot(nx, ny);
+    if (!(length > 4))
+        return;
+    nx /= length, ny /= length;
+    for (int k = 0; k < 4; k++) {
+        int step = steps[k][1] * s->width + steps[k][0], inside = i + step;
+        if (!of_person(s, inside) || -(steps[k][0] * nx + steps[k][1] * ny) < 0.7)
+            continue;
+        for (int j = 1; j < INWARD_PX && s->part[inside] == SIGHT_RIM; j++)
+            inside += step;
+        int part = s->part[inside];
+        if (part >= PART_COUNT || s->depth[i] < s->depth[inside] + ROOM_MM)
+            continue;
+        double out = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
+        struct pixel px = {x + out * steps[k][0], y + out * steps[k][1]};
+        const struct brink *b = nearest_brink(w, m, first, across, down, px, nx, ny, part);
+        if (!b)
+            return;
+        double gap = ((px.x - b->px.x) * b->nx + (px.y - b->px.y) * b->ny) * b->z / w->depth_lens.fx;
+        double outlier = ASIDE_PX / 2 * b->z / w->depth_lens.fx;
+        double robust = outlier * outlier / (outlier * outlier + gap * gap);
+        add_row(w, m->surface->points[b->point], m->surface->normals[b->point], gap,
+                robust * robust / (double)(OUTLINE_M * OUTLINE_M));
+        return;
+    }
+}
+
+static void add_outline(struct warp *w, const struct warp_model *m, const struct sight *s,
+                        const struct posture *posture)
+{
+    enum { MOST_TILES = 1 << 14, MARGIN = INWARD_PX + 1 };
+    static _Thread_local int32_t first[MOST_TILES];
+    int across = (s->width + TILE_PX - 1) / TILE_PX, down = (s->height + TILE_PX - 1) / TILE_PX;
+    if (across * down > MOST_TILES)
+        return;
+    find_brinks(w, m, posture, across, across * down, first);
+    int top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN, left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN;
+    for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)
+        for (int x = left + (y - top) % OUTLINE_EVERY_PX; x <= s->right + 1 && x < s->width - MARGIN;
+             x += OUTLINE_EVERY_PX)
+            if (!of_person(s, y * s->width + x))
+                add_outline_at(w, m, s, first, across, down, y * s->width + x);
+}
+
+// ---------------------------------------------------------------- least squares
+
+// out = A x, A from the rows, the bends and the shifts' own smallness.
+static void multiply(const struct warp *w, float (*x)[3], float (*out)[3])
+{
+    const float still = 1 / (SHIFT_M * SHIFT_M), bend = 1 / (BEND_M * BEND_M);
+    for (int i = 0; i < w->node_count; i++)
+        for (int a = 0; a < 3; a++)
+            out[i][a] = still * x[i][a];
+    for (int i = 0; i < w->node_count; i++)
+        for (int k = 0; k < 3; k++) {
+            int j = w->beside[i][k];
+            for (int a = 0; a < 3 && j >= 0; a++) {
+                float apart = bend * (x[i][a] - x[j][a]);
+                out[i][a] += apart;
+                out[j][a] -= apart;
+            }
+        }
+    for (int r = 0; r < w->row_count; r++) {
+        const struct row *row = &w->rows[r];
+        float sum = 0;
+        for (int c = 0; c < 8; c++) {
+            const float *v = x[row->node[c]];
+            sum += row->share[c] * (row->n[0] * v[0] + row->n[1] * v[1] + row->n[2] * v[2]);
+        }
+        sum *= row->weight;
+        for (int c = 0; c < 8; c++)
+            for (int a = 0; a < 3; a++)
+                out[row->node[c]][a] += sum * row->share[c] * row->n[a];
+    }
+}
+
+static void prepare(struct warp *w)
+{
+    const float still = 1 / (SHIFT_M * SHIFT_M), bend = 1 / (BEND_M * BEND_M);
+    memset(w->right, 0, sizeof *w->right * (size_t)w->node_count);
+    for (int i = 0; i < w->node_count; i++)
+        for (int a = 0; a < 3; a++)
+            w->scale[i][a] = still + 6 * bend;
+    for (int r = 0; r < w->row_count; r++) {
+        const struct row *row = &w->rows[r];
+        for (int c = 0; c < 8; c++)
+            for (int a = 0; a < 3; a++) {
+                float j = row->share[c] * row->n[a];
+                w->right[row->node[c]][a] += row->weight * j * row->value;
+                w->scale[row->node[c]][a] += row->weight * j * j;
+            }
+    }
+}
+
+// Conjugate gradients, scaled by the diagonal, from the shifts as they are.
+static void solve(struct warp *w)
+{
+    const int count = 3 * w->node_count;
+    float *x = w->shift[0], *b = w->right[0], *r = w->residual[0], *d = w->along[0], *q = w->image[0],
+          *scale = w->scale[0];
+    prepare(w);
+    multiply(w, w->shift, w->image);
+    double size = 0;
+    for (int i = 0; i < count; i++) {
+        r[i] = b[i] - q[i];
+        d[i] = r[i] / scale[i];
+        size += (double)(r[i] * d[i]);
+    }
+    for (int step = 0; step < STEPS && size > 0; step++) {
+        multiply(w, w->along, w->image);
+        double curve = 0, next = 0;
+        for (int i = 0; i < count; i++)
+            curve += (double)(d[i] * q[i]);
+        float go = (float)(size / curve);
+        for (int i = 0; i < count; i++) {
+            x[i] += go * d[i];
+            r[i] -= go * q[i];
+            next += (double)(r[i] * r[i] / scale[i]);
+        }
+        float back = (float)(next / size);
+        for (int i = 0; i < count; i++)
+            d[i] = r[i] / scale[i] + back * d[i];
+        size = next;
+    }
+}
+
+void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight,
+              const struct posture *posture)
+{
+    memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
+    for (int round = 0; round < ROUNDS; round++) {
+        w->row_count = 0;
+        add_readings(w, model->volume, sight, posture, OUTLIER_M[round]);
+        add_outline(w, model, sight, posture);
+        solve(w);
+    }
+    write_picture(w);
+}
