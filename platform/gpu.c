@@ -219,6 +219,8 @@ static enum status find_inputs(struct gpu_program *p, const struct gpu_program_t
 {
     glUseProgram(p->id);
     for (int i = 0; i < text->uniform_count; i++) {
+        if (!text->uniforms[i])
+            continue;
         p->uniforms[i] = glGetUniformLocation(p->id, text->uniforms[i]);
         if (p->uniforms[i] < 0)
             return fail(ERR_DEVICE, "the shaders of '%s' have no uniform '%s'", text->name, text->uniforms[i]);
@@ -561,7 +563,7 @@ void gpu_draw(const struct gpu_job *job)
     if (job->depth_test) {
         glEnable(GL_DEPTH_TEST);
         glDepthFunc(GL_LESS);
-        glDepthMask(!job->blend);
+        glDepthMask(GL_TRUE);
     } else {
         glDisable(GL_DEPTH_TEST);
     }

@@ -50,7 +50,7 @@ MUST_CHECK enum status gpu_wait(struct gpu *g);
 struct gpu_program_text {
     const char *name;              // for the sentence
     const char *vertex, *fragment; // GLSL ES 3.00
-    const char *const *uniforms;   // uniform_count names; `a` for `uniform vec4 a[3]`
+    const char *const *uniforms;   // uniform_count names; `a` for `uniform vec4 a[3]`. NULL: none, never to be set
     int uniform_count;             // at most 16
     const char *const *samplers;   // in the order of gpu_job.textures
     int sampler_count;             // at most 4
@@ -106,7 +106,7 @@ struct gpu_job {
     const struct gpu_texture *textures[4]; // as many as the program has samplers
     bool closed;                           // leave out triangles seen from behind: those that run clockwise
     bool depth_test;                       // the nearer one wins; else drawn over what is there
-    bool blend;                            // colours are premultiplied and laid over what is there; depth stays as it is
+    bool blend;                            // colours are premultiplied and laid over what is there
     int first, count;                      // of the mesh's indices; count 0: all of them
 };
 void gpu_draw(const struct gpu_job *job);

@@ -6,10 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TRIANGLES = 7000, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4 };
+enum { TRIANGLES = 3000, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4 };
 
-static const double ERROR_M = 0.002; // that the shape may lose
-static const double TEXEL_M = 0.004;
+static const double ERROR_M = 0.003; // that the shape may lose
+static const double TEXEL_M = 0.004, COARSER = 1.3, FAR_TOO_COARSE_M = 0.03; // the next where it does not fit
 static const float BEYOND = 1.5F; // texels: filtering looks so far over a triangle's edge
 
 // Finds the places of the fine surface: its points by cubes of the volume's step, and each point's triangles.
@@ -268,6 +268,29 @@ static enum status fill(struct atlas *a, const struct surface *s, const struct c
 
 // ---------------------------------------------------------------- the mesh
 
+// What a triangle says of its corners' normals counts by how large it is.
+static enum status make_normals(struct atlas *a, const struct surface *s)
+{
+    const struct unfolded *m = &a->mesh;
+    struct vec3 *sums = calloc((size_t)s->point_count, sizeof *sums);
+    a->normals = malloc(sizeof *a->normals * (size_t)m->point_count);
+    if (!sums || !a->normals) {
+        free(sums);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int t = 0; t < m->corner_count; t += 3) {
+        const int32_t c[3] = {m->points[m->corners[t]], m->points[m->corners[t + 1]], m->points[m->corners[t + 2]]};
+        const struct vec3 p = s->points[c[0]],
+                          doubled = v3_cross(v3_sub(s->points[c[1]], p), v3_sub(s->points[c[2]], p));
+        for (int i = 0; i < 3; i++)
+            sums[c[i]] = v3_add(sums[c[i]], doubled);
+    }
+    for (int i = 0; i < m->point_count; i++)
+        a->normals[i] = v3_unit(sums[m->points[i]]);
+    free(sums);
+    return OK;
+}
+
 enum status atlas_make(struct atlas *out, const struct surface *s, const struct coat *coat)
 {
     float(*points)[3] = malloc(sizeof *points * (size_t)s->point_count);
@@ -280,9 +303,15 @@ enum status atlas_make(struct atlas *out, const struct surface *s, const struct 
         points[i][2] = (float)s->points[i].z;
     }
     if (status == OK) {
-        int count = simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count, 3 * TRIANGLES, (float)ERROR_M, corners);
-        status = unfold(&out->mesh, s, corners, count, TEXEL_M);
+        int count = simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count, 3 * TRIANGLES,
+                             (float)ERROR_M, corners);
+        double texel_m = TEXEL_M;
+        do
+            status = unfold(&out->mesh, s, corners, count, texel_m);
+        while (status == ERR_INPUT && (texel_m *= COARSER) < FAR_TOO_COARSE_M);
     }
+    if (status == OK)
+        status = make_normals(out, s);
     if (status == OK)
         status = fill(out, s, coat);
     free(points);
@@ -295,6 +324,7 @@ enum status atlas_make(struct atlas *out, const struct surface *s, const struct 
 void atlas_free(struct atlas *a)
 {
     unfolded_free(&a->mesh);
+    free(a->normals);
     free(a->color);
     free(a->when);
     *a = (struct atlas){0};

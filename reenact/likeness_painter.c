@@ -12,33 +12,45 @@ enum { VERTEX = 16 };
 
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_OUTLINE_PX = 0.5F;
 
-// Those that only colours need come last.
 enum uniform {
     VIEWER_FROM_PART,
     NOW_FROM_PART,
     VIEW_LENS,
     VIEW_RANGE,
-    DEPTH_LENS,
-    DEPTH_FROM_COLOR,
-    NOW_WINDOWS,
     KIND,
     ABSENT,
     VIEWER_FROM_NOW,
     SHIFT_RANGE,
-    SOURCE_UNIFORMS,
-    WORLD_FROM_NOW = SOURCE_UNIFORMS,
+    WORLD_FROM_NOW,
     LIGHT,
     COLOR_LENS,
+    DEPTH_LENS,
+    DEPTH_FROM_COLOR,
+    NOW_WINDOWS,
     UNIFORMS
+};
+
+// The same mesh each time.
+enum program { SHARED, OWN, SOURCE, PROGRAMS };
+struct program_plan {
+    const char *fragment;
+    uint32_t unused; // uniforms that it has not, a bit each
+    const char *samplers[4];
+    int sampler_count;
+};
+static const struct program_plan plans[PROGRAMS] = {
+    [SHARED] = {"figure.frag", 0, {"atlas", "shifts", "now_picture", "now_depth"}, 4},
+    [OWN] = {"figure_own.frag",
+             1U << COLOR_LENS | 1U << DEPTH_LENS | 1U << DEPTH_FROM_COLOR | 1U << NOW_WINDOWS,
+             {"atlas", "shifts"},
+             2},
+    [SOURCE] = {"figure_source.frag", 1U << WORLD_FROM_NOW | 1U << LIGHT | 1U << COLOR_LENS, {"atlas_when", "shifts", "now_depth"}, 3},
 };
 static const char *const uniform_names[UNIFORMS] = {
     [VIEWER_FROM_PART] = "viewer_from_part",
     [NOW_FROM_PART] = "now_from_part",
     [VIEW_LENS] = "view_lens",
     [VIEW_RANGE] = "view_range",
-    [DEPTH_LENS] = "depth_lens",
-    [DEPTH_FROM_COLOR] = "depth_from_color",
-    [NOW_WINDOWS] = "now_windows",
     [KIND] = "kind",
     [ABSENT] = "absent",
     [VIEWER_FROM_NOW] = "viewer_from_now",
@@ -46,6 +58,9 @@ static const char *const uniform_names[UNIFORMS] = {
     [WORLD_FROM_NOW] = "world_from_now",
     [LIGHT] = "light",
     [COLOR_LENS] = "color_lens",
+    [DEPTH_LENS] = "depth_lens",
+    [DEPTH_FROM_COLOR] = "depth_from_color",
+    [NOW_WINDOWS] = "now_windows",
 };
 
 // What comes to the GPU bit by bit.
@@ -53,18 +68,17 @@ struct brought {
     struct gpu_mesh *mesh;
     struct gpu_texture *color, *when;
     float *vertices; // what they are made of, with the likeness's atlas, until all is there
-    uint16_t *corners;
-    int float_count, corner_count, floats, indices, color_rows, when_rows; // the last four: brought
+    int float_count, floats, color_rows, when_rows; // the last three: brought
 };
 
 struct likeness_painter {
     struct gpu *gpu;
     struct take *take;
     struct likeness likeness;
-    struct gpu_program *programs[2]; // colours; where they are from
-    struct brought brought;          // without a mesh: no likeness was given
+    struct gpu_program *programs[PROGRAMS];
+    struct brought brought; // without a mesh: no likeness was given
     struct silhouette *silhouette;
-    uint16_t *ribbon;
+    int64_t frame; // that the silhouette has as shown; -1: none
     struct shown_frames *frames;
 };
 
@@ -87,14 +101,15 @@ void lens_uniform(const struct lens *l, float out[12])
 
 static void set(struct likeness_painter *p, enum uniform uniform, const float *vec4s, int count)
 {
-    for (int i = 0; i < (uniform < SOURCE_UNIFORMS ? 2 : 1); i++)
-        gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
+    for (int i = 0; i < PROGRAMS; i++)
+        if (!(plans[i].unused >> uniform & 1))
+            gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
 }
 
 static void put_vertex(const struct likeness *f, int i, bool doubled, float v[VERTEX])
 {
     const struct unfolded *m = &f->atlas.mesh;
-    const struct vec3 *p = &f->surface.points[m->points[i]], *n = &f->surface.normals[m->points[i]];
+    const struct vec3 *p = &f->surface.points[m->points[i]], *n = &f->atlas.normals[i];
     const struct skin *s = &f->skins[m->points[i]];
     const float values[VERTEX] = {
         (float)p->x,  (float)p->y,  (float)p->z,  m->at[i][0] / (float)m->width,
@@ -112,11 +127,9 @@ static void drop_likeness(struct likeness_painter *p)
     gpu_texture_close(&b->color);
     gpu_texture_close(&b->when);
     free(b->vertices);
-    free(b->corners);
     *b = (struct brought){0};
     silhouette_close(&p->silhouette);
-    free(p->ribbon);
-    p->ribbon = NULL;
+    p->frame = -1;
     likeness_free(&p->likeness);
     if (p->frames)
         shown_frames_forget(p->frames);
@@ -129,15 +142,11 @@ static enum status open_brought(struct likeness_painter *p)
     if (2 * m->point_count > UINT16_MAX)
         return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
     b->float_count = 2 * VERTEX * m->point_count;
-    b->corner_count = m->corner_count;
     b->vertices = malloc(sizeof *b->vertices * (size_t)b->float_count);
-    b->corners = malloc(sizeof *b->corners * (size_t)b->corner_count);
-    if (!b->vertices || !b->corners)
+    if (!b->vertices)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < 2 * m->point_count; i++)
         put_vertex(&p->likeness, i % m->point_count, i >= m->point_count, b->vertices + VERTEX * (size_t)i);
-    for (int i = 0; i < m->corner_count; i++)
-        b->corners[i] = (uint16_t)m->corners[i];
     enum status status = gpu_texture_open(&b->color, p->gpu, GPU_RGB8, m->width, m->height, GPU_LINEAR, NULL);
     if (status == OK)
         status = gpu_texture_open(&b->when, p->gpu, GPU_RGBA8, m->width, m->height, GPU_NEAREST, NULL);
@@ -145,11 +154,7 @@ static enum status open_brought(struct likeness_painter *p)
         status = silhouette_open(&p->silhouette, &p->likeness);
     if (status != OK)
         return status;
-    int most = silhouette_most(p->silhouette);
-    p->ribbon = malloc(sizeof *p->ribbon * (size_t)most);
-    if (!p->ribbon)
-        return fail(ERR_MEMORY, "out of memory");
-    return gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, 2 * m->point_count, NULL, m->corner_count + most);
+    return gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, 2 * m->point_count, NULL, silhouette_most(p->silhouette));
 }
 
 enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness)
@@ -200,17 +205,12 @@ bool likeness_painter_bring(struct likeness_painter *p, size_t bytes)
     int floats = share_of(&bytes, b->float_count - b->floats, sizeof(float));
     gpu_mesh_write_vertices(b->mesh, b->floats, b->vertices + b->floats, floats);
     b->floats += floats;
-    int indices = share_of(&bytes, b->corner_count - b->indices, sizeof(uint16_t));
-    gpu_mesh_write_indices(b->mesh, b->indices, b->corners + b->indices, indices);
-    b->indices += indices;
     bring_rows(b->color, a->color, &a->mesh, 3, &b->color_rows, &bytes);
     bring_rows(b->when, a->when, &a->mesh, 4, &b->when_rows, &bytes);
     if (b->when_rows < a->mesh.height)
         return false;
     free(b->vertices);
-    free(b->corners);
     b->vertices = NULL;
-    b->corners = NULL;
     return true;
 }
 
@@ -223,18 +223,17 @@ void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *vi
 
 static enum status open_programs(struct likeness_painter *p, const struct lens *view)
 {
-    static const char *const samplers[] = {"now_depth", "atlas", "shifts", "now_picture"},
-                             *const source_samplers[] = {"now_depth", "atlas_when", "shifts"};
-    const struct gpu_program_text colors = {
-        "figure", shader_find("figure.vert"), shader_find("figure.frag"), uniform_names, UNIFORMS, samplers, 4};
-    const struct gpu_program_text sources = {
-        "figure's sources", shader_find("figure.vert"), shader_find("figure_source.frag"), uniform_names,
-        SOURCE_UNIFORMS, source_samplers, 3};
-    enum status status = gpu_program_open(&p->programs[0], p->gpu, &colors);
-    if (status == OK)
-        status = gpu_program_open(&p->programs[1], p->gpu, &sources);
-    if (status != OK)
-        return status;
+    for (int i = 0; i < PROGRAMS; i++) {
+        const char *names[UNIFORMS];
+        for (int u = 0; u < UNIFORMS; u++)
+            names[u] = plans[i].unused >> u & 1 ? NULL : uniform_names[u];
+        const struct gpu_program_text text = {
+            plans[i].fragment, shader_find("figure.vert"), shader_find(plans[i].fragment), names, UNIFORMS,
+            plans[i].samplers, plans[i].sampler_count};
+        enum status status = gpu_program_open(&p->programs[i], p->gpu, &text);
+        if (status != OK)
+            return status;
+    }
     const struct calibration *c = take_calibration(p->take);
     const float range[4] = {NEAREST_M, FARTHEST_M, 0, 0};
     float lens[12];
@@ -272,7 +271,7 @@ void likeness_painter_close(struct likeness_painter **out)
         return;
     drop_likeness(p);
     shown_frames_close(&p->frames);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < PROGRAMS; i++)
         gpu_program_close(&p->programs[i]);
     free(p);
     *out = NULL;
@@ -314,18 +313,25 @@ static int set_absent(struct likeness_painter *p, const struct likeness_view *vi
     return present;
 }
 
-// Over what is drawn, as its outline.
-static void draw_ribbon(struct likeness_painter *p, struct gpu_job job, const struct part_map *viewer_from_part,
-                        const struct shown_frame *now)
+static void draw_colors(struct likeness_painter *p, const struct likeness_view *view, const struct shown_frame *now,
+                        const struct silhouette_corners *corners)
 {
-    job.closed = false;
+    struct gpu_job job = {.target = view->actor,
+                          .program = p->programs[SHARED],
+                          .mesh = p->brought.mesh,
+                          .textures = {p->brought.color, now->shifts, now->color, now->depth},
+                          .closed = true,
+                          .depth_test = true,
+                          .count = corners->shared};
+    if (job.count)
+        gpu_draw(&job);
+    job.program = p->programs[OWN];
+    job.closed = false; // the ribbon's triangles run either way
     job.blend = true;
-    job.first = p->brought.corner_count;
-    job.count = silhouette_find(p->silhouette, viewer_from_part, now->shift, p->ribbon);
-    if (!job.count)
-        return;
-    gpu_mesh_write_indices(p->brought.mesh, job.first, p->ribbon, job.count);
-    gpu_draw(&job);
+    job.first = corners->shared;
+    job.count = corners->own + corners->ribbon;
+    if (job.count)
+        gpu_draw(&job);
 }
 
 enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts)
@@ -354,21 +360,23 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     set(p, NOW_WINDOWS, now->windows[0], 2);
     float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
     set(p, KIND, (const float[4]){now->seen, time_s, HALF_OUTLINE_PX, 0}, 1);
-    struct gpu_job job = {.target = view->actor,
-                          .program = p->programs[0],
-                          .mesh = p->brought.mesh,
-                          .textures = {now->depth, p->brought.color, now->shifts, now->color},
-                          .closed = true,
-                          .depth_test = true,
-                          .count = p->brought.corner_count};
-    gpu_draw(&job);
-    draw_ribbon(p, job, viewer_from_part, now);
-    if (view->source) {
-        gpu_program_set(p->programs[1], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
-        job.target = view->source;
-        job.program = p->programs[1];
-        job.textures[1] = p->brought.when;
-        gpu_draw(&job);
+    if (p->frame != view->frame)
+        silhouette_set_shown(p->silhouette, now_from_part, now->shift);
+    p->frame = view->frame;
+    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part, now->shift);
+    if (corners.shared + corners.own + corners.ribbon == 0)
+        return OK;
+    gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.shared + corners.own + corners.ribbon);
+    draw_colors(p, view, now, &corners);
+    if (view->source && corners.shared + corners.own > 0) {
+        gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
+        gpu_draw(&(struct gpu_job){.target = view->source,
+                                   .program = p->programs[SOURCE],
+                                   .mesh = p->brought.mesh,
+                                   .textures = {p->brought.when, now->shifts, now->depth},
+                                   .closed = true,
+                                   .depth_test = true,
+                                   .count = corners.shared + corners.own});
     }
     return gpu_check(p->gpu);
 }

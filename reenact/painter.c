@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDES = 4, ALONG = 24, SMOOTH_SAMPLES = 1, BROUGHT_BYTES = 512 << 10 };
+enum { SIDES = 4, ALONG = 24, BROUGHT_BYTES = 512 << 10 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
@@ -121,7 +121,7 @@ static enum status open_targets(struct painter *p, bool sources, bool shadow)
     if (status == OK && (p->detail != DETAIL_FULL || p->later))
         status = gpu_target_open(&p->plain, p->gpu, w, h, 1);
     if (status == OK && p->detail != DETAIL_PAPER)
-        status = gpu_target_open(&p->smooth, p->gpu, w, h, SMOOTH_SAMPLES);
+        status = gpu_target_open(&p->smooth, p->gpu, w, h, 1);
     if (status == OK)
         status = gpu_target_open(&p->composed, p->gpu, w, h, 1);
     if (status == OK && sources)

@@ -19,9 +19,10 @@ enum detail {
 };
 
 // What a painter holds on the GPU is bounded, however long the take: options.texture_bytes
-// of recorded frames (a likeness needs none of them), 8 bytes a pixel of the take's
-// pictures for the shown one, 76 bytes a pixel of the tablet's (with everything that can be
-// asked for), and 16 MiB for meshes.
+// of recorded frames (beyond paper half of them for those that were shown, half for those
+// that colours were borrowed from), 8 bytes a pixel of the take's pictures for the shown one,
+// 48 bytes a pixel of the tablet's (with everything that can be asked for), and 16 MiB for
+// meshes and the person's colours.
 struct painter;
 
 struct painter_options {

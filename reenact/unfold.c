@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { GROUND = 1024, MOST_SIDE = 2048 };
+enum { GROUND = 1024, MOST_SIDE = 1280 };
 
 static const double LEAST_FACING = 0.5, SEED_FACING = 0.8; // cosines between a triangle's normal and its sheet's
 static const double INSIDE = 1e-3;                         // of a triangle's area: less is its edge

@@ -17,7 +17,7 @@ struct unfolded {
 
 // corners: triangles between the surface's points. texel_m: how much of the surface a texel
 // takes; a sheet's places that are turned aside take up to twice as much. ERR_MEMORY;
-// ERR_INPUT: larger than 4 m, or does not fit into a picture of 2048 texels square.
+// ERR_INPUT: longer than 1024 texels, or does not fit into a picture of 1280 texels square.
 MUST_CHECK enum status unfold(struct unfolded *out, const struct surface *surface, const int32_t *corners,
                               int corner_count, double texel_m);
 void unfolded_free(struct unfolded *u);

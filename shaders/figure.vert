@@ -104,7 +104,7 @@ void main()
                          dot(viewer_from_now[2].xyz, turned));
     vec2 aside = outwards.xy - p.xy * (outwards.z / p.z);
     float sine = max(length(aside), 1e-3);
-    px += (2.0 * part.w - 1.0) * kind.z * p.z * smoothstep(0.6, 0.9, sine) / sine * aside;
+    px += (2.0 * part.w - 1.0) * kind.z * p.z * smoothstep(0.8, 0.95, sine) / sine * aside;
     float n = view_range.x, far = view_range.y;
     gl_Position = vec4(2.0 * px / view_lens[2].zw - p.z, ((far + n) * p.z - 2.0 * far * n) / (far - n), p.z);
 }

@@ -47,11 +47,11 @@ static struct seen see(const struct likeness *l, int i, const struct warp *warp,
         const double share = (double)l->skins[point].weight[s];
         const int part = l->skins[point].part[s];
         p = v3_add(p, v3_scale(pose_apply(viewer->part[part], rest), share));
-        n = v3_add(n, v3_scale(quat_rotate(world->part[part].rotation, l->surface.normals[point]), share));
+        n = v3_add(n, v3_scale(quat_rotate(world->part[part].rotation, l->atlas.normals[i]), share));
     }
     struct vec3 facing = v3_unit(quat_rotate(viewer_from_world, n));
     double aside[2] = {facing.x - p.x * facing.z / p.z, facing.y - p.y * facing.z / p.z};
-    double sine = hypot(aside[0], aside[1]), share = fmin(fmax((sine - 0.6) / 0.3, 0), 1);
+    double sine = hypot(aside[0], aside[1]), share = fmin(fmax((sine - 0.8) / 0.15, 0), 1);
     share *= share * (3 - 2 * share) * out * HALF_OUTLINE_PX / sine;
     struct pixel px = lens_project(&lens, p);
     return (struct seen){px.x + share * aside[0],
@@ -75,7 +75,7 @@ static double texel(const struct atlas *a, const double at[2], int channel)
     return sum;
 }
 
-// A triangle; over: laid over what is there, leaving its depth.
+// A triangle; over: laid over what is there.
 static void fill(struct canvas *canvas, const struct atlas *atlas, const struct seen *a, const struct seen *b,
                  const struct seen *c, bool over)
 {
@@ -91,8 +91,7 @@ static void fill(struct canvas *canvas, const struct atlas *atlas, const struct 
             double nearer = u / a->z + v / b->z + w / c->z, at[2], *out = canvas->rgba[y * W + x];
             if (u < 0 || v < 0 || w < 0 || !(1 / nearer < canvas->z[y * W + x]))
                 continue;
-            if (!over)
-                canvas->z[y * W + x] = 1 / nearer;
+            canvas->z[y * W + x] = 1 / nearer;
             double light = (u * a->light / a->z + v * b->light / b->z + w * c->light / c->z) / nearer;
             double opaque = (u * a->opaque / a->z + v * b->opaque / b->z + w * c->opaque / c->z) / nearer;
             for (int k = 0; k < 2; k++)
@@ -105,15 +104,9 @@ static void fill(struct canvas *canvas, const struct atlas *atlas, const struct 
 }
 
 // Before the outline is drawn in and the lens bends anything.
-static bool turns_here(const struct seen *seen, const int32_t *c)
-{
-    return v3_dot(seen[c[0]].p, v3_cross(seen[c[1]].p, seen[c[2]].p)) < 0;
-}
-
 static bool is_front(const struct seen *seen, const int32_t *c)
 {
-    const struct seen *p = &seen[c[0]], *q = &seen[c[1]], *r = &seen[c[2]];
-    return (q->x - p->x) * (r->y - p->y) - (q->y - p->y) * (r->x - p->x) < 0; // y runs down
+    return v3_dot(seen[c[0]].p, v3_cross(seen[c[1]].p, seen[c[2]].p)) < 0;
 }
 
 struct set {
@@ -213,7 +206,7 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     }
     for (int i = 0; i < m->corner_count; i++) { // the ribbon along the outline
         const int32_t other = m->beside[i / 3][i % 3], p = m->corners[i], q = m->corners[i % 3 == 2 ? i - 2 : i + 1];
-        if (!turns_here(seen, m->corners + i / 3 * 3) || turns_here(seen, m->corners + 3 * other))
+        if (!is_front(seen, m->corners + i / 3 * 3) || is_front(seen, m->corners + 3 * other))
             continue;
         fill(canvas, &l->atlas, &seen[p], &seen[q], &seen[points + q], true);
         fill(canvas, &l->atlas, &seen[p], &seen[points + q], &seen[points + p], true);
