@@ -354,26 +354,44 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
     }
 }
 
-// Whether any of the sums is at most `limit`.
-static KERNEL bool within(const lanes sums, int16_t limit)
+// Bit i: sums[i] is at most `limit`. A branch for each sum would be guessed wrong too often.
+static KERNEL uint32_t within(const lanes sums, int16_t limit)
 {
     lanes low;
     uint64_t fours[LANES / 4];
     for (int i = 0; i < LANES; i++)
-        low[i] = sums[i] <= limit ? -1 : 0;
+        low[i] = (int16_t)(sums[i] <= limit ? 1 << i : 0);
     memcpy(fours, low, sizeof low);
-    return fours[0] | fours[1] | fours[2] | fours[3];
+    uint64_t bits = fours[0] | fours[1] | fours[2] | fours[3];
+    bits |= bits >> 32;
+    return (bits | bits >> 16) & 0xffff;
 }
 
-static KERNEL bool points_within(const points_lanes sums, int16_t limit)
+static KERNEL uint32_t points_within(const points_lanes sums, int16_t limit)
 {
     points_lanes low;
     uint64_t fours[BLOCK / 4];
     for (int i = 0; i < BLOCK; i++)
-        low[i] = sums[i] <= limit ? -1 : 0;
+        low[i] = (int16_t)(sums[i] <= limit ? 1 << i : 0);
     memcpy(fours, low, sizeof low);
-    return fours[0] | fours[1];
+    uint64_t bits = fours[0] | fours[1];
+    bits |= bits >> 32;
+    return (bits | bits >> 16) & 0xffff;
 }
+
+// Of those whose bits are set, one or more, that with the least sum.
+static inline int least_of(const int16_t *sums, uint32_t bits)
+{
+    int least = __builtin_ctz(bits);
+    for (bits &= bits - 1; bits; bits &= bits - 1) {
+        int i = __builtin_ctz(bits);
+        least = sums[i] < sums[least] ? i : least;
+    }
+    return least;
+}
+
+// Only the lowest `count` bits.
+static inline uint32_t lowest(uint32_t bits, int64_t count) { return count < 32 ? bits & ((1u << count) - 1) : bits; }
 
 // ---------------------------------------------------------------- finding
 
@@ -412,10 +430,13 @@ static KERNEL void ask_block(struct search *s, int64_t block)
         if (!points_within(sums, s->limit))
             return;
     }
-    int64_t left = n->count - block * BLOCK;
-    for (int i = 0; i < BLOCK && i < left; i++)
-        if (sums[i] <= s->limit)
-            ask(s, n->numbers[block][i]);
+    // That with the least bound comes first: mostly, none of the others need be asked then.
+    uint32_t bits = lowest(points_within(sums, s->limit), n->count - block * BLOCK);
+    while (bits) {
+        int i = least_of(sums, bits);
+        ask(s, n->numbers[block][i]);
+        bits &= ~(1u << i) & points_within(sums, s->limit);
+    }
 }
 
 static struct wanted wanted_of(const struct nearest *n, const struct nearest_point *point)
@@ -475,23 +496,22 @@ static KERNEL void fetch_block(const struct nearest *n, int64_t block)
 static KERNEL void ask_group(struct search *s, int64_t group)
 {
     const struct nearest *n = s->n;
-    int64_t left = blocks_of(n->count) - group * LANES;
-    int blocks = left < LANES ? (int)left : LANES, best = 0;
+    int64_t first = group * LANES;
     lanes sums;
     memcpy(sums, n->least_own[group], sizeof *n->least_own);
     add_boxes(n, &n->boxes[group * n->places], &s->wanted, 0, s->wanted.count, sums);
-    if (!within(sums, s->limit))
+    uint32_t bits = lowest(within(sums, s->limit), blocks_of(n->count) - first);
+    if (!bits)
         return;
-    for (int i = 0; i < blocks; i++) {
-        best = sums[i] < sums[best] ? i : best;
+    for (uint32_t left = bits; left; left &= left - 1)
+        fetch_block(n, first + __builtin_ctz(left));
+    int best = least_of(sums, bits);
+    ask_block(s, first + best);
+    for (bits &= ~(1u << best) & within(sums, s->limit); bits; bits &= bits - 1) {
+        int i = __builtin_ctz(bits);
         if (sums[i] <= s->limit)
-            fetch_block(n, group * LANES + i);
+            ask_block(s, first + i);
     }
-    if (sums[best] <= s->limit)
-        ask_block(s, group * LANES + best);
-    for (int i = 0; i < blocks; i++)
-        if (i != best && sums[i] <= s->limit)
-            ask_block(s, group * LANES + i);
 }
 
 // Where groups are settled: those whose box is near enough. First the block to which the nearest boxes lead.
@@ -504,17 +524,23 @@ static KERNEL void ask_settled(struct search *s)
         int16_t *wide = n->bounds[g / LANES];
         memcpy(wide, n->wide_own[g / LANES], sizeof *n->wide_own);
         add_boxes(n, &n->wide_boxes[g / LANES * n->places], &s->wanted, 0, s->wanted.count, wide);
-        for (int i = 0; i < LANES && g + i < groups; i++)
-            if (wide[i] < least) {
-                least = wide[i];
-                promising = g + i;
-            }
+        uint32_t bits = lowest(within(wide, least), groups - g);
+        if (bits) {
+            int i = least_of(wide, bits);
+            least = wide[i];
+            promising = g + i;
+        }
     }
     if (groups > 0)
         ask_group(s, promising);
-    for (int64_t g = 0; g < groups; g++)
-        if (n->bounds[g / LANES][g % LANES] <= s->limit && g != promising)
-            ask_group(s, g);
+    for (int64_t g = 0; g < groups; g += LANES) {
+        const int16_t *wide = n->bounds[g / LANES];
+        for (uint32_t bits = lowest(within(wide, s->limit), groups - g); bits; bits &= bits - 1) {
+            int i = __builtin_ctz(bits);
+            if (g + i != promising && wide[i] <= s->limit)
+                ask_group(s, g + i);
+        }
+    }
 }
 
 #if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
@@ -542,9 +568,11 @@ ask_all(struct search *s)
             if (!within(sums, s->limit))
                 continue;
         }
-        for (int i = 0; i < LANES && b + i < blocks; i++)
+        for (uint32_t bits = lowest(within(sums, s->limit), blocks - b); bits; bits &= bits - 1) {
+            int i = __builtin_ctz(bits);
             if (sums[i] <= s->limit)
                 ask_block(s, b + i);
+        }
     }
 }
 
