@@ -1,52 +1,16 @@
-#include "reenact/nearest.h"
+#include "reenact/nearest_index.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum {
-    BLOCK = 8,        // points in a block: they share a box, and are bounded side by side
-    LANES = 16,       // blocks in a group: their boxes are bounded side by side
-    FAR = 8191,       // the farthest coordinate, units
-    ANYWHERE = 24000, // a box this wide holds every place; its differences still fit 16 bits
-    SUM_MOST = 32767,
     FIRST = 6,  // places that are looked at before most blocks are passed over
     STRIDE = 5, // and of the points of a block that is not, before it is passed over after all
+    LINE = 64,  // bytes that the caches move at once
 };
-
-typedef int16_t lanes[LANES];
-typedef int16_t points_lanes[BLOCK];
 
 // What has to become part of each of ask_all's versions.
 #define KERNEL inline __attribute__((always_inline))
-
-// The points of a block, or the boxes of a group of blocks.
-struct box_lanes {
-    lanes low[3], high[3];
-};
-struct point_lanes {
-    points_lanes at[3];
-};
-
-struct nearest {
-    int places;
-    double unit_m;
-    int64_t count, capacity;
-    int16_t place_most;         // distances count up to this, so that their sum fits
-    struct point_lanes *points; // [block][place]
-    points_lanes *own;          // [block], units, the points'
-    uint32_t *known;            // [block]: places known in every point
-    struct box_lanes *boxes;    // [group][place]
-    lanes *least_own;           // [group], the blocks'
-    int64_t (*numbers)[BLOCK];  // [block]
-    // Once settled: the boxes of whole groups, sixteen side by side.
-    struct box_lanes *wide_boxes; // [sixteen groups][place]
-    lanes *wide_own;              // [sixteen groups], the groups'
-    lanes *bounds;                // [group], nearest_find's working memory
-};
-
-static int64_t blocks_of(int64_t count) { return (count + BLOCK - 1) / BLOCK; }
-
-static int64_t groups_of(int64_t blocks) { return (blocks + LANES - 1) / LANES; }
 
 enum status nearest_open(struct nearest **out, int places, double unit_m, int64_t capacity)
 {
@@ -127,8 +91,7 @@ static void widen(struct nearest *n, int64_t block)
         n->wide_own[wide][lane] = n->least_own[group][of_block];
 }
 
-// The next point, in units.
-static void put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32_t known, int16_t own)
+void nearest_put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32_t known, int16_t own)
 {
     int64_t block = n->count / BLOCK, group = block / LANES;
     int lane = (int)(n->count % BLOCK), lane_of_block = (int)(block % LANES);
@@ -167,125 +130,7 @@ void nearest_add(struct nearest *n, const struct nearest_point *point)
         if (point->known >> p & 1)
             for (int axis = 0; axis < 3; axis++)
                 at[p][axis] = units((&point->place[p].x)[axis], n->unit_m);
-    put(n, n->count, at, point->known, own_units(n, point->own_m));
-}
-
-// ---------------------------------------------------------------- settling
-
-// A point's coordinate in one dimension (place and axis); those in blocks where it is unknown come first.
-static int16_t key_of(const struct nearest *n, int64_t point, int dimension)
-{
-    int64_t block = point / BLOCK;
-    int place = dimension / 3;
-    bool known = n->known[block] >> place & 1;
-    return known ? n->points[block * n->places + place].at[dimension % 3][point % BLOCK] : -ANYWHERE;
-}
-
-// Where they are spread most: the largest variance.
-static int widest_dimension(const struct nearest *n, const int64_t *points, int64_t count)
-{
-    int widest = 0;
-    double most = -1;
-    for (int d = 0; d < 3 * n->places; d++) {
-        int64_t sum = 0, squares = 0;
-        for (int64_t i = 0; i < count; i++) {
-            int64_t key = key_of(n, points[i], d);
-            sum += key;
-            squares += key * key;
-        }
-        double spread = (double)squares - (double)sum / (double)count * (double)sum;
-        if (spread > most) {
-            most = spread;
-            widest = d;
-        }
-    }
-    return widest;
-}
-
-// Whether point a comes before b: no two are alike.
-static bool before(const struct nearest *n, int dimension, int64_t a, int64_t b)
-{
-    int16_t at_a = key_of(n, a, dimension), at_b = key_of(n, b, dimension);
-    return at_a < at_b || (at_a == at_b && a < b);
-}
-
-// Hoare's selection: no point before `middle` comes after one from there on.
-static void divide(const struct nearest *n, int dimension, int64_t *points, int64_t count, int64_t middle)
-{
-    int64_t low = 0, high = count - 1;
-    while (low < high) {
-        int64_t pivot = points[low + (high - low) / 2], i = low, j = high;
-        while (i <= j) {
-            while (before(n, dimension, points[i], pivot))
-                i++;
-            while (before(n, dimension, pivot, points[j]))
-                j--;
-            if (i <= j) {
-                int64_t swapped = points[i];
-                points[i++] = points[j];
-                points[j--] = swapped;
-            }
-        }
-        if (middle <= j)
-            high = j;
-        else if (middle >= i)
-            low = i;
-        else
-            return;
-    }
-}
-
-// Halves, across the widest dimension, until a half is a block: a k-d tree, but halves end where groups and blocks do.
-static void order(const struct nearest *n, int64_t *points, int64_t count)
-{
-    while (count > BLOCK) {
-        int64_t group = LANES * BLOCK, unit = count > LANES * group ? LANES * group : count > group ? group : BLOCK;
-        int64_t half = (count / 2 + unit - 1) / unit * unit;
-        divide(n, widest_dimension(n, points, count), points, count, half);
-        order(n, points, half);
-        points += half;
-        count -= half;
-    }
-}
-
-// Point in_order[i] of `old` becomes slot i. Of a place that is unknown somewhere in its block, no more is known.
-static void rearrange(struct nearest *n, const struct nearest *old, const int64_t *in_order)
-{
-    n->count = 0;
-    for (int64_t to = 0; to < old->count; to++) {
-        int64_t from = in_order[to], block = from / BLOCK;
-        int lane = (int)(from % BLOCK);
-        int16_t at[NEAREST_PLACES_MOST][3] = {{0}};
-        for (int p = 0; p < n->places; p++)
-            for (int axis = 0; axis < 3; axis++)
-                at[p][axis] = old->points[block * n->places + p].at[axis][lane];
-        put(n, old->numbers[block][lane], at, old->known[block], old->own[block][lane]);
-    }
-}
-
-enum status nearest_settle(struct nearest *n)
-{
-    struct nearest *settled;
-    enum status status = nearest_open(&settled, n->places, n->unit_m, n->capacity);
-    if (status != OK)
-        return status;
-    size_t wide = (size_t)groups_of(groups_of(blocks_of(n->capacity) + 1) + 1);
-    int64_t *in_order = malloc((size_t)(n->count + 1) * sizeof *in_order);
-    settled->wide_boxes = calloc(wide * (size_t)n->places, sizeof *n->wide_boxes);
-    settled->wide_own = calloc(wide, sizeof *n->wide_own);
-    if (in_order && settled->wide_boxes && settled->wide_own) {
-        for (int64_t i = 0; i < n->count; i++)
-            in_order[i] = i;
-        order(n, in_order, n->count);
-        rearrange(settled, n, in_order);
-        struct nearest old = *n;
-        *n = *settled;
-        *settled = old;
-    } else
-        status = fail(ERR_MEMORY, "out of memory");
-    free(in_order);
-    nearest_close(&settled);
-    return status;
+    nearest_put(n, n->count, at, point->known, own_units(n, point->own_m));
 }
 
 // ---------------------------------------------------------------- bounds
@@ -354,28 +199,53 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
     }
 }
 
-// Whether any of the sums is at most `limit`.
-static KERNEL bool within(const lanes sums, int16_t limit)
+// Bit i: sums[i] is at most `limit`. A branch for each sum would be guessed wrong too often.
+static KERNEL uint32_t within(const lanes sums, int16_t limit)
 {
     lanes low;
     uint64_t fours[LANES / 4];
     for (int i = 0; i < LANES; i++)
-        low[i] = sums[i] <= limit ? -1 : 0;
+        low[i] = (int16_t)(sums[i] <= limit ? 1 << i : 0);
     memcpy(fours, low, sizeof low);
-    return fours[0] | fours[1] | fours[2] | fours[3];
+    uint64_t bits = fours[0] | fours[1] | fours[2] | fours[3];
+    bits |= bits >> 32;
+    return (bits | bits >> 16) & 0xffff;
 }
 
-static KERNEL bool points_within(const points_lanes sums, int16_t limit)
+static KERNEL uint32_t points_within(const points_lanes sums, int16_t limit)
 {
     points_lanes low;
     uint64_t fours[BLOCK / 4];
     for (int i = 0; i < BLOCK; i++)
-        low[i] = sums[i] <= limit ? -1 : 0;
+        low[i] = (int16_t)(sums[i] <= limit ? 1 << i : 0);
     memcpy(fours, low, sizeof low);
-    return fours[0] | fours[1];
+    uint64_t bits = fours[0] | fours[1];
+    bits |= bits >> 32;
+    return (bits | bits >> 16) & 0xffff;
 }
 
+// Of those whose bits are set, one or more, that with the least sum.
+static inline int least_of(const int16_t *sums, uint32_t bits)
+{
+    int least = __builtin_ctz(bits);
+    for (bits &= bits - 1; bits; bits &= bits - 1) {
+        int i = __builtin_ctz(bits);
+        least = sums[i] < sums[least] ? i : least;
+    }
+    return least;
+}
+
+// Only the lowest `count` bits.
+static inline uint32_t lowest(uint32_t bits, int64_t count) { return count < 32 ? bits & ((1u << count) - 1) : bits; }
+
 // ---------------------------------------------------------------- finding
+
+// Points of the group looked at last that are yet to be asked, and their bounds.
+struct pending {
+    int count;
+    int64_t numbers[LANES * BLOCK];
+    int16_t bounds[LANES * BLOCK];
+};
 
 struct search {
     const struct nearest *n;
@@ -386,6 +256,7 @@ struct search {
     int64_t best; // -1: none yet
     double best_m;
     int16_t limit; // bounds above this cannot lead to a better point, nor to a tie
+    struct pending *pending;
 };
 
 static void ask(struct search *s, int64_t number)
@@ -401,21 +272,61 @@ static void ask(struct search *s, int64_t number)
     s->limit = limit < SUM_MOST ? (int16_t)limit : SUM_MOST;
 }
 
-static KERNEL void ask_block(struct search *s, int64_t block)
+// The points of a block whose bounds are low enough, as bits.
+static KERNEL uint32_t near_points(const struct search *s, int64_t block, points_lanes sums)
 {
     const struct nearest *n = s->n;
-    points_lanes sums;
-    memcpy(sums, n->own[block], sizeof sums);
-    for (int k = 0, to; k < s->wanted.count; k = to) {
+    memcpy(sums, n->own[block], sizeof(points_lanes));
+    uint32_t bits = points_within(sums, s->limit);
+    for (int k = 0, to; k < s->wanted.count && bits; k = to) {
         to = k + STRIDE < s->wanted.count ? k + STRIDE : s->wanted.count;
         add_points(n, block, &s->wanted, k, to, sums);
-        if (!points_within(sums, s->limit))
-            return;
+        bits = points_within(sums, s->limit);
     }
-    int64_t left = n->count - block * BLOCK;
-    for (int i = 0; i < BLOCK && i < left; i++)
-        if (sums[i] <= s->limit)
-            ask(s, n->numbers[block][i]);
+    return lowest(bits, n->count - block * BLOCK);
+}
+
+// That with the least bound comes first: mostly, none of the others need be asked then.
+static KERNEL void ask_block(struct search *s, int64_t block)
+{
+    points_lanes sums;
+    uint32_t bits = near_points(s, block, sums);
+    while (bits) {
+        int i = least_of(sums, bits);
+        ask(s, s->n->numbers[block][i]);
+        bits &= ~(1u << i) & points_within(sums, s->limit);
+    }
+}
+
+// What the cost of a point is worked out from is rarely in the near caches: it is on its way while the next blocks are
+// looked at.
+static KERNEL void ask_later(struct search *s, int64_t block)
+{
+    const struct nearest *n = s->n;
+    struct pending *pending = s->pending;
+    points_lanes sums;
+    for (uint32_t bits = near_points(s, block, sums); bits; bits &= bits - 1) {
+        int i = __builtin_ctz(bits);
+        int64_t number = n->numbers[block][i];
+        pending->numbers[pending->count] = number;
+        pending->bounds[pending->count++] = sums[i];
+        for (size_t at = 0; at < n->cost_bytes; at += LINE)
+            __builtin_prefetch(n->costs_from + (size_t)number * n->cost_bytes + at);
+    }
+}
+
+static void ask_pending(struct search *s)
+{
+    struct pending *p = s->pending;
+    int least = 0;
+    for (int i = 1; i < p->count; i++)
+        least = p->bounds[i] < p->bounds[least] ? i : least;
+    if (p->count > 0)
+        ask(s, p->numbers[least]);
+    for (int i = 0; i < p->count; i++)
+        if (i != least && p->bounds[i] <= s->limit)
+            ask(s, p->numbers[i]);
+    p->count = 0;
 }
 
 static struct wanted wanted_of(const struct nearest *n, const struct nearest_point *point)
@@ -463,35 +374,35 @@ static KERNEL void ask_promising(struct search *s, int first)
 // its way before.
 static KERNEL void fetch_block(const struct nearest *n, int64_t block)
 {
-    enum { LINE = 64 };
     const char *points = (const char *)&n->points[block * n->places];
     for (size_t i = 0; i < (size_t)n->places * sizeof *n->points; i += LINE)
         __builtin_prefetch(points + i);
     __builtin_prefetch(&n->known[block]);
     __builtin_prefetch(n->own[block]);
+    __builtin_prefetch(n->numbers[block]);
 }
 
-// The block whose box is nearest comes first: it sets the mark for the others.
+// The block whose box is nearest comes first where there is no mark yet: it sets one for the others.
 static KERNEL void ask_group(struct search *s, int64_t group)
 {
     const struct nearest *n = s->n;
-    int64_t left = blocks_of(n->count) - group * LANES;
-    int blocks = left < LANES ? (int)left : LANES, best = 0;
+    int64_t first = group * LANES;
     lanes sums;
     memcpy(sums, n->least_own[group], sizeof *n->least_own);
     add_boxes(n, &n->boxes[group * n->places], &s->wanted, 0, s->wanted.count, sums);
-    if (!within(sums, s->limit))
+    uint32_t bits = lowest(within(sums, s->limit), blocks_of(n->count) - first);
+    if (!bits)
         return;
-    for (int i = 0; i < blocks; i++) {
-        best = sums[i] < sums[best] ? i : best;
-        if (sums[i] <= s->limit)
-            fetch_block(n, group * LANES + i);
+    for (uint32_t left = bits; left; left &= left - 1)
+        fetch_block(n, first + __builtin_ctz(left));
+    ask_pending(s); // while the blocks are on their way
+    if (s->best < 0) {
+        int best = least_of(sums, bits);
+        ask_block(s, first + best);
+        bits &= ~(1u << best);
     }
-    if (sums[best] <= s->limit)
-        ask_block(s, group * LANES + best);
-    for (int i = 0; i < blocks; i++)
-        if (i != best && sums[i] <= s->limit)
-            ask_block(s, group * LANES + i);
+    for (bits &= within(sums, s->limit); bits; bits &= bits - 1)
+        ask_later(s, first + __builtin_ctz(bits));
 }
 
 // Where groups are settled: those whose box is near enough. First the block to which the nearest boxes lead.
@@ -504,17 +415,24 @@ static KERNEL void ask_settled(struct search *s)
         int16_t *wide = n->bounds[g / LANES];
         memcpy(wide, n->wide_own[g / LANES], sizeof *n->wide_own);
         add_boxes(n, &n->wide_boxes[g / LANES * n->places], &s->wanted, 0, s->wanted.count, wide);
-        for (int i = 0; i < LANES && g + i < groups; i++)
-            if (wide[i] < least) {
-                least = wide[i];
-                promising = g + i;
-            }
+        uint32_t bits = lowest(within(wide, least), groups - g);
+        if (bits) {
+            int i = least_of(wide, bits);
+            least = wide[i];
+            promising = g + i;
+        }
     }
     if (groups > 0)
         ask_group(s, promising);
-    for (int64_t g = 0; g < groups; g++)
-        if (n->bounds[g / LANES][g % LANES] <= s->limit && g != promising)
-            ask_group(s, g);
+    for (int64_t g = 0; g < groups; g += LANES) {
+        const int16_t *wide = n->bounds[g / LANES];
+        for (uint32_t bits = lowest(within(wide, s->limit), groups - g); bits; bits &= bits - 1) {
+            int i = __builtin_ctz(bits);
+            if (g + i != promising && wide[i] <= s->limit)
+                ask_group(s, g + i);
+        }
+    }
+    ask_pending(s);
 }
 
 #if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
@@ -542,9 +460,11 @@ ask_all(struct search *s)
             if (!within(sums, s->limit))
                 continue;
         }
-        for (int i = 0; i < LANES && b + i < blocks; i++)
+        for (uint32_t bits = lowest(within(sums, s->limit), blocks - b); bits; bits &= bits - 1) {
+            int i = __builtin_ctz(bits);
             if (sums[i] <= s->limit)
                 ask_block(s, b + i);
+        }
     }
 }
 
@@ -552,7 +472,9 @@ enum status nearest_find(struct nearest *n, const struct nearest_point *wanted, 
                          const void *context, int64_t *number, double *cost_m)
 {
     assert(scale > 0);
-    struct search s = {n, wanted_of(n, wanted), scale, cost, context, -1, 0, SUM_MOST};
+    struct pending pending;
+    pending.count = 0; // the rest means nothing yet
+    struct search s = {n, wanted_of(n, wanted), scale, cost, context, -1, 0, SUM_MOST, &pending};
     ask_all(&s);
     if (s.best < 0)
         return NOTHING;

@@ -38,8 +38,10 @@ void nearest_add(struct nearest *n, const struct nearest_point *point);
 // Puts points that are alike side by side, wherever they were in the order of points, as the leaves of a k-d tree, so
 // that most searches pass over 128 at once. Changes no answer. Worth it for points of few places; of many places, those
 // next to each other in time are the more alike. Points may be added later; they are found, too, but are not in order.
+// costs_from: what the cost of point i is worked out from lies cost_bytes * i after it, as long as n is used; it is
+// fetched before the cost is asked for. NULL and 0: nothing is.
 // ERR_MEMORY: nothing has changed.
-MUST_CHECK enum status nearest_settle(struct nearest *n);
+MUST_CHECK enum status nearest_settle(struct nearest *n, const void *costs_from, size_t cost_bytes);
 
 // NOTHING: no point can be chosen. Ties: the lowest number.
 MUST_CHECK enum status nearest_find(struct nearest *n, const struct nearest_point *wanted, double scale,

@@ -8,12 +8,11 @@
 struct part_sight {
     bool known, excluded;
     bool bodily;           // eye and around are in bodily axes; else the twist is unknown and they are facing ones
+    uint8_t around_known;  // bit i: around[i] means something
+    double distance_m;     // from the camera
+    double own_m;          // cost of what is hidden and of what is guessed of it, whatever it is compared with
     struct vec3 eye;       // unit, to the camera, in the part's bodily axes
     struct vec3 around[3]; // the joints of around_joints, in the part's bodily axes, metres
-    uint8_t around_known;  // bit i: around[i] means something
-    double hidden;         // share of the bone behind other parts, 0..1
-    double distance_m;     // from the camera
-    double guess;          // 1 - confidence of the worse end
 };
 
 // One of each array for a frame that was added; they are looked at in different
@@ -136,9 +135,9 @@ static struct part_sight sight_of(const struct skeleton *s, const struct body *b
             sight.around_known |= (uint8_t)(1 << i);
         }
     }
-    sight.guess = fmaxf(0, 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]));
-    if (body)
-        sight.hidden = hidden_share(s, body, p);
+    double guess = fmaxf(0, 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]));
+    double hidden = body ? hidden_share(s, body, p) : 0;
+    sight.own_m = HIDDEN_M * hidden + GUESS_M * guess;
     return sight;
 }
 
@@ -160,12 +159,10 @@ static struct nearest_point whole_point(const struct skeleton *s)
 
 enum { PART_PLACES = 4 };
 
-static double own_cost(const struct part_sight *sight) { return HIDDEN_M * sight->hidden + GUESS_M * sight->guess; }
-
 // Bodily and facing axes have nothing to do with each other: of the rarer, facing ones nothing is known.
 static struct nearest_point part_point(const struct part_sight *sight)
 {
-    struct nearest_point point = {.own_m = own_cost(sight)};
+    struct nearest_point point = {.own_m = sight->own_m};
     if (!sight->bodily)
         return point;
     point.place[0] = v3_scale(sight->eye, SIDE_M);
@@ -248,7 +245,7 @@ enum status selector_settle(struct selector *s)
 {
     enum status status = OK;
     for (int p = 0; p < PART_COUNT && status == OK; p++)
-        status = nearest_settle(s->parts[p]);
+        status = nearest_settle(s->parts[p], s->sights[p], sizeof *s->sights[p]);
     return status;
 }
 
@@ -344,7 +341,7 @@ static double part_cost(const void *context, int64_t number)
     // No sharper than needed is no merit.
     if (n->distance_m > k->distance_m)
         cost += COARSE_M * (n->distance_m / k->distance_m - 1);
-    return cost + own_cost(n);
+    return cost + n->own_m;
 }
 
 enum status select_part(const struct selector *s, const struct skeleton *in_viewer, enum part p, struct selection *out)

@@ -62,7 +62,7 @@ static int compare(struct crowd *c)
         EXPECT_STATUS(nearest_open(&n, c->places, 1.0 / 2048, c->count), OK);
         for (int i = 0; i <= c->count; i++) {
             if (settles(way, i, c->count))
-                EXPECT_STATUS(nearest_settle(n), OK);
+                EXPECT_STATUS(nearest_settle(n, NULL, 0), OK);
             if (i < c->count)
                 nearest_add(n, &c->points[i]);
         }

@@ -1,0 +1,49 @@
+// The inside of nearest.h's index, for adding and finding (nearest.c) and for
+// settling (nearest_settle.c) only.
+#pragma once
+#include "reenact/nearest.h"
+
+enum {
+    BLOCK = 8,        // points in a block: they share a box, and are bounded side by side
+    LANES = 16,       // blocks in a group: their boxes are bounded side by side
+    FAR = 8191,       // the farthest coordinate, units
+    ANYWHERE = 24000, // a box this wide holds every place; its differences still fit 16 bits
+    SUM_MOST = 32767,
+};
+
+typedef int16_t lanes[LANES];
+typedef int16_t points_lanes[BLOCK];
+
+// The points of a block, or the boxes of a group of blocks.
+struct box_lanes {
+    lanes low[3], high[3];
+};
+struct point_lanes {
+    points_lanes at[3];
+};
+
+struct nearest {
+    int places;
+    double unit_m;
+    int64_t count, capacity;
+    int16_t place_most;         // distances count up to this, so that their sum fits
+    struct point_lanes *points; // [block][place]
+    points_lanes *own;          // [block], units, the points'
+    uint32_t *known;            // [block]: places known in every point
+    struct box_lanes *boxes;    // [group][place]
+    lanes *least_own;           // [group], the blocks'
+    int64_t (*numbers)[BLOCK];  // [block]
+    // Once settled: the boxes of whole groups, sixteen side by side.
+    struct box_lanes *wide_boxes; // [sixteen groups][place]
+    lanes *wide_own;              // [sixteen groups], the groups'
+    lanes *bounds;                // [group], nearest_find's working memory
+    const char *costs_from;       // what settle was told
+    size_t cost_bytes;
+};
+
+static inline int64_t blocks_of(int64_t count) { return (count + BLOCK - 1) / BLOCK; }
+
+static inline int64_t groups_of(int64_t blocks) { return (blocks + LANES - 1) / LANES; }
+
+// The next point, in units.
+void nearest_put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32_t known, int16_t own);
