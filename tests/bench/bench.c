@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 struct bench {
@@ -19,6 +20,13 @@ struct bench {
 double bench_clock_ms(void)
 {
     return (double)clock_cpu_ns() * 1e-6;
+}
+
+double bench_all_threads_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
 const struct bench_inputs *bench_inputs(const struct bench *b)

@@ -53,6 +53,8 @@ struct bench_stage {
 
 // Processor time of this thread, so that other programs do not count.
 double bench_clock_ms(void);
+// Likewise of all threads of the program together.
+double bench_all_threads_ms(void);
 
 // Sorts. Linear between neighbours; NaN for none.
 double bench_percentile(double *values, int count, double share);

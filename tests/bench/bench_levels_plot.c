@@ -64,7 +64,7 @@ static void put_time(FILE *file, const struct levels_line *line, const struct ax
         double at = place_on(x, m->time_ratio), up = place_on(y, m->error_px);
         put_mark(file, line, at, up);
         if (!line->ring)
-            fprintf(file, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"11\" fill=\"%s\">%g m</text>\n", at + 10, up + 4,
+            fprintf(file, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"11\" fill=\"%s\">%g m</text>\n", at + 16, up + 4,
                     line->colour, m->away_m);
     }
 }
@@ -97,18 +97,21 @@ static void put_legend(FILE *file, const struct levels_line *lines, int count)
 
 enum status levels_plot(const char *path, const struct levels_line *lines, int count)
 {
-    double slowest = 1, least_px = INFINITY, most_px = 0;
+    double slowest = 1, best_px = INFINITY, worst_px = 0, least_px = INFINITY, most_px = 0;
     for (int i = 0; i < count; i++)
         for (int d = 0; d < LEVELS_DISTANCES; d++) {
             const struct levels_mark *m = &lines[i].mark[d];
             slowest = fmax(slowest, m->time_ratio);
-            least_px = fmin(least_px, fmin(m->error_px, m->predicted_px));
-            most_px = fmax(most_px, fmax(m->error_px, m->predicted_px));
+            best_px = fmin(best_px, m->error_px);
+            worst_px = fmax(worst_px, m->error_px);
+            least_px = fmin(least_px, m->predicted_px);
+            most_px = fmax(most_px, m->predicted_px);
         }
     FILE *file = fopen(path, "w");
     if (!file)
         return fail(ERR_IO, "%s cannot be written", path);
-    const struct axis error = {0.8 * least_px, 1.25 * most_px, BOTTOM, TOP, true};
+    const struct axis error = {0.8 * best_px, 1.25 * worst_px, BOTTOM, TOP, true};
+    const struct axis either = {0.8 * fmin(best_px, least_px), 1.25 * fmax(worst_px, most_px), BOTTOM, TOP, true};
     const struct axis time = {0, 0.25 * ceil(4 * slowest + 0.5), 70, 460, false};
     const struct axis away = {0, LEVELS_DISTANCES + 1, 540, WIDE - 20, false};
     fprintf(file,
@@ -121,10 +124,10 @@ enum status levels_plot(const char *path, const struct levels_line *lines, int c
     put_x_axis(file, &time, 0.25, "drawing time, of the plain path's (paper) from there");
     put_x_axis(file, &away, 1, "from the person, metres");
     put_y_axis(file, &error, &time, "error of the outline, pixels");
-    put_y_axis(file, &error, &away, "error, pixels");
+    put_y_axis(file, &either, &away, "error, pixels");
     for (int i = 0; i < count; i++) {
         put_time(file, &lines[i], &time, &error);
-        put_prediction(file, &lines[i], &away, &error);
+        put_prediction(file, &lines[i], &away, &either);
     }
     put_legend(file, lines, count);
     fputs("</g></svg>\n", file);
