@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 struct bench {
@@ -19,6 +20,13 @@ struct bench {
 double bench_clock_ms(void)
 {
     return (double)clock_cpu_ns() * 1e-6;
+}
+
+double bench_all_threads_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
 const struct bench_inputs *bench_inputs(const struct bench *b)
@@ -150,7 +158,7 @@ enum status bench_add_row(struct bench *b, const char *name, const double *value
 
 // ------------------------------------------------------------- the program
 
-enum { KEY_MOTIONS = 256, KEY_SEQUENCES, KEY_BODIES };
+enum { KEY_MOTIONS = 256, KEY_SEQUENCES, KEY_BODIES, KEY_PLOT };
 
 struct arguments {
     const char *stage, *html;
@@ -170,6 +178,7 @@ static error_t parse(int key, char *argument, struct argp_state *state)
     case KEY_MOTIONS: a->inputs.motions = argument; return 0;
     case KEY_SEQUENCES: a->inputs.sequences = argument; return 0;
     case KEY_BODIES: a->inputs.bodies = true; return 0;
+    case KEY_PLOT: a->inputs.plot = argument; return 0;
     case 'r':
         a->rounds = (int)strtol(argument, &end, 10);
         if (*end || a->rounds < 1 || a->rounds > 1000)
@@ -186,6 +195,8 @@ static error_t parse(int key, char *argument, struct argp_state *state)
             argp_error(state, "one of --data, --motions, --sequences and --bodies at a time");
         if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
             argp_error(state, "--motions, --sequences and --bodies are the skeleton stage's");
+        if (a->inputs.plot && (!a->stage || strcmp(a->stage, "levels")))
+            argp_error(state, "--plot is the levels stage's");
         return 0;
     }
     default: return ARGP_ERR_UNKNOWN;
@@ -250,6 +261,7 @@ int main(int argc, char **argv)
         {"bodies", KEY_BODIES, NULL, 0, "skeleton: follow people of all sizes and clothes", 0},
         {"sequences", KEY_SEQUENCES, "DIR", 0,
          "skeleton: follow the people in this folder's folders, next to Kinect's own joints", 0},
+        {"plot", KEY_PLOT, "FILE", 0, "levels: also draw error against time, as an SVG", 0},
         {"rounds", 'r', "N", 0, "How often everything is done; the median counts (5)", 0},
         {0},
     };

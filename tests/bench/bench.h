@@ -53,16 +53,19 @@ struct bench_stage {
 
 // Processor time of this thread, so that other programs do not count.
 double bench_clock_ms(void);
+// Likewise of all threads of the program together.
+double bench_all_threads_ms(void);
 
 // Sorts. Linear between neighbours; NaN for none.
 double bench_percentile(double *values, int count, double share);
 
-// What the command line gives a stage to work on; at most one of them is set.
+// What the command line gives a stage to work on, of which at most one is set; and a file to make.
 struct bench_inputs {
     const char *data;      // a folder (TUM layout); NULL: make your own items
     const char *motions;   // skeleton: a folder of BVH files, to be filmed in the small world
     const char *sequences; // skeleton: a folder of folders with joints_kinect_sdk.csv in truth/
     bool bodies;           // skeleton: people of all sizes and clothes in the small world
+    const char *plot;      // levels: an SVG file to write; NULL: none
 };
 const struct bench_inputs *bench_inputs(const struct bench *b);
 

@@ -5,13 +5,13 @@
 // for without a graphics card the driver draws on several, and end when all is
 // drawn. At last the slowest of many pictures against the median.
 #include "tests/bench/bench.h"
+#include "tests/bench/bench_look.h"
 #include "tests/support/rehearsal.h"
 
 #include "reenact/painter.h"
 
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 enum { WIDTH = 1280, HEIGHT = 800, ITEMS = 24, MANY = 500 };
 static const double AWAY_M = 2.6;
@@ -23,20 +23,6 @@ struct contender {
     bool same_frame;
 };
 
-static double all_threads_ms(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
-}
-
-static struct pose look_at(struct vec3 from, struct vec3 at)
-{
-    struct vec3 z = v3_unit(v3_sub(at, from)), x = v3_unit(v3_cross(z, v3(0, 0, 1))), y = v3_cross(z, x);
-    double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
-    return (struct pose){quat_from_matrix(m), from};
-}
-
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
     struct contender *c = self;
@@ -45,14 +31,14 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     struct vec3 him = pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]);
     double angle = 6.283185307179586 * item / ITEMS;
     struct vec3 eye = v3_add(him, v3(AWAY_M * sin(angle), -AWAY_M * cos(angle), 0.4));
-    struct painter_view view = {.world_from_camera = look_at(eye, him), .time_ns = e->time_ns - first->time_ns};
+    struct painter_view view = {.world_from_camera = bench_look_at(eye, him), .time_ns = e->time_ns - first->time_ns};
     struct painter_result result;
     struct gpu_counts before = gpu_count(c->gpu);
-    double started_ms = all_threads_ms();
+    double started_ms = bench_all_threads_ms();
     enum status status = painter_draw(c->painter, &view, &result);
     if (status == OK)
         status = gpu_wait(c->gpu);
-    out->time_ms = all_threads_ms() - started_ms;
+    out->time_ms = bench_all_threads_ms() - started_ms;
     struct gpu_counts now = gpu_count(c->gpu);
     out->error = (double)(now.draws - before.draws);
     out->extra[0] = (double)(now.uploads - before.uploads);

@@ -12,6 +12,7 @@ extern const struct bench_stage bench_stage_still;
 extern const struct bench_stage bench_stage_views;
 extern const struct bench_stage bench_stage_left_out;
 extern const struct bench_stage bench_stage_draw;
+extern const struct bench_stage bench_stage_levels;
 
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,
@@ -24,4 +25,5 @@ static const struct bench_stage *const bench_stages[] = {
     &bench_stage_views,
     &bench_stage_left_out,
     &bench_stage_draw,
+    &bench_stage_levels,
 };
