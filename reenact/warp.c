@@ -16,6 +16,12 @@ static const double SURELY_SEEN = 1; // frames
 static const double LEAST_FACING = 0.1;  // cosine: what a reading shows faces the camera
 static const double GRAZING = 0.3;       // cosine: what may be at the outline
 
+// Point (x, y, z) lies at corner + (x, y, z) * WARP_STEP_M.
+struct warp_grid {
+    struct vec3 corner;
+    int size[3];
+};
+
 struct row { // share . shift along n = value
     int32_t node[8];
     float share[8], n[3], value, weight;
@@ -191,9 +197,6 @@ void warp_close(struct warp **out)
     *out = NULL;
 }
 
-struct warp_grid warp_grid_of(const struct warp *w) { return w->grid; }
-const uint8_t *warp_picture(const struct warp *w) { return w->picture; }
-
 struct vec3 warp_at(const struct warp *w, struct vec3 rest)
 {
     struct vec3 sum = v3(0, 0, 0);
@@ -208,7 +211,7 @@ struct vec3 warp_at(const struct warp *w, struct vec3 rest)
     return v3_scale(sum, WARP_MOST_M / 127);
 }
 
-// What everybody reads is the picture, so that the GPU and the rest of us shift alike.
+// What everybody reads: a shift's component of WARP_MOST_M * t is 127 * t + 128, no finer than it is known.
 static void write_picture(struct warp *w)
 {
     for (int i = 0; i < grid_count(&w->grid); i++) {

@@ -30,12 +30,3 @@ void warp_clear(struct warp *w);
 
 // How far a point of the rest pose is shifted; rest axes, metres.
 struct vec3 warp_at(const struct warp *w, struct vec3 rest);
-
-// The field as a picture: size[0] wide, size[1] * size[2] high, RGBA. A shift's component of
-// WARP_MOST_M * t is 127 * t + 128. Point (x, y, z) of the grid lies at corner + (x, y, z) * WARP_STEP_M.
-struct warp_grid {
-    struct vec3 corner;
-    int size[3];
-};
-struct warp_grid warp_grid_of(const struct warp *w);
-const uint8_t *warp_picture(const struct warp *w);
