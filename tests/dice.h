@@ -1,4 +1,4 @@
-// Numbers for test inputs.
+// Numbers for test inputs. Each in a statement of its own, or compilers throw them in different orders.
 #pragma once
 #include <math.h>
 #include <stdint.h>
@@ -15,6 +15,11 @@ static inline double dice_uniform(struct dice *dice) // [0, 1)
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
     z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
     return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
+}
+
+static inline double dice_between(struct dice *dice, double low, double high)
+{
+    return low + (high - low) * dice_uniform(dice);
 }
 
 static inline double dice_normal(struct dice *dice) // mean 0, standard deviation 1

@@ -30,10 +30,10 @@ struct tally {
 };
 
 // As many within the ellipsoid as should be, and errors no larger in the mean, as far as so few pictures tell: give or
-// take 3 % of them and a quarter of the squares, and three times what chance does.
+// take 3 % of them and a quarter of the squares, and chance.
 static inline void judge(const struct tally *t)
 {
-    EXPECT_NEAR((double)t->within_95 / t->found, 0.95, 0.03 + 3 * sqrt(0.95 * 0.05 / t->found));
+    EXPECT_NEAR((double)t->within_95 / t->found, 0.95, 0.03 + sqrt(0.95 * 0.05 / t->found));
     EXPECT_AT_MOST(t->sum / t->found, 1.25 * 6 + 3 * sqrt(2 * 6.0 / t->found));
 }
 

@@ -63,8 +63,10 @@ static void tags_are_as_sure_as_they_say(void **state)
     struct tally all = {0};
     look_at_tags(1, 4, &all);
     look_at_tags(1, 8, &all);
+    look_at_tags(2, 2, &all);
     look_at_tags(2, 4, &all);
     look_at_tags(2, 8, &all);
+    look_at_tags(3, 4, &all);
     look_at_tags(3, 8, &all);
     printf("together: ");
     tell(&all);

@@ -18,7 +18,13 @@ static uint16_t depth[PIXELS];
 static struct world *world;
 static int pictures = 12;
 
-static double between(struct dice *dice, double low, double high) { return low + (high - low) * dice_uniform(dice); }
+// Each within as much of the middle.
+static struct vec3 about(struct dice *dice, struct vec3 middle, struct vec3 most)
+{
+    double x = dice_between(dice, -most.x, most.x), y = dice_between(dice, -most.y, most.y),
+           z = dice_between(dice, -most.z, most.z);
+    return v3_add(middle, v3(x, y, z));
+}
 
 static void film(struct lens lens, struct pose world_from_camera, uint64_t seed)
 {
@@ -56,15 +62,15 @@ static int map_points(const struct lens *lens, struct pose world_from_camera, st
 static struct pose any_view(struct dice *dice)
 {
     struct quat level = {-0.7071067811865476, 0, 0, 0.7071067811865476}; // z forward along the world's y, y down
-    struct quat turn = quat_multiply(quat_from_rotation_vector(v3(0, 0, between(dice, -3.14, 3.14))), level);
-    turn = quat_multiply(turn, quat_from_rotation_vector(v3(between(dice, -0.3, 0.1), 0, between(dice, -0.2, 0.2))));
-    return (struct pose){quat_unit(turn), {between(dice, -1, 1), between(dice, -1, 1), between(dice, 1.2, 1.7)}};
+    struct quat turn = quat_multiply(quat_from_rotation_vector(v3(0, 0, dice_between(dice, -3.14, 3.14))), level);
+    turn = quat_multiply(turn, quat_from_rotation_vector(about(dice, v3(-0.1, 0, 0), v3(0.2, 0, 0.2))));
+    return (struct pose){quat_unit(turn), about(dice, v3(0, 0, 1.45), v3(1, 1, 0.25))};
 }
 
 static struct pose near_by(struct pose view, struct dice *dice)
 {
-    struct vec3 turn = v3(between(dice, -0.1, 0.1), between(dice, -0.1, 0.1), between(dice, -0.1, 0.1));
-    struct vec3 shift = v3(between(dice, -0.2, 0.2), between(dice, -0.2, 0.2), between(dice, -0.2, 0.2));
+    struct vec3 turn = about(dice, v3(0, 0, 0), v3(0.1, 0.1, 0.1));
+    struct vec3 shift = about(dice, v3(0, 0, 0), v3(0.2, 0.2, 0.2));
     return pose_multiply(view, (struct pose){quat_from_rotation_vector(turn), shift});
 }
 
