@@ -37,7 +37,7 @@ static void glass_open(struct glass *g, int width, int height, const char *file,
         .refresh_hz = 60};
     *g = (struct glass){.width = width, .height = height, .rgba = malloc((size_t)width * (size_t)height * 4)};
     EXPECT_STATUS(gpu_open(&g->gpu), OK);
-    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height, 1), OK);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height), OK);
     EXPECT_STATUS(tablet_open(&g->tablet, g->gpu, &options), OK);
 }
 
@@ -211,7 +211,7 @@ static void draw_turned(struct glass *g, int quarter_turns)
 {
     const bool across = quarter_turns & 1;
     gpu_target_close(&g->target);
-    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height, 1), OK);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height), OK);
     const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, scale_of(g)};
     EXPECT_STATUS(tablet_draw(&g->tablet, &glass, clock_now_ns()), OK);
     read_back(g);
