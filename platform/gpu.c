@@ -119,6 +119,7 @@ static enum status ask_limits(struct gpu *g)
     if (length)
         memcpy(g->renderer, renderer, length);
     g->renderer[length] = 0;
+    g->on_processor = strstr(g->renderer, "llvmpipe") || strstr(g->renderer, "softpipe");
     const char *extensions = (const char *)glGetString(GL_EXTENSIONS);
     if (gpu_has_word(extensions, "GL_KHR_robustness"))
         g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusKHR");
@@ -471,6 +472,7 @@ enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, i
         gpu_target_close(&t);
         return status;
     }
+    gpu_target_mark(t);
     gpu_target_clear(t);
     *out = t;
     return OK;
@@ -489,14 +491,30 @@ void gpu_target_close(struct gpu_target **t)
     *t = NULL;
 }
 
+void gpu_target_mark(struct gpu_target *t)
+{
+    t->left = t->top = 0;
+    t->right = t->width, t->bottom = t->height;
+}
+
+// Graphics chips clear everything at once and need not read what was there then. A processor clears pixel by pixel:
+// only where something was drawn.
 void gpu_target_clear(struct gpu_target *t)
 {
+    bool nowhere = t->right <= t->left || t->bottom <= t->top;
     gpu_use(t->g);
     glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
     glClearColor(0, 0, 0, 0);
     glClearDepthf(1);
     glDepthMask(GL_TRUE);
-    glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    if (t->g->on_processor) {
+        glEnable(GL_SCISSOR_TEST);
+        glScissor(t->left, t->top, t->right - t->left, t->bottom - t->top);
+    }
+    if (!nowhere || !t->g->on_processor)
+        glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    glDisable(GL_SCISSOR_TEST);
+    t->left = t->top = t->right = t->bottom = 0;
 }
 
 const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }
@@ -511,12 +529,34 @@ enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 
 // ---------------------------------------------------------------- drawing
 
+static int least(int a, int b) { return a < b ? a : b; }
+static int most(int a, int b) { return a > b ? a : b; }
+
+// Lets a job draw within its box only.
+static void keep_within(struct gpu_target *t, const struct gpu_box *box)
+{
+    if (!box->width) {
+        gpu_target_mark(t);
+        return;
+    }
+    const int left = most(box->left, 0), right = most(left, least(box->left + box->width, t->width));
+    const int top = most(box->top, 0), bottom = most(top, least(box->top + box->height, t->height));
+    const bool fresh = t->right <= t->left;
+    t->left = fresh ? left : least(t->left, left);
+    t->top = fresh ? top : least(t->top, top);
+    t->right = most(t->right, right);
+    t->bottom = most(t->bottom, bottom);
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(left, top, right - left, bottom - top);
+}
+
 void gpu_draw(const struct gpu_job *job)
 {
     gpu_use(job->target->g);
     job->target->g->counts.draws++;
     glBindFramebuffer(GL_FRAMEBUFFER, job->target->drawn);
     glViewport(0, 0, job->target->width, job->target->height);
+    keep_within(job->target, &job->within);
     glFrontFace(GL_CW); // a picture's top row comes first, which turns triangles over
     if (job->closed)
         glEnable(GL_CULL_FACE);
@@ -545,4 +585,5 @@ void gpu_draw(const struct gpu_job *job)
     glDrawElements(GL_TRIANGLES, job->count ? job->count : job->mesh->index_count, GL_UNSIGNED_SHORT,
                    (const void *)(sizeof(uint16_t) * (size_t)job->first));
     glBindVertexArray(0);
+    glDisable(GL_SCISSOR_TEST);
 }

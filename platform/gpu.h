@@ -85,6 +85,11 @@ void gpu_mesh_close(struct gpu_mesh **m);
 void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count);
 void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count);
 
+// Pixels of a target. Width 0: all of them.
+struct gpu_box {
+    int left, top, width, height;
+};
+
 // ---- targets: what is drawn into. RGBA, 8 bit, with a depth buffer
 // ERR_DEVICE.
 MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height);
@@ -108,5 +113,6 @@ struct gpu_job {
     bool hides_nothing;                    // what is drawn later is not behind it
     bool blend;                            // colours are premultiplied and laid over what is there
     int first, count;                      // of the mesh's indices; count 0: all of them
+    struct gpu_box within;                 // nothing outside is drawn; it may reach beyond the target
 };
 void gpu_draw(const struct gpu_job *job);

@@ -126,6 +126,8 @@ void gpu_flat_begin(struct gpu_flat *f, const struct gpu_flat_view *view)
     glass_size(view, &width, &height);
     gpu_use(f->g);
     glBindFramebuffer(GL_FRAMEBUFFER, view->target ? view->target->drawn : 0);
+    if (view->target)
+        gpu_target_mark(view->target);
     glViewport(0, 0, width, height);
     glDisable(GL_SCISSOR_TEST);
     if (view->clear) {

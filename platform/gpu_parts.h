@@ -12,6 +12,7 @@ typedef unsigned gpu_reset_status(void);
 struct gpu {
     void *display, *context; // EGL's
     bool adopted;
+    bool on_processor; // no graphics chip draws, but the processor
     char renderer[128];
     int max_size;
     gpu_reset_status *reset_status; // NULL: the driver cannot say
@@ -46,7 +47,11 @@ struct gpu_target {
     size_t bytes;
     unsigned drawn, depth; // framebuffer around `texture`, and its renderbuffer
     struct gpu_texture texture;
+    int left, top, right, bottom; // where something was drawn since it was cleared; right <= left: nowhere
 };
+
+// All of the target may have been drawn into.
+void gpu_target_mark(struct gpu_target *t);
 
 // Makes the gpu's context current, unless it is or is somebody else's to keep so.
 void gpu_use(const struct gpu *g);

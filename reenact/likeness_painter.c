@@ -72,6 +72,7 @@ struct brought {
 struct likeness_painter {
     struct gpu *gpu;
     struct take *take;
+    struct lens view; // the tablet's
     struct likeness likeness;
     struct gpu_program *programs[PROGRAMS];
     struct brought brought; // without a mesh: no likeness was given
@@ -79,7 +80,8 @@ struct likeness_painter {
     struct shown_frames *frames;
 };
 
-void lens_uniform(const struct lens *l, float out[12])
+// Of x / z and y / z: the lens's polynomial is held beyond.
+static double largest_r2(const struct lens *l)
 {
     double largest = 0;
     const struct pixel corners[] = {
@@ -88,8 +90,13 @@ void lens_uniform(const struct lens *l, float out[12])
         struct vec3 ray = lens_ray(l, corners[i]);
         largest = fmax(largest, ray.x * ray.x + ray.y * ray.y);
     }
+    return largest * 1.21;
+}
+
+void lens_uniform(const struct lens *l, float out[12])
+{
     const double values[12] = {l->fx, l->fy, l->cx, l->cy,          l->k1,    l->k2,
-                               l->p1, l->p2, l->k3, largest * 1.21, l->width, l->height};
+                               l->p1, l->p2, l->k3, largest_r2(l), l->width, l->height};
     for (int i = 0; i < 12; i++)
         out[i] = (float)values[i];
 }
@@ -214,6 +221,7 @@ void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *vi
 {
     float lens[12];
     lens_uniform(view, lens);
+    p->view = *view;
     set(p, VIEW_LENS, lens, 3);
 }
 
@@ -307,8 +315,38 @@ static int find_absent(const struct likeness_painter *p, const struct likeness_v
     return present;
 }
 
+// The pixels that the figure may fall on, its outline included.
+static struct gpu_box box_of(const struct lens *lens, const struct silhouette_corners *c)
+{
+    enum { SIDE = 16, OUTLINE_PX = 2 };
+    const struct gpu_box all = {0, 0, 0, 0};
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, largest = largest_r2(lens);
+    for (int i = 0; i < 4 * (SIDE + 1); i++) { // along the sides, which a lens may bend
+        const double along = i / 4 / (double)SIDE, u = i % 4 == 0 ? 0 : i % 4 == 1 ? 1 : along,
+                     v = i % 4 == 2 ? 0 : i % 4 == 3 ? 1 : along;
+        const struct vec3 ray = {(1 - u) * (double)c->low[0] + u * (double)c->high[0],
+                                 (1 - v) * (double)c->low[1] + v * (double)c->high[1], 1};
+        if (!(ray.x * ray.x + ray.y * ray.y <= largest) && !lens_is_ideal(lens))
+            return all; // out there the shaders hold the lens
+        const struct pixel px = lens_project(lens, ray);
+        const double at[2] = {px.x, px.y};
+        for (int a = 0; a < 2; a++) {
+            low[a] = fmin(low[a], at[a]);
+            high[a] = fmax(high[a], at[a]);
+        }
+    }
+    const double far[2] = {2.0 * lens->width, 2.0 * lens->height};
+    if (!isfinite(low[0]) || !isfinite(low[1]) || !isfinite(high[0]) || !isfinite(high[1]))
+        return all;
+    for (int a = 0; a < 2; a++) {
+        low[a] = fmin(fmax(floor(low[a]) - OUTLINE_PX, -far[a]), far[a]);
+        high[a] = fmin(fmax(ceil(high[a]) + OUTLINE_PX, -far[a]), far[a]);
+    }
+    return (struct gpu_box){(int)low[0], (int)low[1], (int)(high[0] - low[0]) + 1, (int)(high[1] - low[1]) + 1};
+}
+
 static void draw_colors(struct likeness_painter *p, const struct likeness_view *view, const struct shown_frame *now,
-                        const struct silhouette_corners *corners)
+                        const struct silhouette_corners *corners, struct gpu_box box)
 {
     struct gpu_job job = {.target = view->actor,
                           .program = p->programs[FIGURE],
@@ -316,7 +354,8 @@ static void draw_colors(struct likeness_painter *p, const struct likeness_view *
                           .textures = {p->brought.color, now->shifts, now->color, now->depth},
                           .closed = true,
                           .depth_test = true,
-                          .count = corners->front};
+                          .count = corners->front,
+                          .within = box};
     gpu_draw(&job);
     job.program = p->programs[RIBBON];
     job.closed = false; // its triangles run either way
@@ -359,7 +398,8 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     if (corners.front == 0)
         return OK;
     gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.front + corners.ribbon);
-    draw_colors(p, view, now, &corners);
+    const struct gpu_box box = box_of(&p->view, &corners);
+    draw_colors(p, view, now, &corners, box);
     if (view->source) {
         gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
         gpu_draw(&(struct gpu_job){.target = view->source,
@@ -368,7 +408,8 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
                                    .textures = {p->brought.when, now->shifts, now->depth},
                                    .closed = true,
                                    .depth_test = true,
-                                   .count = corners.front});
+                                   .count = corners.front,
+                                   .within = box});
     }
     return gpu_check(p->gpu);
 }

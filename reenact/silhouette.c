@@ -8,6 +8,8 @@ struct spot {
 
 enum { RIBBON = 6 }; // corners for each edge
 
+static const float BESIDE_M = 0.05F;
+
 struct silhouette {
     const struct likeness *likeness;
     struct spot *rest, *placed; // of each point; the last in camera axes
@@ -130,6 +132,24 @@ static void leave_out(struct silhouette *s, const bool *absent)
     }
 }
 
+static void find_bounds(const struct silhouette *s, struct silhouette_corners *out)
+{
+    out->low[0] = out->low[1] = INFINITY;
+    out->high[0] = out->high[1] = -INFINITY;
+    float nearest = INFINITY;
+    for (int i = 0; i < s->likeness->atlas.mesh.point_count; i++) {
+        const struct spot p = s->placed[i];
+        const float at[2] = {p.x / p.z, p.y / p.z};
+        nearest = fminf(nearest, p.z);
+        for (int a = 0; a < 2; a++) {
+            out->low[a] = fminf(out->low[a], at[a]);
+            out->high[a] = fmaxf(out->high[a], at[a]);
+        }
+    }
+    if (nearest < BESIDE_M)
+        out->low[0] = -INFINITY;
+}
+
 struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
                                           float (*shift)[3], const bool *absent)
 {
@@ -148,6 +168,7 @@ struct silhouette_corners silhouette_find(struct silhouette *s, const struct par
     if (!all)
         leave_out(s, absent);
     struct silhouette_corners out = {.corners = s->corners};
+    find_bounds(s, &out);
     out.front = put_front(s, s->corners);
     out.ribbon = put_ribbon(s, s->corners + out.front);
     return out;

@@ -17,6 +17,7 @@ void silhouette_close(struct silhouette **s);
 struct silhouette_corners {
     const uint16_t *corners; // valid until the next call
     int front, ribbon;       // how many of each
+    float low[2], high[2];   // between which all of it lies, x and y where z is 1; infinite: some lies beside the camera
 };
 struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
                                           float (*shift)[3], const bool *absent);
