@@ -12,9 +12,17 @@ enum {
 // What has to become part of each of ask_all's versions.
 #define KERNEL inline __attribute__((always_inline))
 
+// Zeros from the first byte of a line on.
+static void *cleared(size_t bytes)
+{
+    bytes = (bytes + LINE - 1) / LINE * LINE;
+    void *zeros = aligned_alloc(LINE, bytes);
+    return zeros ? memset(zeros, 0, bytes) : NULL;
+}
+
 enum status nearest_open(struct nearest **out, int places, double unit_m, int64_t capacity)
 {
-    assert(places > 0 && places <= NEAREST_PLACES_MOST && unit_m > 0 && capacity >= 0);
+    assert(places > 0 && places <= NEAREST_PLACES_MOST && unit_m > 0 && capacity >= 0 && capacity < UINT32_MAX);
     *out = NULL;
     struct nearest *n = calloc(1, sizeof *n);
     if (!n)
@@ -23,14 +31,12 @@ enum status nearest_open(struct nearest **out, int places, double unit_m, int64_
     n->place_most = (int16_t)(SUM_MOST / (places + 1));
     // One more than needed, so that none is empty.
     size_t blocks = (size_t)blocks_of(capacity) + 1, groups = (size_t)groups_of((int64_t)blocks) + 1;
-    n->points = calloc(blocks * (size_t)places, sizeof *n->points);
-    n->own = calloc(blocks, sizeof *n->own);
-    n->known = calloc(blocks, sizeof *n->known);
+    n->points = cleared(blocks * (size_t)places * sizeof *n->points);
+    n->heads = cleared(blocks * sizeof *n->heads);
     n->boxes = calloc(groups * (size_t)places, sizeof *n->boxes);
     n->least_own = calloc(groups, sizeof *n->least_own);
-    n->numbers = calloc(blocks, sizeof *n->numbers);
     n->bounds = calloc(groups, sizeof *n->bounds);
-    if (!n->points || !n->own || !n->known || !n->boxes || !n->least_own || !n->numbers || !n->bounds) {
+    if (!n->points || !n->heads || !n->boxes || !n->least_own || !n->bounds) {
         nearest_close(&n);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -43,11 +49,9 @@ void nearest_close(struct nearest **n)
     if (!*n)
         return;
     free((*n)->points);
-    free((*n)->own);
-    free((*n)->known);
+    free((*n)->heads);
     free((*n)->boxes);
     free((*n)->least_own);
-    free((*n)->numbers);
     free((*n)->wide_boxes);
     free((*n)->wide_own);
     free((*n)->bounds);
@@ -97,8 +101,8 @@ void nearest_put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32
     int lane = (int)(n->count % BLOCK), lane_of_block = (int)(block % LANES);
     bool first = lane == 0;
     n->count++;
-    n->numbers[block][lane] = number;
-    n->known[block] = first ? known : n->known[block] & known;
+    n->heads[block].numbers[lane] = (uint32_t)number;
+    n->heads[block].known = first ? known : n->heads[block].known & known;
     for (int p = 0; p < n->places; p++) {
         struct point_lanes *at = &n->points[block * n->places + p];
         struct box_lanes *box = &n->boxes[group * n->places + p];
@@ -115,7 +119,7 @@ void nearest_put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32
         }
     }
     int16_t *least = &n->least_own[group][lane_of_block];
-    n->own[block][lane] = own;
+    n->heads[block].own[lane] = own;
     if (first || own < *least)
         *least = own;
     if (n->wide_boxes)
@@ -187,7 +191,7 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
 {
     int16_t most = n->place_most;
     for (int k = from; k < to; k++) {
-        if (!(n->known[block] >> w->place[k] & 1))
+        if (!(n->heads[block].known >> w->place[k] & 1))
             continue;
         const struct point_lanes *p = &n->points[block * n->places + w->place[k]];
         const int16_t *at = w->at[k];
@@ -276,7 +280,7 @@ static void ask(struct search *s, int64_t number)
 static KERNEL uint32_t near_points(const struct search *s, int64_t block, points_lanes sums)
 {
     const struct nearest *n = s->n;
-    memcpy(sums, n->own[block], sizeof(points_lanes));
+    memcpy(sums, n->heads[block].own, sizeof(points_lanes));
     uint32_t bits = points_within(sums, s->limit);
     for (int k = 0, to; k < s->wanted.count && bits; k = to) {
         to = k + STRIDE < s->wanted.count ? k + STRIDE : s->wanted.count;
@@ -293,7 +297,7 @@ static KERNEL void ask_block(struct search *s, int64_t block)
     uint32_t bits = near_points(s, block, sums);
     while (bits) {
         int i = least_of(sums, bits);
-        ask(s, s->n->numbers[block][i]);
+        ask(s, s->n->heads[block].numbers[i]);
         bits &= ~(1u << i) & points_within(sums, s->limit);
     }
 }
@@ -307,7 +311,7 @@ static KERNEL void ask_later(struct search *s, int64_t block)
     points_lanes sums;
     for (uint32_t bits = near_points(s, block, sums); bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
-        int64_t number = n->numbers[block][i];
+        int64_t number = n->heads[block].numbers[i];
         pending->numbers[pending->count] = number;
         pending->bounds[pending->count++] = sums[i];
         for (size_t at = 0; at < n->cost_bytes; at += LINE)
@@ -377,9 +381,7 @@ static KERNEL void fetch_block(const struct nearest *n, int64_t block)
     const char *points = (const char *)&n->points[block * n->places];
     for (size_t i = 0; i < (size_t)n->places * sizeof *n->points; i += LINE)
         __builtin_prefetch(points + i);
-    __builtin_prefetch(&n->known[block]);
-    __builtin_prefetch(n->own[block]);
-    __builtin_prefetch(n->numbers[block]);
+    __builtin_prefetch(&n->heads[block]);
 }
 
 // The block whose box is nearest comes first where there is no mark yet: it sets one for the others.

@@ -28,7 +28,7 @@ struct nearest_point {
 typedef double nearest_cost(const void *context, int64_t number);
 
 // places: of each point. unit_m: what bounds are counted in; places beyond
-// 8191 of it from 0 count as if they were there.
+// 8191 of it from 0 count as if they were there. capacity: of points, below 2^32 - 1.
 MUST_CHECK enum status nearest_open(struct nearest **out, int places, double unit_m, int64_t capacity);
 void nearest_close(struct nearest **n);
 

@@ -22,17 +22,22 @@ struct point_lanes {
     points_lanes at[3];
 };
 
+// What else there is to know of a block: a line of the caches.
+struct block_head {
+    _Alignas(64) points_lanes own; // units, the points'
+    uint32_t known;                // places known in every point
+    uint32_t numbers[BLOCK];
+};
+
 struct nearest {
     int places;
     double unit_m;
     int64_t count, capacity;
     int16_t place_most;         // distances count up to this, so that their sum fits
     struct point_lanes *points; // [block][place]
-    points_lanes *own;          // [block], units, the points'
-    uint32_t *known;            // [block]: places known in every point
+    struct block_head *heads;   // [block]
     struct box_lanes *boxes;    // [group][place]
     lanes *least_own;           // [group], the blocks'
-    int64_t (*numbers)[BLOCK];  // [block]
     // Once settled: the boxes of whole groups, sixteen side by side.
     struct box_lanes *wide_boxes; // [sixteen groups][place]
     lanes *wide_own;              // [sixteen groups], the groups'

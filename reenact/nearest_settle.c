@@ -7,7 +7,7 @@ static int16_t key_of(const struct nearest *n, int64_t point, int dimension)
 {
     int64_t block = point / BLOCK;
     int place = dimension / 3;
-    bool known = n->known[block] >> place & 1;
+    bool known = n->heads[block].known >> place & 1;
     return known ? n->points[block * n->places + place].at[dimension % 3][point % BLOCK] : -ANYWHERE;
 }
 
@@ -89,7 +89,7 @@ static void rearrange(struct nearest *n, const struct nearest *old, const int64_
         for (int p = 0; p < n->places; p++)
             for (int axis = 0; axis < 3; axis++)
                 at[p][axis] = old->points[block * n->places + p].at[axis][lane];
-        nearest_put(n, old->numbers[block][lane], at, old->known[block], old->own[block][lane]);
+        nearest_put(n, old->heads[block].numbers[lane], at, old->heads[block].known, old->heads[block].own[lane]);
     }
 }
 

@@ -4,16 +4,21 @@
 
 #include <stdlib.h>
 
-// What a part looked like in one frame, as far as joints tell.
+enum { LINE = 64 }; // bytes that the caches move at once
+
+// What a part looked like in one frame, as far as joints tell. One line of the caches: so many are looked at in a
+// search, each somewhere else, that fetching them takes longer than comparing them.
 struct part_sight {
-    bool known, excluded;
+    _Alignas(LINE) bool known;
+    bool excluded;
     bool bodily;           // eye and around are in bodily axes; else the twist is unknown and they are facing ones
     uint8_t around_known;  // bit i: around[i] means something
-    double distance_m;     // from the camera
-    double own_m;          // cost of what is hidden and of what is guessed of it, whatever it is compared with
-    struct vec3 eye;       // unit, to the camera, in the part's bodily axes
-    struct vec3 around[3]; // the joints of around_joints, in the part's bodily axes, metres
+    float distance_m;      // from the camera
+    float own_m;           // cost of what is hidden and of what is guessed of it, whatever it is compared with
+    float eye[3];          // unit, to the camera, in the part's bodily axes
+    float around[3][3];    // the joints of around_joints, in the part's bodily axes, metres
 };
+static_assert(sizeof(struct part_sight) == LINE, "a line of the caches");
 
 // One of each array for a frame that was added; they are looked at in different
 // searches, so they lie apart.
@@ -115,6 +120,10 @@ static double hidden_share(const struct skeleton *s, const struct body *body, en
     return (double)hidden / SAMPLES;
 }
 
+static void put(float out[3], struct vec3 v) { out[0] = (float)v.x, out[1] = (float)v.y, out[2] = (float)v.z; }
+
+static struct vec3 put_back(const float v[3]) { return v3((double)v[0], (double)v[1], (double)v[2]); }
+
 static struct part_sight sight_of(const struct skeleton *s, const struct body *body, enum part p)
 {
     struct part_sight sight = {0};
@@ -123,21 +132,21 @@ static struct part_sight sight_of(const struct skeleton *s, const struct body *b
     if (!sight.bodily && !part_frame_facing(s, p, v3(0, 0, 0), &f))
         return sight;
     struct vec3 middle = v3_add(f.origin, v3_scale(f.z, f.length / 2));
-    sight.distance_m = v3_length(middle);
-    if (!(sight.distance_m > 1e-3))
+    sight.distance_m = (float)v3_length(middle);
+    if (!(sight.distance_m > 1e-3F))
         return sight;
     sight.known = true;
-    sight.eye = v3_unit(part_frame_direction_in(&f, v3_scale(middle, -1)));
+    put(sight.eye, v3_unit(part_frame_direction_in(&f, v3_scale(middle, -1))));
     for (int i = 0; i < 3; i++) {
         enum joint j = around_joints[p][i];
         if (s->confidence[j] > 0) {
-            sight.around[i] = part_frame_point_in(&f, s->joint[j]);
+            put(sight.around[i], part_frame_point_in(&f, s->joint[j]));
             sight.around_known |= (uint8_t)(1 << i);
         }
     }
     double guess = fmaxf(0, 1 - fminf(s->confidence[part_ends[p].from], s->confidence[part_ends[p].to]));
     double hidden = body ? hidden_share(s, body, p) : 0;
-    sight.own_m = HIDDEN_M * hidden + GUESS_M * guess;
+    sight.own_m = (float)(HIDDEN_M * hidden + GUESS_M * guess);
     return sight;
 }
 
@@ -162,12 +171,12 @@ enum { PART_PLACES = 4 };
 // Bodily and facing axes have nothing to do with each other: of the rarer, facing ones nothing is known.
 static struct nearest_point part_point(const struct part_sight *sight)
 {
-    struct nearest_point point = {.own_m = sight->own_m};
+    struct nearest_point point = {.own_m = (double)sight->own_m};
     if (!sight->bodily)
         return point;
-    point.place[0] = v3_scale(sight->eye, SIDE_M);
+    point.place[0] = v3_scale(put_back(sight->eye), SIDE_M);
     for (int i = 0; i < 3; i++)
-        point.place[i + 1] = v3_scale(sight->around[i], AROUND_M / 3);
+        point.place[i + 1] = v3_scale(put_back(sight->around[i]), AROUND_M / 3);
     point.known = 1 | (uint32_t)sight->around_known << 1;
     return point;
 }
@@ -181,7 +190,7 @@ static enum status open_arrays(struct selector *s)
     s->skeletons = calloc(room, sizeof *s->skeletons);
     bool enough = s->frames && s->skeletons;
     for (int p = 0; p < PART_COUNT; p++) {
-        s->sights[p] = calloc(room, sizeof *s->sights[p]);
+        s->sights[p] = aligned_alloc(LINE, room * sizeof *s->sights[p]);
         enough = enough && s->sights[p];
     }
     enum status status = enough ? OK : fail(ERR_MEMORY, "out of memory");
@@ -328,20 +337,20 @@ static double part_cost(const void *context, int64_t number)
     if (!n->known || n->excluded)
         return -1;
     // Between known and unknown twist the side is anybody's guess: a right angle off.
-    double cost = SIDE_M * (k->bodily == n->bodily ? v3_distance(k->eye, n->eye) : 1.4);
+    double cost = SIDE_M * (k->bodily == n->bodily ? v3_distance(put_back(k->eye), put_back(n->eye)) : 1.4);
     double sum = 0;
     int joints = 0;
     for (int i = 0; i < 3 && k->bodily == n->bodily; i++)
         if ((k->around_known & n->around_known) >> i & 1) {
-            sum += v3_distance(k->around[i], n->around[i]);
+            sum += v3_distance(put_back(k->around[i]), put_back(n->around[i]));
             joints++;
         }
     if (joints)
         cost += AROUND_M * sum / joints;
     // No sharper than needed is no merit.
     if (n->distance_m > k->distance_m)
-        cost += COARSE_M * (n->distance_m / k->distance_m - 1);
-    return cost + n->own_m;
+        cost += COARSE_M * ((double)n->distance_m / (double)k->distance_m - 1);
+    return cost + (double)n->own_m;
 }
 
 enum status select_part(const struct selector *s, const struct skeleton *in_viewer, enum part p, struct selection *out)
