@@ -251,6 +251,13 @@ struct pending {
     int16_t bounds[LANES * BLOCK];
 };
 
+// Blocks of the group before that are yet to be looked at, and their bounds.
+struct waiting {
+    int64_t first;
+    uint32_t bits;
+    lanes sums;
+};
+
 struct search {
     const struct nearest *n;
     struct wanted wanted;
@@ -261,6 +268,7 @@ struct search {
     double best_m;
     int16_t limit; // bounds above this cannot lead to a better point, nor to a tie
     struct pending *pending;
+    struct waiting waiting;
 };
 
 static void ask(struct search *s, int64_t number)
@@ -384,7 +392,18 @@ static KERNEL void fetch_block(const struct nearest *n, int64_t block)
     __builtin_prefetch(&n->heads[block]);
 }
 
-// The block whose box is nearest comes first where there is no mark yet: it sets one for the others.
+// Those of the last two groups, whose points and costs are here by now.
+static KERNEL void ask_waiting(struct search *s)
+{
+    struct waiting *w = &s->waiting;
+    ask_pending(s);
+    for (uint32_t bits = w->bits & within(w->sums, s->limit); bits; bits &= bits - 1)
+        ask_later(s, w->first + __builtin_ctz(bits));
+    w->bits = 0;
+}
+
+// The block whose box is nearest comes first where there is no mark yet: it sets one for the others. They are looked
+// at when the next group's are on their way.
 static KERNEL void ask_group(struct search *s, int64_t group)
 {
     const struct nearest *n = s->n;
@@ -397,14 +416,15 @@ static KERNEL void ask_group(struct search *s, int64_t group)
         return;
     for (uint32_t left = bits; left; left &= left - 1)
         fetch_block(n, first + __builtin_ctz(left));
-    ask_pending(s); // while the blocks are on their way
+    ask_waiting(s);
     if (s->best < 0) {
         int best = least_of(sums, bits);
         ask_block(s, first + best);
         bits &= ~(1u << best);
     }
-    for (bits &= within(sums, s->limit); bits; bits &= bits - 1)
-        ask_later(s, first + __builtin_ctz(bits));
+    s->waiting.first = first;
+    s->waiting.bits = bits;
+    memcpy(s->waiting.sums, sums, sizeof sums);
 }
 
 // Where groups are settled: those whose box is near enough. First the block to which the nearest boxes lead.
@@ -434,6 +454,7 @@ static KERNEL void ask_settled(struct search *s)
                 ask_group(s, g + i);
         }
     }
+    ask_waiting(s);
     ask_pending(s);
 }
 
@@ -476,7 +497,7 @@ enum status nearest_find(struct nearest *n, const struct nearest_point *wanted, 
     assert(scale > 0);
     struct pending pending;
     pending.count = 0; // the rest means nothing yet
-    struct search s = {n, wanted_of(n, wanted), scale, cost, context, -1, 0, SUM_MOST, &pending};
+    struct search s = {n, wanted_of(n, wanted), scale, cost, context, -1, 0, SUM_MOST, &pending, {0}};
     ask_all(&s);
     if (s.best < 0)
         return NOTHING;
