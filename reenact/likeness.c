@@ -2,6 +2,7 @@
 
 #include "platform/parallel.h"
 #include "reenact/outline.h"
+#include "reenact/sights.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -72,6 +73,7 @@ struct reading {
 struct run {
     struct likeness *likeness;
     struct take *take;
+    struct sights *sights;
     enum pass pass;
     struct volume *into;      // of the shape's passes
     struct outline_gaps gaps; // of the outlines' pass
@@ -85,8 +87,9 @@ struct run {
 
 static enum status open_run(struct run *r, struct take *take, const struct source_rays *rays)
 {
+    const struct likeness *f = r->likeness;
     const struct lens *lens = &take_calibration(take)->color;
-    enum status status = OK;
+    enum status status = sights_open(&r->sights, take, f->frames, f->frame_count, LIKENESS_SIGHT_BYTES);
     for (int i = 0; i < 2 && status == OK; i++) {
         status = sight_open(&r->reading[i].sight, take, rays);
         r->reading[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
@@ -99,6 +102,7 @@ static enum status open_run(struct run *r, struct take *take, const struct sourc
 
 static void close_run(struct run *r)
 {
+    sights_close(&r->sights);
     for (int i = 0; i < 2; i++) {
         sight_close(&r->reading[i].sight);
         free(r->reading[i].rgb);
@@ -106,13 +110,13 @@ static void close_run(struct run *r)
 }
 
 // NOTHING: it shows nobody, or has no colours where they are wanted.
-static enum status read_frame(const struct run *r, struct reading *reading, int64_t frame)
+static enum status read_frame(const struct run *r, struct reading *reading, int i)
 {
-    enum status status = sight_read(&reading->sight, r->take, frame);
+    enum status status = sights_read(r->sights, i, &reading->sight);
     if (status != OK || r->pass != PASS_COLOR)
         return status;
     struct take_pictures seen;
-    status = take_read(r->take, frame, TAKE_COLOR, &seen);
+    status = take_read(r->take, r->likeness->frames[i], TAKE_COLOR, &seen);
     if (status == OK && !seen.color)
         return NOTHING;
     return status == OK ? sight_colors(&reading->sight, take_calibration(r->take), seen.color, reading->rgb) : status;
@@ -123,7 +127,7 @@ static void read_ahead(struct run *r, int i)
     struct reading *reading = &r->reading[i % 2];
     if (i >= r->likeness->frame_count)
         return;
-    reading->status = read_frame(r, reading, r->likeness->frames[i]);
+    reading->status = read_frame(r, reading, i);
     if (reading->status < 0)
         strncpy(reading->sentence, status_sentence(), sizeof reading->sentence - 1);
 }
@@ -190,7 +194,6 @@ static void half_step(void *context, int half)
 // NOTHING: it is not wanted any more.
 static enum status all_frames(struct likeness *f, struct run *r, enum pass pass, const struct likeness_watch *watch)
 {
-    r->likeness = f;
     r->pass = pass;
     read_ahead(r, 0);
     for (int i = 0; i < f->frame_count; i++) {
@@ -261,7 +264,7 @@ enum status likeness_make(struct likeness *out, struct take *take, const struct 
                           const struct likeness_watch *watch)
 {
     *out = (struct likeness){0};
-    struct run run = {0};
+    struct run run = {.likeness = out};
     enum status status = rest_make(&out->rest, take);
     if (status == OK)
         status = choose_frames(out, take, max_frames);

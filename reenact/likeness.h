@@ -19,6 +19,10 @@ struct likeness {
 
 enum { LIKENESS_FRAMES = 120 }; // more add nothing to the shape
 
+// What is kept of these frames while a likeness is made, so that each is read once: five bytes for each pixel about
+// the person. What does not fit is read again for each pass.
+#define LIKENESS_SIGHT_BYTES ((size_t)96 << 20)
+
 // Whoever waits for a likeness. Told now and then, several times a second, from the
 // thread that makes it, which share of the work is done; false: it is not wanted any more.
 struct likeness_watch {
