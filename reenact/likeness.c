@@ -199,8 +199,11 @@ static enum status all_frames(struct likeness *f, struct run *r, enum pass pass,
     for (int i = 0; i < f->frame_count; i++) {
         if (!went_on(watch, (pass + (double)i / f->frame_count) / PASSES))
             return NOTHING;
-        if (pass == PASS_FIRST && i == f->frame_count / 2)
-            volume_leave_empty(r->into, r->into);
+        if (pass == PASS_FIRST && i == f->frame_count / 2) {
+            enum status status = volume_leave_empty(r->into, r->into);
+            if (status != OK)
+                return status;
+        }
         r->frame = i;
         parallel(2, 2, half_step, r);
         if (r->status < 0)
@@ -221,7 +224,7 @@ static enum status make_shape(struct likeness *f, struct run *r, const struct li
         r->into = NULL;
         status = volume_open(&r->into, &f->rest, take_calibration(r->take));
         if (status == OK && f->volume)
-            volume_leave_empty(r->into, f->volume);
+            status = volume_leave_empty(r->into, f->volume);
         if (status == OK)
             status = all_frames(f, r, rounds[round], watch);
         if (status == OK) {

@@ -21,8 +21,8 @@ void volume_close(struct volume **v);
 void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture);
 
 // From here on leaves alone what `known` (v itself, or another of the same rest pose) has
-// found to be empty, well away from the surface: there v is as `known`. For speed.
-void volume_leave_empty(struct volume *v, const struct volume *known);
+// found to be empty, well away from the surface: there v is as `known`. For speed. ERR_MEMORY.
+MUST_CHECK enum status volume_leave_empty(struct volume *v, const struct volume *known);
 
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
