@@ -9,6 +9,7 @@
 
 enum { SMOOTH_PASSES = 2, TURNS = 24 };
 static const double CARRIED = 0.85; // of a frame's adjustment goes on to the next
+static const double FIRST_STEP_M = 2 * VOLUME_STEP_M; // joints are a few centimetres off: nothing finer comes of them
 
 // Which way the trunk is turned, as one of TURNS.
 static int turn_of(const struct skeleton *s)
@@ -199,11 +200,6 @@ static enum status all_frames(struct likeness *f, struct run *r, enum pass pass,
     for (int i = 0; i < f->frame_count; i++) {
         if (!went_on(watch, (pass + (double)i / f->frame_count) / PASSES))
             return NOTHING;
-        if (pass == PASS_FIRST && i == f->frame_count / 2) {
-            enum status status = volume_leave_empty(r->into, r->into);
-            if (status != OK)
-                return status;
-        }
         r->frame = i;
         parallel(2, 2, half_step, r);
         if (r->status < 0)
@@ -219,10 +215,11 @@ static enum status all_frames(struct likeness *f, struct run *r, enum pass pass,
 static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
     static const enum pass rounds[] = {PASS_FIRST, PASS_SHAPE};
+    static const double step_m[] = {FIRST_STEP_M, VOLUME_STEP_M};
     enum status status = OK;
     for (size_t round = 0; round < COUNT_OF(rounds) && status == OK; round++) {
         r->into = NULL;
-        status = volume_open(&r->into, &f->rest, take_calibration(r->take));
+        status = volume_open(&r->into, &f->rest, take_calibration(r->take), step_m[round]);
         if (status == OK && f->volume)
             status = volume_leave_empty(r->into, f->volume);
         if (status == OK)

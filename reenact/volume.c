@@ -40,6 +40,7 @@ struct volume {
     struct calibration calibration;
     struct pose depth_from_color;
     struct vec3 corner;
+    double step; // between neighbouring points of the grid, metres
     int size[3];
     struct cell *cells;
     int cell_count;
@@ -51,7 +52,7 @@ struct volume {
 
 static struct vec3 place_of(const struct volume *v, int x, int y, int z)
 {
-    return v3_add(v->corner, v3(x * VOLUME_STEP_M, y * VOLUME_STEP_M, z * VOLUME_STEP_M));
+    return v3_add(v->corner, v3(x * v->step, y * v->step, z * v->step));
 }
 
 static struct vec3 point_at(const struct volume *v, int at)
@@ -74,9 +75,9 @@ static void find_size(struct volume *v)
         margin = v->rest.known[p] ? fmax(margin, v->rest.radius[p] + REACH_M) : margin;
     v->corner = v3_sub(low, v3(margin, margin, margin));
     struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
-    v->size[0] = (int)ceil(extent.x / VOLUME_STEP_M) + 1;
-    v->size[1] = (int)ceil(extent.y / VOLUME_STEP_M) + 1;
-    v->size[2] = (int)ceil(extent.z / VOLUME_STEP_M) + 1;
+    v->size[0] = (int)ceil(extent.x / v->step) + 1;
+    v->size[1] = (int)ceil(extent.y / v->step) + 1;
+    v->size[2] = (int)ceil(extent.z / v->step) + 1;
 }
 
 static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (int)g; }
@@ -91,8 +92,8 @@ static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, d
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
     for (int i = 0; i < 3; i++) {
-        from[i] = within(floor((lows[i] - wide) / VOLUME_STEP_M), v->size[i]);
-        to[i] = within(ceil((highs[i] + wide) / VOLUME_STEP_M) + 1, v->size[i]);
+        from[i] = within(floor((lows[i] - wide) / v->step), v->size[i]);
+        to[i] = within(ceil((highs[i] + wide) / v->step) + 1, v->size[i]);
     }
     for (int z = from[2]; z < to[2]; z++)
         for (int y = from[1]; y < to[1]; y++)
@@ -142,12 +143,13 @@ static enum status open_cells(struct volume *v, int64_t count)
     return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
-enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration)
+enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration, double step_m)
 {
     *out = NULL;
     struct volume *v = calloc(1, sizeof *v);
     if (!v)
         return fail(ERR_MEMORY, "out of memory");
+    v->step = step_m;
     v->rest = *rest;
     v->calibration = *calibration;
     v->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
@@ -331,6 +333,18 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
     parallel(THREADS, (a.cell_count + STRETCH - 1) / STRETCH, add_stretch, &a);
 }
 
+// Both grids begin at the same corner.
+static const struct point *nearest_known(const struct volume *v, const struct volume *known, const struct cell *cell)
+{
+    const int at[3] = {cell->x, cell->y, cell->z};
+    int near[3];
+    for (int i = 0; i < 3; i++) {
+        near[i] = (int)(at[i] * v->step / known->step + 0.5);
+        near[i] = near[i] < known->size[i] ? near[i] : known->size[i] - 1;
+    }
+    return &known->points[(near[2] * known->size[1] + near[1]) * known->size[0] + near[0]];
+}
+
 enum status volume_leave_empty(struct volume *v, const struct volume *known)
 {
     const struct cell *cells = v->heeding ? v->heeding : v->cells;
@@ -339,7 +353,7 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
     if (!still)
         return fail(ERR_MEMORY, "out of memory");
     for (int c = 0; c < count; c++) {
-        const struct point *point = &known->points[cells[c].at];
+        const struct point *point = nearest_known(v, known, &cells[c]);
         if (point->trust > CYLINDER_TRUST && point->distance >= NOWHERE_NEAR * OUTSIDE_M) {
             v->points[cells[c].at].distance = point->distance;
             v->points[cells[c].at].trust = point->trust;
@@ -357,7 +371,7 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
 
 bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen)
 {
-    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / VOLUME_STEP_M);
+    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / v->step);
     int x = (int)floor(g.x), y = (int)floor(g.y), z = (int)floor(g.z);
     if (x < 0 || y < 0 || z < 0 || x + 1 >= v->size[0] || y + 1 >= v->size[1] || z + 1 >= v->size[2])
         return false;
@@ -383,7 +397,7 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
     gradient->x = (cx[0][0] * (1 - w) + cx[0][1] * w) * (1 - t) + (cx[1][0] * (1 - w) + cx[1][1] * w) * t;
     gradient->y = (c[0][1] - c[0][0]) * (1 - t) + (c[1][1] - c[1][0]) * t;
     gradient->z = high - low;
-    *gradient = v3_scale(*gradient, 1 / VOLUME_STEP_M);
+    *gradient = v3_scale(*gradient, 1 / v->step);
     return fabs(*distance) < (double)OUTSIDE_M * 0.98;
 }
 
@@ -445,7 +459,7 @@ static bool cube_point(const struct volume *v, int at, struct vec3 *out)
                                  (i >> 2) + (axis == 4 ? t : 0)));
             crossings++;
         }
-    *out = v3_add(point_at(v, at), v3_scale(sum, VOLUME_STEP_M / crossings));
+    *out = v3_add(point_at(v, at), v3_scale(sum, v->step / crossings));
     return true;
 }
 
