@@ -163,7 +163,8 @@ static int32_t nearer(int x, int y, int32_t a, int32_t b, int width)
 enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb, uint8_t *out)
 {
     const struct lens *color = &calibration->color;
-    memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
+    if (out != rgb)
+        memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
     if (!calibration->registered || color->width != s->width || color->height != s->height)
         return OK;
     int w = s->width, h = s->height, count = w * h;
@@ -182,7 +183,7 @@ enum status sight_colors(const struct sight *s, const struct calibration *calibr
                 from[i] = nearer(x, y, from[i], from[pass ? i + w : i - w], w);
         }
     for (int i = 0; i < count; i++)
-        if (from[i] >= 0)
+        if (from[i] >= 0 && from[i] != i)
             memcpy(out + 3 * (size_t)i, rgb + 3 * (size_t)from[i], 3);
     free(from);
     return OK;
