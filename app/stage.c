@@ -1,5 +1,6 @@
 #include "app/stage.h"
 
+#include "app/ahead.h"
 #include "app/preparation.h"
 #include "reenact/motion.h"
 #include "reenact/painter.h"
@@ -8,6 +9,7 @@
 #include <string.h>
 
 struct stage {
+    char *path, *take_name;
     struct gpu *gpu;
     struct recording *recording;
     struct take *take;
@@ -16,6 +18,8 @@ struct stage {
     struct motion *motion;
     struct painter *painter; // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
+    struct ahead *ahead;             // NULL: the painter has no likeness yet
+    int64_t last_frame;              // drawn
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
     int sources_width, sources_height;
@@ -57,8 +61,12 @@ enum status stage_open(struct stage **out, struct gpu *gpu, const struct stage_o
     if (!s)
         return fail(ERR_MEMORY, "out of memory");
     s->gpu = gpu;
-    s->inset_frame = -1;
-    enum status status = recording_open(&s->recording, path);
+    s->inset_frame = s->last_frame = -1;
+    s->path = strdup(path);
+    s->take_name = strdup(take);
+    enum status status = s->path && s->take_name ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = recording_open(&s->recording, path);
     if (status == OK)
         status = take_open(&s->take, s->recording, take);
     if (status == OK)
@@ -85,6 +93,7 @@ void stage_close(struct stage **out)
     if (!s)
         return;
     preparation_close(&s->preparation);
+    ahead_close(&s->ahead); // before the painter, whose likeness it uses
     gpu_texture_close(&s->sources);
     gpu_texture_close(&s->inset);
     painter_close(&s->painter);
@@ -95,6 +104,8 @@ void stage_close(struct stage **out)
     recording_free(&s->recording);
     free(s->codes);
     free(s->colors);
+    free(s->path);
+    free(s->take_name);
     free(s);
     *out = NULL;
 }
@@ -291,7 +302,50 @@ enum status stage_prepare(struct stage *s)
     return status < 0 ? status : given < 0 ? given : walls;
 }
 
-static enum status draw_actor(struct stage *s, const struct stage_look *look, struct stage_picture *out)
+// The frames that follow `frame`, the likeliest first: pictures follow each other by as many frames as the last
+// two did, or by fewer. Those that the painter keeps need not be loaded.
+static int frames_ahead(const struct stage *s, const struct stage_look *look, int64_t frame, int64_t out[AHEAD_MOST])
+{
+    const int64_t frames = take_frame_count(s->take), first_ns = take_entry(s->take, 0)->time_ns;
+    const int64_t stride = (frame - s->last_frame + frames) % frames;
+    int count = 0;
+    for (int64_t k = stride > 1 && stride < AHEAD_MOST ? 0 : 1; k < AHEAD_MOST && look->playing; k++) {
+        int64_t next = frame + (k == 0 ? stride : k);
+        struct moment moment;
+        if (next >= frames && !look->loop)
+            break;
+        next %= frames;
+        int64_t at_ns = take_entry(s->take, next)->time_ns - first_ns;
+        bool listed = k == stride && stride > 1; // at k == 0
+        if (!listed && motion_at(s->motion, at_ns, false, &moment) == OK && moment.frame == next &&
+            !painter_keeps(s->painter, next))
+            out[count++] = next;
+    }
+    return count;
+}
+
+// What was loaded for this picture goes to the painter, and what is to come is asked for.
+static enum status use_ahead(struct stage *s, const struct stage_look *look, int64_t frame)
+{
+    const struct likeness *likeness = painter_likeness(s->painter);
+    const struct ahead_options how = {s->path, s->take_name, likeness};
+    struct loaded_frame loaded;
+    int64_t next[AHEAD_MOST];
+    enum status status = OK;
+    if (!likeness)
+        return OK;
+    if (!s->ahead)
+        status = ahead_start(&s->ahead, &how);
+    if (status == OK && !painter_keeps(s->painter, frame) && ahead_take(s->ahead, frame, &loaded))
+        status = painter_give_frame(s->painter, &loaded);
+    if (status != OK)
+        return status;
+    ahead_want(s->ahead, next, frames_ahead(s, look, frame, next));
+    s->last_frame = frame;
+    return OK;
+}
+
+static enum status draw_actor(struct stage *s, const struct stage_look *look, int64_t frame, struct stage_picture *out)
 {
     struct lens lens = lens_for(look);
     struct part_map viewer_from_room = part_map_of(pose_inverse(look->world_from_camera));
@@ -307,7 +361,9 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, st
         return status;
     painter_set_sources(s->painter, look->sources);
     painter_set_error(s->painter, look->error_px);
-    status = painter_draw(s->painter, &view, &result);
+    status = frame >= 0 ? use_ahead(s, look, frame) : OK;
+    if (status == OK)
+        status = painter_draw(s->painter, &view, &result);
     if (status != OK)
         return status;
     out->actor = painter_actor_texture(s->painter);
@@ -329,7 +385,7 @@ enum status stage_draw(struct stage *s, const struct stage_look *look, struct st
     if (there)
         place_skeleton(s, look, &moment, out);
     if (!look->nobody)
-        status = draw_actor(s, look, out);
+        status = draw_actor(s, look, there ? moment.frame : -1, out);
     if (status == OK && look->inset && there)
         status = show_inset(s, moment.frame, out);
     return status;
