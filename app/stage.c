@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { PICTURES_AHEAD = 3 };
+
 struct stage {
     char *path, *take_name;
     struct gpu *gpu;
@@ -19,7 +21,7 @@ struct stage {
     struct painter *painter; // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
     struct ahead *ahead;             // NULL: the painter has no likeness yet
-    int64_t last_frame;              // drawn
+    int64_t last_time_ns, last_step_ns; // of the take: of the picture before, and from the one before that to it
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
     int sources_width, sources_height;
@@ -61,7 +63,7 @@ enum status stage_open(struct stage **out, struct gpu *gpu, const struct stage_o
     if (!s)
         return fail(ERR_MEMORY, "out of memory");
     s->gpu = gpu;
-    s->inset_frame = s->last_frame = -1;
+    s->inset_frame = -1;
     s->path = strdup(path);
     s->take_name = strdup(take);
     enum status status = s->path && s->take_name ? OK : fail(ERR_MEMORY, "out of memory");
@@ -115,6 +117,13 @@ int64_t stage_frames(const struct stage *s) { return take_frame_count(s->take); 
 int64_t stage_length_ns(const struct stage *s)
 {
     return take_entry(s->take, stage_frames(s) - 1)->time_ns - take_entry(s->take, 0)->time_ns;
+}
+
+// From one recorded frame to the next.
+static int64_t frame_step_ns(const struct stage *s)
+{
+    int64_t frames = stage_frames(s);
+    return frames > 1 ? stage_length_ns(s) / (frames - 1) : 1;
 }
 
 struct orbit stage_orbit(const struct stage *s) { return s->orbit; }
@@ -302,25 +311,45 @@ enum status stage_prepare(struct stage *s)
     return status < 0 ? status : given < 0 ? given : walls;
 }
 
-// The frames that follow `frame`, the likeliest first: pictures follow each other by as many frames as the last
-// two did, or by fewer. Those that the painter keeps need not be loaded.
-static int frames_ahead(const struct stage *s, const struct stage_look *look, int64_t frame, int64_t out[AHEAD_MOST])
+// How far the take goes from one picture to the next: as far as from the last to this one, or as before that where one
+// was left out; from recorded frame to recorded frame where it jumped.
+static int64_t step_ahead(struct stage *s, const struct stage_look *look)
 {
-    const int64_t frames = take_frame_count(s->take), first_ns = take_entry(s->take, 0)->time_ns;
-    const int64_t stride = (frame - s->last_frame + frames) % frames;
+    const int64_t each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
+    int64_t step = ((look->time_ns - s->last_time_ns) % round_ns + round_ns) % round_ns;
+    step = step > 0 && step < AHEAD_MOST * each_ns ? step : each_ns;
+    int64_t least = s->last_step_ns > 0 && s->last_step_ns < step ? s->last_step_ns : step;
+    s->last_time_ns = look->time_ns;
+    s->last_step_ns = step;
+    return least;
+}
+
+// The frame shown at that time joins the list, unless it is there or the painter keeps it. The new count.
+static int list_frame(const struct stage *s, int64_t time_ns, int64_t frames[AHEAD_MOST], int count)
+{
+    struct moment moment;
+    if (count == AHEAD_MOST || motion_at(s->motion, time_ns, false, &moment) != OK ||
+        painter_keeps(s->painter, moment.frame))
+        return count;
+    for (int i = 0; i < count; i++)
+        if (frames[i] == moment.frame)
+            return count;
+    frames[count] = moment.frame;
+    return count + 1;
+}
+
+// The frames of the pictures to come. A camera's pictures come a little sooner or later than they should.
+static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t frames[AHEAD_MOST])
+{
+    const int64_t step = step_ahead(s, look), each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
+    const int64_t early_late_ns[] = {0, -each_ns / 4, each_ns / 4};
     int count = 0;
-    for (int64_t k = stride > 1 && stride < AHEAD_MOST ? 0 : 1; k < AHEAD_MOST && look->playing; k++) {
-        int64_t next = frame + (k == 0 ? stride : k);
-        struct moment moment;
-        if (next >= frames && !look->loop)
-            break;
-        next %= frames;
-        int64_t at_ns = take_entry(s->take, next)->time_ns - first_ns;
-        bool listed = k == stride && stride > 1; // at k == 0
-        if (!listed && motion_at(s->motion, at_ns, false, &moment) == OK && moment.frame == next &&
-            !painter_keeps(s->painter, next))
-            out[count++] = next;
-    }
+    for (int k = 1; k <= PICTURES_AHEAD && look->playing; k++)
+        for (int i = 0; i < 3; i++) {
+            int64_t at_ns = look->time_ns + k * step + early_late_ns[i];
+            if (at_ns < round_ns || look->loop)
+                count = list_frame(s, at_ns % round_ns, frames, count);
+        }
     return count;
 }
 
@@ -340,8 +369,7 @@ static enum status use_ahead(struct stage *s, const struct stage_look *look, int
         status = painter_give_frame(s->painter, &loaded);
     if (status != OK)
         return status;
-    ahead_want(s->ahead, next, frames_ahead(s, look, frame, next));
-    s->last_frame = frame;
+    ahead_want(s->ahead, next, frames_ahead(s, look, next));
     return OK;
 }
 

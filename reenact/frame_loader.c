@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { INNER_PX = 3 };
+enum { INNER_PX = 3, EDGE_PX = 4 }; // EDGE_PX: for which more than INNER_PX is enough
 
 struct frame_loader {
     struct take *take;
@@ -42,6 +42,7 @@ enum status frame_loader_open(struct frame_loader **out, struct take *take, cons
     const struct calibration *c = take_calibration(take);
     l->rgb = malloc(3 * (size_t)c->color.width * (size_t)c->color.height);
     enum status status = l->rgb ? sight_open(&l->sight, take, rays) : fail(ERR_MEMORY, "out of memory");
+    l->sight.edge_most = EDGE_PX;
     if (status == OK)
         status = warp_open(&l->warp, &likeness->rest, &likeness->surface, c);
     if (status != OK)
