@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-enum { FRAMES_FOR_LIKENESS = 2 };
+enum { FRAMES_FOR_LIKENESS = 1 };
 
 static struct rehearsal rehearsal;
 static struct recording *recording;
@@ -59,7 +59,7 @@ static void expect_same(const struct loaded_frame *a, const struct loaded_frame 
 static void the_same_as_loaded_by_oneself(void **state)
 {
     (void)state;
-    static const int64_t shown[] = {0, 1, 2, 7, 3, 0, 6};
+    static const int64_t shown[] = {0, 1, 6, 0};
     struct ahead *a = start("turn");
     struct frame_loader *own;
     struct loaded_frame before = {0};
@@ -105,7 +105,7 @@ static void only_what_is_wanted(void **state)
 static void given_up_at_any_moment(void **state)
 {
     (void)state;
-    for (int ms = 0; ms < 200; ms = 2 * ms + 1) {
+    for (int ms = 0; ms < 50; ms = 2 * ms + 1) {
         const int64_t wanted[] = {0, 1, 2, 3, 4, 5};
         struct ahead *a = start("turn");
         ahead_want(a, wanted, AHEAD_MOST);
