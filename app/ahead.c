@@ -1,5 +1,7 @@
 #include "app/ahead.h"
 
+#include "platform/clock.h"
+
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,6 +21,7 @@ struct ahead {
     struct loaded_frame ready[AHEAD_MOST];
     int ready_count;
     int64_t loading, failed; // NO_FRAME
+    int64_t takes_ns;
     bool closing;
 };
 
@@ -61,8 +64,11 @@ static void load_one(struct ahead *a, struct frame_loader *loader)
     struct loaded_frame loaded;
     const int64_t frame = a->loading;
     pthread_mutex_unlock(&a->lock);
+    const int64_t began_ns = clock_now_ns();
     enum status status = frame_loader_load(loader, frame, &loaded);
+    const int64_t ended_ns = clock_now_ns();
     pthread_mutex_lock(&a->lock);
+    a->takes_ns = ended_ns - began_ns;
     a->loading = NO_FRAME;
     if (status != OK)
         a->failed = frame; // whoever shows it loads it, and says why it cannot be
@@ -164,6 +170,14 @@ void ahead_want(struct ahead *a, const int64_t *frames, int count)
         }
     pthread_cond_broadcast(&a->changed);
     pthread_mutex_unlock(&a->lock);
+}
+
+int64_t ahead_takes_ns(struct ahead *a)
+{
+    pthread_mutex_lock(&a->lock);
+    int64_t takes_ns = a->takes_ns;
+    pthread_mutex_unlock(&a->lock);
+    return takes_ns;
 }
 
 bool ahead_take(struct ahead *a, int64_t frame, struct loaded_frame *out)

@@ -2,6 +2,7 @@
 
 #include "app/ahead.h"
 #include "app/preparation.h"
+#include "platform/clock.h"
 #include "reenact/motion.h"
 #include "reenact/painter.h"
 
@@ -9,6 +10,7 @@
 #include <string.h>
 
 enum { PICTURES_AHEAD = 3 };
+static const int64_t JUMP_NS = 500000000; // of the take, from picture to picture: more than anybody plays
 
 struct stage {
     char *path, *take_name;
@@ -21,6 +23,7 @@ struct stage {
     struct painter *painter; // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
     struct ahead *ahead;             // NULL: the painter has no likeness yet
+    int64_t last_drawn_ns;              // by the clock
     int64_t last_time_ns, last_step_ns; // of the take: of the picture before, and from the one before that to it
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
@@ -317,7 +320,7 @@ static int64_t step_ahead(struct stage *s, const struct stage_look *look)
 {
     const int64_t each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
     int64_t step = ((look->time_ns - s->last_time_ns) % round_ns + round_ns) % round_ns;
-    step = step > 0 && step < AHEAD_MOST * each_ns ? step : each_ns;
+    step = step > 0 && step < JUMP_NS ? step : each_ns;
     int64_t least = s->last_step_ns > 0 && s->last_step_ns < step ? s->last_step_ns : step;
     s->last_time_ns = look->time_ns;
     s->last_step_ns = step;
@@ -338,13 +341,23 @@ static int list_frame(const struct stage *s, int64_t time_ns, int64_t frames[AHE
     return count + 1;
 }
 
+// The first of the pictures to come whose frame can still be ready in time: 1 is the next one.
+static int first_in_time(struct stage *s)
+{
+    const int64_t now_ns = clock_now_ns(), between_ns = now_ns - s->last_drawn_ns;
+    s->last_drawn_ns = now_ns;
+    int64_t late = between_ns > 0 ? ahead_takes_ns(s->ahead) / between_ns : 0;
+    return 1 + (int)(late < PICTURES_AHEAD ? late : PICTURES_AHEAD);
+}
+
 // The frames of the pictures to come. A camera's pictures come a little sooner or later than they should.
 static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t frames[AHEAD_MOST])
 {
     const int64_t step = step_ahead(s, look), each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
     const int64_t early_late_ns[] = {0, -each_ns / 4, each_ns / 4};
+    const int first = first_in_time(s);
     int count = 0;
-    for (int k = 1; k <= PICTURES_AHEAD && look->playing; k++)
+    for (int k = first; k < first + PICTURES_AHEAD && look->playing; k++)
         for (int i = 0; i < 3; i++) {
             int64_t at_ns = look->time_ns + k * step + early_late_ns[i];
             if (at_ns < round_ns || look->loop)
