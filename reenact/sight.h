@@ -15,7 +15,7 @@ struct sight {
     int width, height;
     const struct source_rays *rays;
     const struct body *body;
-    uint16_t *depth; // millimetres
+    uint16_t *depth; // millimetres; where the person keeps the sensor's light off the room, the room's
     uint8_t *part;   // of each pixel: a part, or one of the above
     uint8_t *edge;   // of each pixel: how far the nearest edge between two surfaces is, pixels, at most edge_most
     uint8_t *half;   // of the person's: half of how wide the surface about each is, in the narrower of two directions
