@@ -26,7 +26,9 @@ static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
 static const double SETTLED = 5e-4; // a step in (u, v); what is left after it is ten times less
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
-static const double LEAST_NOISE = 0.006, START_NOISE = 0.1, CORNER_FLOOR_PX = 0.002;
+static const double LEAST_NOISE = 0.006, START_NOISE = 0.1;
+// What the model of light and edges itself is off by, of each coordinate.
+static const double CORNER_FLOOR_PX = 0.001;
 
 struct sample {
     double x, y;  // on the plane z = 1
