@@ -1,5 +1,7 @@
 // Numbers for test inputs. Each in a statement of its own, or compilers throw them in different orders.
 #pragma once
+#include "platform/geometry.h"
+
 #include <math.h>
 #include <stdint.h>
 
@@ -26,4 +28,10 @@ static inline double dice_normal(struct dice *dice) // mean 0, standard deviatio
 {
     double u = 1 - dice_uniform(dice), v = dice_uniform(dice);
     return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
+}
+
+static inline struct vec3 dice_normal3(struct dice *dice, double sigma) // each coordinate
+{
+    double x = dice_normal(dice), y = dice_normal(dice), z = dice_normal(dice);
+    return v3_scale(v3(x, y, z), sigma);
 }

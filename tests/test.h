@@ -13,6 +13,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define EXPECT_NEAR(actual, wanted, within)                                                                            \
     do {                                                                                                               \
@@ -65,6 +66,15 @@
         if (actual_ != wanted_) {                                                                                      \
             print_error("%s:%d: %s is %s (%s), wanted %s\n", __FILE__, __LINE__, #actual, status_name(actual_),        \
                         status_sentence(), status_name(wanted_));                                                      \
+            fail_test();                                                                                               \
+        }                                                                                                              \
+    } while (0)
+
+// In the sentence that tells of the last failure.
+#define EXPECT_SAYS(part)                                                                                              \
+    do {                                                                                                               \
+        if (!strstr(status_sentence(), (part))) {                                                                      \
+            print_error("%s:%d: '%s' does not say '%s'\n", __FILE__, __LINE__, status_sentence(), (part));             \
             fail_test();                                                                                               \
         }                                                                                                              \
     } while (0)

@@ -21,7 +21,7 @@ static struct skeleton random_skeleton(struct dice *dice)
 {
     struct skeleton s;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        s.joint[j] = v3(dice_normal(dice), dice_normal(dice), dice_normal(dice));
+        s.joint[j] = dice_normal3(dice, 1);
         s.confidence[j] = 1;
     }
     return s;
@@ -85,7 +85,7 @@ static void facing_leans_towards_the_eye(void **state)
     struct dice dice = {SEED + 1};
     for (int round = 0; round < 200; round++) {
         struct skeleton s = random_skeleton(&dice);
-        struct vec3 eye = v3(3 * dice_normal(&dice), 3 * dice_normal(&dice), 3 * dice_normal(&dice));
+        struct vec3 eye = dice_normal3(&dice, 3);
         struct part_frame f;
         EXPECT_TRUE(part_frame_facing(&s, PART_LEFT_THIGH, eye, &f));
         struct vec3 in = part_frame_point_in(&f, eye);
@@ -164,9 +164,8 @@ static void frames_move_with_the_body(void **state)
     struct dice dice = {SEED + 2};
     for (int round = 0; round < 100; round++) {
         struct skeleton s = random_skeleton(&dice);
-        struct pose move = {
-            quat_unit((struct quat){dice_normal(&dice), dice_normal(&dice), dice_normal(&dice), dice_normal(&dice)}),
-            v3(dice_normal(&dice), dice_normal(&dice), dice_normal(&dice))};
+        struct quat turn = quat_from_rotation_vector(dice_normal3(&dice, 2));
+        struct pose move = {turn, dice_normal3(&dice, 1)};
         struct skeleton moved = skeleton_transform(move, &s);
         for (int p = 0; p < PART_COUNT; p++) {
             struct part_frame a, b;

@@ -212,8 +212,10 @@ static void test_hostile_bytes(void **state)
         if (i % 5 == 0) // all random but the size, so that it is looked at
             for (size_t k = 5; k < count; k++)
                 bytes[k] = (uint8_t)(256 * dice_uniform(&dice));
-        for (int k = 0; k < changes; k++)
-            bytes[(size_t)(dice_uniform(&dice) * (double)count)] ^= (uint8_t)(1 << (int)(8 * dice_uniform(&dice)));
+        for (int k = 0; k < changes; k++) {
+            size_t at = (size_t)(dice_uniform(&dice) * (double)count);
+            bytes[at] ^= (uint8_t)(1 << (int)(8 * dice_uniform(&dice)));
+        }
         if (i % 7 == 0)
             count = (size_t)(dice_uniform(&dice) * (double)count);
         accepted += survives(bytes, count, WIDTH, HEIGHT);

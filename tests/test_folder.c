@@ -8,6 +8,7 @@
 #include "platform/png.h"
 #include "platform/source.h"
 #include "platform/source_kinds.h"
+#include "tests/support/scratch.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -16,8 +17,8 @@
 enum { W = 32, H = 24 };
 
 struct room { // a folder for one test
-    char path[64];
-    char uri[80];
+    struct scratch scratch;
+    char uri[256];
     uint8_t rgb[W * H * 3];
     uint16_t mm[W * H];
 };
@@ -28,20 +29,12 @@ static const char calibration[] =
     " \"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, \"cy\": 12, \"unit_m\": 0.001},"
     " \"registered\": true, \"pixel_origin\": \"centre\" }";
 
-static void put_text(const struct room *room, const char *name, const char *text)
-{
-    char path[128];
-    snprintf(path, sizeof path, "%s/%s", room->path, name);
-    assert_int_equal(file_write(path, text, strlen(text)), OK);
-}
-
 static void put_depth(struct room *room, const char *name, int seed)
 {
     struct dice dice = {(uint64_t)seed};
     for (int i = 0; i < W * H; i++)
         room->mm[i] = i % 7 ? (uint16_t)(dice_uniform(&dice) * 65536) : 0;
-    char path[128];
-    snprintf(path, sizeof path, "%s/%s", room->path, name);
+    const char *path = scratch_file(&room->scratch, name);
     assert_int_equal(png_write(path, PNG_GRAY16, room->mm, W, H), OK);
 }
 
@@ -50,8 +43,7 @@ static void put_color(struct room *room, const char *name, int seed)
     struct dice dice = {(uint64_t)seed + 1000};
     for (int i = 0; i < W * H * 3; i++)
         room->rgb[i] = (uint8_t)(dice_uniform(&dice) * 256);
-    char path[128];
-    snprintf(path, sizeof path, "%s/%s", room->path, name);
+    const char *path = scratch_file(&room->scratch, name);
     if (strstr(name, ".png")) {
         assert_int_equal(png_write(path, PNG_RGB8, room->rgb, W, H), OK);
         return;
@@ -66,18 +58,15 @@ static void put_color(struct room *room, const char *name, int seed)
 static int make_room(void **state)
 {
     struct room *room = calloc(1, sizeof *room);
-    snprintf(room->path, sizeof room->path, "/tmp/reenact-test-folder-XXXXXX");
-    if (!mkdtemp(room->path))
-        return -1;
-    snprintf(room->uri, sizeof room->uri, "folder:%s", room->path);
+    room->scratch = scratch_make();
+    snprintf(room->uri, sizeof room->uri, "folder:%s", room->scratch.path);
     const char *const below[] = {"rgb", "depth"};
     for (size_t i = 0; i < COUNT_OF(below); i++) {
-        char path[96];
-        snprintf(path, sizeof path, "%s/%s", room->path, below[i]);
+        const char *path = scratch_file(&room->scratch, below[i]);
         if (folder_make(path) != OK)
             return -1;
     }
-    put_text(room, "calibration.json", calibration);
+    scratch_text(&room->scratch, "calibration.json", calibration);
     *state = room;
     return 0;
 }
@@ -85,19 +74,9 @@ static int make_room(void **state)
 static int clear_room(void **state)
 {
     struct room *room = *state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -r '%s'", room->path);
-    int failed = system(command);
+    scratch_remove(&room->scratch);
     free(room);
-    return failed;
-}
-
-static void says(const char *part)
-{
-    if (strstr(status_sentence(), part))
-        return;
-    print_error("'%s' does not say '%s'\n", status_sentence(), part);
-    fail_test();
+    return 0;
 }
 
 static struct source *open_as(const struct room *room, enum source_wanted wanted)
@@ -112,7 +91,7 @@ static void refused(const struct room *room, enum source_wanted wanted, enum sta
     struct source *s = (struct source *)8;
     EXPECT_STATUS(source_open(&s, room->uri, wanted), status);
     assert_null(s);
-    says(part);
+    EXPECT_SAYS(part);
 }
 
 // ------------------------------------------------------------- what comes out
@@ -120,10 +99,10 @@ static void refused(const struct room *room, enum source_wanted wanted, enum sta
 static void test_round_trip(void **state)
 {
     struct room *room = *state;
-    put_text(room, "rgb.txt",
+    scratch_text(&room->scratch, "rgb.txt",
              "# color images\r\n# timestamp filename\n\n 1305031102.175304 rgb/first one.png \n"
              "1305031102.2086379999\trgb/0001.jpg\n");
-    put_text(room, "depth.txt", "1305031102.175304 depth/7.png\n1305031102.2086375001 ./depth/8.b.png");
+    scratch_text(&room->scratch, "depth.txt", "1305031102.175304 depth/7.png\n1305031102.2086375001 ./depth/8.b.png");
     put_color(room, "rgb/first one.png", 1);
     put_color(room, "rgb/0001.jpg", 2);
     put_depth(room, "depth/7.png", 3);
@@ -159,8 +138,7 @@ static void test_round_trip(void **state)
     assert_string_equal(f.name, "8.b");
     uint8_t *bytes, decoded[W * H * 3];
     size_t count;
-    char path[96];
-    snprintf(path, sizeof path, "%s/rgb/0001.jpg", room->path);
+    const char *path = scratch_file(&room->scratch, "rgb/0001.jpg");
     EXPECT_STATUS(file_read(path, &bytes, &count), OK);
     EXPECT_INT(f.jpeg_bytes, count);
     assert_memory_equal(f.jpeg, bytes, count);
@@ -179,7 +157,7 @@ static void test_round_trip(void **state)
 static void test_camera_needs_no_depth(void **state)
 {
     struct room *room = *state;
-    put_text(room, "rgb.txt", "-0.5 rgb/0007.png\n0 rgb/0008.png\n");
+    scratch_text(&room->scratch, "rgb.txt", "-0.5 rgb/0007.png\n0 rgb/0008.png\n");
     put_color(room, "rgb/0007.png", 7);
     put_color(room, "rgb/0008.png", 8);
     struct source *s = open_as(room, SOURCE_CAMERA);
@@ -198,7 +176,7 @@ static void test_camera_needs_no_depth(void **state)
 static void test_sensor_needs_no_color(void **state)
 {
     struct room *room = *state;
-    put_text(room, "depth.txt", "5 depth/a-name-that-is-longer-than-a-frame-can-hold.png\n5.1 depth/b.png\n");
+    scratch_text(&room->scratch, "depth.txt", "5 depth/a-name-that-is-longer-than-a-frame-can-hold.png\n5.1 depth/b.png\n");
     put_depth(room, "depth/a-name-that-is-longer-than-a-frame-can-hold.png", 1);
     put_depth(room, "depth/b.png", 2);
     struct source *s = open_as(room, SOURCE_SENSOR);
@@ -222,8 +200,8 @@ static void test_another_unit_becomes_millimetres(void **state)
     snprintf(text, sizeof text,
              "{\"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, "
              "\"cy\": 12, \"unit_m\": 0.0002}}");
-    put_text(room, "calibration.json", text);
-    put_text(room, "depth.txt", "1 depth/a.png\n");
+    scratch_text(&room->scratch, "calibration.json", text);
+    scratch_text(&room->scratch, "depth.txt", "1 depth/a.png\n");
     put_depth(room, "depth/a.png", 5);
     struct source *s = open_as(room, SOURCE_SENSOR);
     struct frame f;
@@ -239,7 +217,7 @@ static void test_another_unit_becomes_millimetres(void **state)
     snprintf(text, sizeof text,
              "{\"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, "
              "\"cy\": 12, \"unit_m\": 0.01}}");
-    put_text(room, "calibration.json", text);
+    scratch_text(&room->scratch, "calibration.json", text);
     s = open_as(room, SOURCE_SENSOR);
     EXPECT_STATUS(source_next(s, &f), OK);
     for (int i = 0; i < W * H; i++)
@@ -273,23 +251,23 @@ static void test_pairs_by_time(void **state)
         put_depth(room, name, (int)i);
     }
     put_color(room, "rgb/x.png", 1);
-    put_text(room, "depth.txt",
+    scratch_text(&room->scratch, "depth.txt",
              "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n1.3 depth/d.png\n1.4 depth/e.png\n");
     // Exactly half a frame apart is a pair, a microsecond more is none.
-    put_text(room, "rgb.txt", "1.05 rgb/x.png\n1.149999 rgb/x.png\n1.350001 rgb/x.png\n");
+    scratch_text(&room->scratch, "rgb.txt", "1.05 rgb/x.png\n1.149999 rgb/x.png\n1.350001 rgb/x.png\n");
     pairs(room, "a+ b+ c- d- e+ ");
     // A late colour picture serves the nearer of two, and only once.
-    put_text(room, "rgb.txt", "1.04 rgb/x.png\n1.24 rgb/x.png\n1.26 rgb/x.png\n");
+    scratch_text(&room->scratch, "rgb.txt", "1.04 rgb/x.png\n1.24 rgb/x.png\n1.26 rgb/x.png\n");
     pairs(room, "a+ b- c+ d+ e- ");
     // Colour at twice the rate: the nearest is taken.
-    put_text(room, "rgb.txt", "0.96 rgb/y.png\n1.01 rgb/x.png\n1.06 rgb/y.png\n1.11 rgb/x.png\n");
+    scratch_text(&room->scratch, "rgb.txt", "0.96 rgb/y.png\n1.01 rgb/x.png\n1.06 rgb/y.png\n1.11 rgb/x.png\n");
     pairs(room, "a+ b+ c- d- e- ");
     // Colour from another day.
-    put_text(room, "rgb.txt", "100 rgb/y.png\n101 rgb/y.png\n");
+    scratch_text(&room->scratch, "rgb.txt", "100 rgb/y.png\n101 rgb/y.png\n");
     pairs(room, "a- b- c- d- e- ");
     // A gap in the depth does not widen what counts as half a frame.
-    put_text(room, "depth.txt", "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n9 depth/d.png\n");
-    put_text(room, "rgb.txt", "1.0 rgb/x.png\n1.1 rgb/x.png\n1.2 rgb/x.png\n8.9 rgb/x.png\n");
+    scratch_text(&room->scratch, "depth.txt", "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n9 depth/d.png\n");
+    scratch_text(&room->scratch, "rgb.txt", "1.0 rgb/x.png\n1.1 rgb/x.png\n1.2 rgb/x.png\n8.9 rgb/x.png\n");
     pairs(room, "a+ b+ c+ d- ");
 }
 
@@ -297,8 +275,8 @@ static void test_pairs_by_time(void **state)
 
 static void two_frames(struct room *room)
 {
-    put_text(room, "rgb.txt", "1 rgb/1.jpg\n1.1 rgb/2.jpg\n1.2 rgb/3.jpg\n");
-    put_text(room, "depth.txt", "1 depth/1.png\n1.1 depth/2.png\n1.2 depth/3.png\n");
+    scratch_text(&room->scratch, "rgb.txt", "1 rgb/1.jpg\n1.1 rgb/2.jpg\n1.2 rgb/3.jpg\n");
+    scratch_text(&room->scratch, "depth.txt", "1 depth/1.png\n1.1 depth/2.png\n1.2 depth/3.png\n");
     for (int i = 1; i <= 3; i++) {
         char name[32];
         snprintf(name, sizeof name, "rgb/%d.jpg", i);
@@ -310,8 +288,7 @@ static void two_frames(struct room *room)
 
 static void remove_file(const struct room *room, const char *name)
 {
-    char path[128];
-    snprintf(path, sizeof path, "%s/%s", room->path, name);
+    const char *path = scratch_file(&room->scratch, name);
     assert_int_equal(unlink(path), 0);
 }
 
@@ -320,16 +297,16 @@ static void test_no_such_thing(void **state)
     struct room *room = *state;
     struct source *s;
     EXPECT_STATUS(source_open(&s, "folder:/nowhere/at/all", SOURCE_SENSOR), ERR_MISSING);
-    says("/nowhere/at/all");
+    EXPECT_SAYS("/nowhere/at/all");
     const char *const bad[] = {"folder", "folder:", "folders:x", "", ":", "Folder:x", "kinect", "oni", "oni:"};
     for (size_t i = 0; i < COUNT_OF(bad); i++) {
         EXPECT_STATUS(source_open(&s, bad[i], SOURCE_SENSOR), ERR_INPUT);
         assert_null(s);
     }
     EXPECT_STATUS(source_open(&s, "openni", SOURCE_CAMERA), ERR_INPUT);
-    says("libcamera");
+    EXPECT_SAYS("libcamera");
     EXPECT_STATUS(source_open(&s, "libcamera:0", SOURCE_SENSOR), ERR_INPUT);
-    says("openni");
+    EXPECT_SAYS("openni");
     refused(room, SOURCE_SENSOR, ERR_MISSING, "neither rgb.txt nor depth.txt");
     two_frames(room);
     remove_file(room, "calibration.json");
@@ -368,9 +345,9 @@ static void test_bad_calibration(void **state)
         assert_non_null(at);
         snprintf(text, sizeof text, "%.*s%s%s", (int)(at - calibration), calibration, cases[i].to,
                  at + strlen(cases[i].from));
-        put_text(room, "calibration.json", text);
+        scratch_text(&room->scratch, "calibration.json", text);
         refused(room, SOURCE_SENSOR, ERR_INPUT, "calibration.json");
-        says(cases[i].says);
+        EXPECT_SAYS(cases[i].says);
     }
 }
 
@@ -384,7 +361,7 @@ static void test_two_cameras_apart(void **state)
         text, sizeof text,
         "%.*sfalse, \"color_from_depth\": {\"translation_m\": [0.025, 0, -0.001], \"rotation\": [0, 0.6, 0, 0.8]}}",
         (int)(at - calibration), calibration);
-    put_text(room, "calibration.json", text);
+    scratch_text(&room->scratch, "calibration.json", text);
     struct source *s = open_as(room, SOURCE_SENSOR);
     const struct calibration *c = source_calibration(s);
     assert_false(c->registered);
@@ -393,7 +370,7 @@ static void test_two_cameras_apart(void **state)
     EXPECT_NEAR(c->color_from_depth.rotation.y, 0.6, 1e-15);
     source_close(&s);
     *strstr(text, "0.6") = '3';
-    put_text(room, "calibration.json", text);
+    scratch_text(&room->scratch, "calibration.json", text);
     refused(room, SOURCE_SENSOR, ERR_INPUT, "rotation");
 }
 
@@ -415,12 +392,11 @@ static void test_bad_lists(void **state)
         {"100 depth/1.png\n100.1 depth/2.png\n5 depth/3.png\n", "line 3: the clock jumps back by 95.100 s"},
     };
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
-        put_text(room, "depth.txt", cases[i].text);
+        scratch_text(&room->scratch, "depth.txt", cases[i].text);
         refused(room, SOURCE_SENSOR, ERR_INPUT, "depth.txt");
-        says(cases[i].says);
+        EXPECT_SAYS(cases[i].says);
     }
-    char path[96];
-    snprintf(path, sizeof path, "%s/depth.txt", room->path);
+    const char *path = scratch_file(&room->scratch, "depth.txt");
     EXPECT_STATUS(file_write(path, "1 a\0b\n", 6), OK);
     refused(room, SOURCE_SENSOR, ERR_INPUT, "depth.txt is not a text file");
 }
@@ -429,7 +405,7 @@ static void test_times_that_do_not_rise_are_dropped(void **state)
 {
     struct room *room = *state;
     two_frames(room);
-    put_text(room, "depth.txt", "1 depth/1.png\n1 depth/2.png\n0.9 depth/2.png\n1.2 depth/3.png\n");
+    scratch_text(&room->scratch, "depth.txt", "1 depth/1.png\n1 depth/2.png\n0.9 depth/2.png\n1.2 depth/3.png\n");
     struct source *s = open_as(room, SOURCE_SENSOR);
     EXPECT_INT(source_dropped(s), 2);
     EXPECT_INT(source_remaining(s), 2);
@@ -449,8 +425,8 @@ static void second_fails(const struct room *room, const char *file, const char *
     struct frame f;
     EXPECT_STATUS(source_next(s, &f), OK);
     EXPECT_STATUS(source_next(s, &f), ERR_INPUT);
-    says(file);
-    says(why);
+    EXPECT_SAYS(file);
+    EXPECT_SAYS(why);
     assert_null(f.depth);
     assert_null(f.color);
     assert_null(f.jpeg);
@@ -463,10 +439,9 @@ static void second_fails(const struct room *room, const char *file, const char *
 
 static void cut_short(const struct room *room, const char *name, size_t keep)
 {
-    char path[128];
+    const char *path = scratch_file(&room->scratch, name);
     uint8_t *bytes;
     size_t count;
-    snprintf(path, sizeof path, "%s/%s", room->path, name);
     EXPECT_STATUS(file_read(path, &bytes, &count), OK);
     EXPECT_AT_LEAST((double)count, (double)keep);
     EXPECT_STATUS(file_write(path, bytes, keep), OK);
@@ -479,9 +454,9 @@ static void test_damaged_pictures(void **state)
     two_frames(room);
     cut_short(room, "depth/2.png", 300);
     second_fails(room, "depth/2.png", "damaged");
-    put_text(room, "depth/2.png", "this is no picture");
+    scratch_text(&room->scratch, "depth/2.png", "this is no picture");
     second_fails(room, "depth/2.png", "damaged");
-    put_text(room, "depth/2.png", "");
+    scratch_text(&room->scratch, "depth/2.png", "");
     second_fails(room, "depth/2.png", "damaged");
     put_color(room, "depth/2.png", 5);
     second_fails(room, "depth/2.png", "8-bit");
@@ -500,11 +475,10 @@ static void test_another_size(void **state)
 {
     struct room *room = *state;
     two_frames(room);
-    char path[96];
-    snprintf(path, sizeof path, "%s/depth/2.png", room->path);
+    const char *path = scratch_file(&room->scratch, "depth/2.png");
     EXPECT_STATUS(png_write(path, PNG_GRAY16, room->mm, W / 2, H), OK);
     second_fails(room, "depth/2.png", "16 x 24 pixels, but calibration.json says 32 x 24");
-    snprintf(path, sizeof path, "%s/depth/1.png", room->path);
+    path = scratch_file(&room->scratch, "depth/1.png");
     EXPECT_STATUS(png_write(path, PNG_GRAY16, room->mm, W, H / 2), OK);
     refused(room, SOURCE_SENSOR, ERR_INPUT, "depth/1.png has 32 x 12 pixels, but calibration.json says 32 x 24");
     put_depth(room, "depth/1.png", 1);
@@ -512,10 +486,10 @@ static void test_another_size(void **state)
     uint8_t *bytes;
     size_t count;
     EXPECT_STATUS(jpeg_encode(room->rgb, W, H - 8, 90, &bytes, &count), OK);
-    snprintf(path, sizeof path, "%s/rgb/2.jpg", room->path);
+    path = scratch_file(&room->scratch, "rgb/2.jpg");
     EXPECT_STATUS(file_write(path, bytes, count), OK);
     second_fails(room, "rgb/2.jpg", "32 x 16 pixels");
-    snprintf(path, sizeof path, "%s/rgb/1.jpg", room->path);
+    path = scratch_file(&room->scratch, "rgb/1.jpg");
     EXPECT_STATUS(file_write(path, bytes, count), OK);
     refused(room, SOURCE_CAMERA, ERR_INPUT, "rgb/1.jpg has 32 x 16 pixels");
     free(bytes);
@@ -527,13 +501,10 @@ static void test_what_is_known_of_a_camera(void **state)
 {
     struct room *room = *state;
     struct lens lens = {0};
-    char below[96];
-    snprintf(below, sizeof below, "%s/reenact/cameras", room->path);
-    EXPECT_STATUS(folder_make(below), OK);
-    setenv("XDG_CONFIG_HOME", room->path, 1);
+    setenv("XDG_CONFIG_HOME", room->scratch.path, 1);
     const char *id = "/base/soc/i2c0mux/ov5647@36";
     EXPECT_STATUS(camera_lens_read(id, &lens), NOTHING);
-    put_text(room, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", calibration);
+    scratch_text(&room->scratch, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", calibration);
     EXPECT_STATUS(camera_lens_read(id, &lens), OK);
     EXPECT_NEAR(lens.fx, 26.5, 0);
     EXPECT_STATUS(camera_lens_scale(&lens, W * 2, H * 2, id), OK);
@@ -541,10 +512,10 @@ static void test_what_is_known_of_a_camera(void **state)
     EXPECT_NEAR(lens.fx, 53, 1e-12);
     EXPECT_NEAR(lens.cx, W - 0.5, 1e-12); // the middle stays the middle
     EXPECT_STATUS(camera_lens_scale(&lens, 64, 36, id), ERR_INPUT);
-    says("64 x 36");
-    put_text(room, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", "{}");
+    EXPECT_SAYS("64 x 36");
+    scratch_text(&room->scratch, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", "{}");
     EXPECT_STATUS(camera_lens_read(id, &lens), ERR_INPUT);
-    says("ov5647_36.json");
+    EXPECT_SAYS("ov5647_36.json");
     unsetenv("XDG_CONFIG_HOME");
     lens = camera_lens_guess(1280, 720);
     struct vec3 left = lens_ray(&lens, (struct pixel){-0.5, 359.5}),
@@ -558,7 +529,7 @@ static void test_no_camera(void **state)
     struct source *s = (struct source *)8;
     enum status status = source_open(&s, "libcamera:998", SOURCE_CAMERA);
     assert_true(status == ERR_MISSING || status == ERR_DEVICE); // the second where there is no camera stack at all
-    says("camera");
+    EXPECT_SAYS("camera");
     assert_null(s);
     EXPECT_STATUS(source_open(&s, "libcamera:x", SOURCE_CAMERA), ERR_INPUT);
 }

@@ -79,8 +79,7 @@ static struct nearest_point near_to(const struct nearest_point *p, int places, d
 {
     struct nearest_point next = *p;
     for (int i = 0; i < places; i++)
-        next.place[i] =
-            v3_add(p->place[i], v3(step_m * dice_normal(dice), step_m * dice_normal(dice), step_m * dice_normal(dice)));
+        next.place[i] = v3_add(p->place[i], dice_normal3(dice, step_m));
     return next;
 }
 
@@ -122,8 +121,10 @@ static void ties_go_to_the_lowest(void **state)
             for (int i = 0; i < c->count; i++)
                 c->points[i] = c->points[0];
         else // copies here and there
-            for (int k = 0; k < c->count / 2; k++)
-                c->points[(int)(dice_uniform(&dice) * c->count)] = c->points[(int)(dice_uniform(&dice) * c->count)];
+            for (int k = 0; k < c->count / 2; k++) {
+                int from = (int)(dice_uniform(&dice) * c->count), to = (int)(dice_uniform(&dice) * c->count);
+                c->points[to] = c->points[from];
+            }
         c->wanted = c->points[c->count / 2];
         compare(c);
     }

@@ -5,6 +5,7 @@
 
 #include "tests/openni_driver/keep_player.h"
 #include "tests/support/process.h"
+#include "tests/support/scratch.h"
 
 #include "platform/clock.h"
 #include "platform/file.h"
@@ -19,8 +20,8 @@ enum { W = 64, H = 48, FRAMES = 20, STEP_US = 33333 };
 static const int64_t BEGIN_US = 1305031102000123;
 
 struct room {
-    char path[64];
-    char oni[80]; // the URI of a recording
+    struct scratch scratch;
+    char oni[256]; // the URI of a recording
 };
 
 static void picture(int index, uint16_t mm[W * H], uint8_t rgb[W * H * 3])
@@ -30,13 +31,6 @@ static void picture(int index, uint16_t mm[W * H], uint8_t rgb[W * H * 3])
         mm[i] = i % 5 ? (uint16_t)(400 + dice_uniform(&dice) * 6000) : 0;
     for (int i = 0; i < W * H * 3; i++)
         rgb[i] = (uint8_t)(dice_uniform(&dice) * 256);
-}
-
-static void put(const struct room *room, const char *name, const char *text)
-{
-    char path[128];
-    snprintf(path, sizeof path, "%s/%s", room->path, name);
-    assert_int_equal(file_write(path, text, strlen(text)), OK);
 }
 
 // Every `color_every`-th frame has colour.
@@ -52,8 +46,8 @@ static void put_lists(const struct room *room, int color_every)
             snprintf(rgb + m, sizeof rgb - m, "%lld.%06lld c%02d.png\n", (long long)(us / 1000000),
                      (long long)(us % 1000000), i);
     }
-    put(room, "depth.txt", depth);
-    put(room, "rgb.txt", rgb);
+    scratch_text(&room->scratch, "depth.txt", depth);
+    scratch_text(&room->scratch, "rgb.txt", rgb);
 }
 
 static void put_calibration(const struct room *room, const char *relation)
@@ -63,7 +57,7 @@ static void put_calibration(const struct room *room, const char *relation)
              "{\"color\": {\"width\": 64, \"height\": 48, \"fx\": 53.5, \"fy\": 54.25, \"cx\": 31.5, \"cy\": 23.5},"
              "\"depth\": {\"width\": 64, \"height\": 48, \"fx\": 57, \"fy\": 57.5, \"cx\": 31.5, \"cy\": 23.5},%s}",
              relation);
-    put(room, "calibration.json", text);
+    scratch_text(&room->scratch, "calibration.json", text);
 }
 
 static void set(const char *name, const char *value)
@@ -79,18 +73,16 @@ static void set(const char *name, const char *value)
 static int make_room(void **state)
 {
     struct room *room = calloc(1, sizeof *room);
-    snprintf(room->path, sizeof room->path, "/tmp/reenact-test-openni-XXXXXX");
-    if (!mkdtemp(room->path))
-        return -1;
-    snprintf(room->oni, sizeof room->oni, "oni:%s/take.oni", room->path);
+    room->scratch = scratch_make();
+    snprintf(room->oni, sizeof room->oni, "oni:%s/take.oni", room->scratch.path);
     static uint16_t mm[W * H];
     static uint8_t rgb[W * H * 3];
     for (int i = 0; i < FRAMES; i++) {
-        char path[128];
+        char path[sizeof room->scratch.path + 16];
         picture(i, mm, rgb);
-        snprintf(path, sizeof path, "%s/d%02d.png", room->path, i);
+        snprintf(path, sizeof path, "%s/d%02d.png", room->scratch.path, i);
         assert_int_equal(png_write(path, PNG_GRAY16, mm, W, H), OK);
-        snprintf(path, sizeof path, "%s/c%02d.png", room->path, i);
+        snprintf(path, sizeof path, "%s/c%02d.png", room->scratch.path, i);
         assert_int_equal(png_write(path, PNG_RGB8, rgb, W, H), OK);
     }
     put_lists(room, 1);
@@ -98,7 +90,7 @@ static int make_room(void **state)
     static const char *const names[] = {"UNPLUG_AFTER", "AT_END", "DEPTH", "MIRROR"};
     for (size_t i = 0; i < COUNT_OF(names); i++)
         set(names[i], NULL);
-    set("", room->path);
+    set("", room->scratch.path);
     set("FPS", "100");
     *state = room;
     return 0;
@@ -107,19 +99,9 @@ static int make_room(void **state)
 static int clear_room(void **state)
 {
     struct room *room = *state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -r '%s'", room->path);
-    int failed = system(command);
+    scratch_remove(&room->scratch);
     free(room);
-    return failed;
-}
-
-static void says(const char *part)
-{
-    if (strstr(status_sentence(), part))
-        return;
-    print_error("'%s' does not say '%s'\n", status_sentence(), part);
-    fail_test();
+    return 0;
 }
 
 static struct source *open_it(const char *uri)
@@ -164,8 +146,8 @@ static void read_live(const char *uri, int wanted_frames)
         frames++;
     }
     EXPECT_STATUS(status, ERR_DEVICE);
-    says("fake sensor");
-    says("unplugged");
+    EXPECT_SAYS("fake sensor");
+    EXPECT_SAYS("unplugged");
     EXPECT_STATUS(source_next(s, &f), ERR_DEVICE);
     EXPECT_INT(last, wanted_frames - 1);
     EXPECT_INT(frames + source_dropped(s), wanted_frames - first);
@@ -175,7 +157,7 @@ static void read_live(const char *uri, int wanted_frames)
 
 static void record(const struct room *room)
 {
-    struct said said = PROCESS(MAKE_ONI, "--from", room->path, "--out", room->oni + 4);
+    struct said said = PROCESS(MAKE_ONI, "--from", room->scratch.path, "--out", room->oni + 4);
     EXPECT_INT(said.exit_code, 0);
 }
 
@@ -216,7 +198,7 @@ static void test_silent(void **state)
     while ((status = source_next(s, &f)) == OK)
         ;
     EXPECT_STATUS(status, ERR_DEVICE);
-    says("no picture for 5 seconds");
+    EXPECT_SAYS("no picture for 5 seconds");
     source_close(&s);
 }
 
@@ -267,8 +249,8 @@ static void test_devices(void **state)
     struct source_device list[8];
     struct source *s;
     int count;
-    char two[160];
-    snprintf(two, sizeof two, "%s:%s", room->path, room->path);
+    char two[2 * sizeof room->scratch.path];
+    snprintf(two, sizeof two, "%s:%s", room->scratch.path, room->scratch.path);
     set("", two);
     EXPECT_STATUS(source_devices(list, COUNT_OF(list), &count), OK);
     EXPECT_AT_LEAST(count, 2); // a camera may be there, too
@@ -279,17 +261,17 @@ static void test_devices(void **state)
     EXPECT_AT_LEAST(count, 2);
     read_live("openni:1", FRAMES);
     EXPECT_STATUS(source_open(&s, "openni:2", SOURCE_SENSOR), ERR_MISSING);
-    says("number 2");
+    EXPECT_SAYS("number 2");
     EXPECT_STATUS(source_open(&s, "openni:x", SOURCE_SENSOR), ERR_INPUT);
-    says("openni:x");
+    EXPECT_SAYS("openni:x");
     EXPECT_STATUS(source_open(&s, "openni:-1", SOURCE_SENSOR), ERR_INPUT);
     set("", NULL);
     EXPECT_STATUS(source_open(&s, "openni", SOURCE_SENSOR), ERR_MISSING);
     assert_null(s);
-    says("/OpenNI2/Drivers");
+    EXPECT_SAYS("/OpenNI2/Drivers");
     set("", "/nowhere");
     EXPECT_STATUS(source_open(&s, "openni", SOURCE_SENSOR), ERR_DEVICE);
-    says("does not open");
+    EXPECT_SAYS("does not open");
 }
 
 // ------------------------------------------------------------- recordings
@@ -368,11 +350,11 @@ static void test_recording_damaged(void **state)
     struct room *room = *state;
     struct source *s;
     EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_MISSING);
-    says("take.oni");
-    put(room, "take.oni", "this is no recording, however long the text may be that it holds");
+    EXPECT_SAYS("take.oni");
+    scratch_text(&room->scratch, "take.oni", "this is no recording, however long the text may be that it holds");
     EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
-    says("take.oni");
-    put(room, "take.oni", "");
+    EXPECT_SAYS("take.oni");
+    scratch_text(&room->scratch, "take.oni", "");
     EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
     record(room);
     uint8_t *bytes;
@@ -392,8 +374,8 @@ static void test_recording_damaged(void **state)
             continue;
         }
         EXPECT_STATUS(status, ERR_INPUT);
-        says("take.oni");
-        says("damaged");
+        EXPECT_SAYS("take.oni");
+        EXPECT_SAYS("damaged");
         EXPECT_AT_MOST(++damaged, FRAMES);
     }
     EXPECT_AT_LEAST(frames, FRAMES / 2 - 3);
@@ -403,7 +385,7 @@ static void test_recording_damaged(void **state)
     source_close(&s);
     EXPECT_STATUS(file_write(room->oni + 4, bytes, count / 4), OK); // its table of contents is gone
     EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
-    says("take.oni");
+    EXPECT_SAYS("take.oni");
     free(bytes);
 }
 

@@ -249,10 +249,10 @@ static int64_t use_damaged(const char *path, uint64_t whole_hash, int *undetecte
         return report.frames;
     }
     EXPECT_AT_MOST(status, -1);
-    EXPECT_TRUE(strstr(status_sentence(), path));
+    EXPECT_SAYS(path);
     status = recording_repair(path, &report);
     if (status != OK) {
-        EXPECT_TRUE(strstr(status_sentence(), path));
+        EXPECT_SAYS(path);
         return -1;
     }
     int64_t saved = report.frames;

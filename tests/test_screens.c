@@ -11,134 +11,44 @@
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
+#include "tests/support/glass.h"
 #include "tests/support/rehearsal.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const double DPI = 149; // of a tablet of 10 inches
-enum { LONG = 1280, SHORT = 800 };
+enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT };
 
 static struct rehearsal rehearsal;
 
-struct glass {
-    struct gpu *gpu;
-    struct gpu_target *target;
-    int width, height;
-    uint8_t *rgba;
-    struct tablet tablet;
-};
-
-static void glass_open(struct glass *g, int width, int height, const char *file, const char *take, const char *camera)
+static void open_glass(struct glass *g, int width, int height, const char *file, const char *take, const char *camera)
 {
     const struct tablet_options options = {
         .file = file, .take = take, .camera = camera, .photos = rehearsal.scratch.path, .fixed_fineness = true,
         .refresh_hz = 60};
-    *g = (struct glass){.width = width, .height = height, .rgba = malloc((size_t)width * (size_t)height * 4)};
-    EXPECT_STATUS(gpu_open(&g->gpu), OK);
-    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height, 1), OK);
-    EXPECT_STATUS(tablet_open(&g->tablet, g->gpu, &options), OK);
+    glass_open(g, width, height, &options);
 }
-
-static void glass_close(struct glass *g)
-{
-    tablet_close(&g->tablet);
-    gpu_target_close(&g->target);
-    gpu_close(&g->gpu);
-    free(g->rgba);
-}
-
-// The same tablet, whatever number of pixels it has.
-static double scale_of(const struct glass *g)
-{
-    return tablet_px_per_dp(DPI) * (g->width > g->height ? g->width : g->height) / LONG;
-}
-
-static void draw(struct glass *g)
-{
-    const struct tablet_glass glass = {g->target, g->width, g->height, 0, scale_of(g)};
-    int64_t now = clock_now_ns();
-    tablet_update(&g->tablet, now);
-    EXPECT_STATUS(tablet_draw(&g->tablet, &glass, now), OK);
-    tablet_shown(&g->tablet, clock_now_ns());
-}
-
-// Leaves the processors to the preparing of the take, while that lasts.
-static void draw_and_wait(struct glass *g)
-{
-    draw(g);
-    if (g->tablet.stage && stage_prepared(g->tablet.stage) < 1)
-        clock_sleep_until_ns(clock_now_ns() + 50000000);
-}
-
-static void read_back(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
-
-// Draws until the camera's pictures were located (or not), and he has faded in or out.
-static void settle(struct glass *g, bool placed)
-{
-    struct show *s = &g->tablet.show;
-    int64_t until = clock_now_ns() + 60000000000;
-    do {
-        draw(g);
-        clock_sleep_until_ns(clock_now_ns() + 2000000);
-    } while (clock_now_ns() < until &&
-             (!s->camera.sight || s->camera.placed != placed || s->presence != (placed ? 1 : 0)));
-    EXPECT_INT(s->camera.placed, placed);
-    EXPECT_NEAR(s->presence, placed ? 1 : 0, 0);
-}
-
-static void at(struct glass *g, double share)
-{
-    struct show *s = &g->tablet.show;
-    player_play(&s->player, clock_now_ns(), false);
-    player_seek(&s->player, clock_now_ns(), (int64_t)(share * (double)s->player.length_ns));
-}
-
-// ---------------------------------------------------------------- looking at a picture
-
-// How many pixels are within `slack` of that colour.
-static int count_color(const struct glass *g, uint32_t color, int slack)
-{
-    int count = 0;
-    for (long i = 0; i < (long)g->width * g->height; i++) {
-        const uint8_t *p = g->rgba + 4 * i;
-        count += abs(p[0] - (int)(color >> 24)) <= slack && abs(p[1] - (int)(color >> 16 & 255)) <= slack &&
-                 abs(p[2] - (int)(color >> 8 & 255)) <= slack;
-    }
-    return count;
-}
-
-static double difference(const struct glass *g, const uint8_t *other)
-{
-    double sum = 0;
-    long count = (long)g->width * g->height * 4;
-    for (long i = 0; i < count; i++)
-        sum += abs(g->rgba[i] - other[i]);
-    return sum / (double)count;
-}
-
-// ---------------------------------------------------------------- tests
 
 static void test_takes_are_chosen_with_a_finger(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL);
     struct show *s = &g.tablet.show;
-    draw(&g);
+    glass_draw(&g);
     EXPECT_INT(s->page, PAGE_TAKES);
-    read_back(&g);
-    EXPECT_AT_LEAST(count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
+    glass_read(&g);
+    EXPECT_AT_LEAST(glass_count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
     // The second card, with a finger that comes and goes.
-    const double scale = scale_of(&g);
+    const double scale = glass_scale(&g);
     struct screen_event down = {.kind = SCREEN_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale}, up = down;
     up.kind = SCREEN_POINTER_UP;
     EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &down, scale, clock_now_ns()));
-    draw(&g);
+    glass_draw(&g);
     EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &up, scale, clock_now_ns()));
-    draw(&g);
-    draw(&g);
+    glass_draw(&g);
+    glass_draw(&g);
     EXPECT_INT(s->page, PAGE_WATCH);
     EXPECT_INT(s->take, 1);
     glass_close(&g);
@@ -148,23 +58,23 @@ static void test_an_orbit_shows_the_actor_and_a_finger_turns_it(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     struct show *s = &g.tablet.show;
-    draw(&g);
-    at(&g, 0.5);
-    draw(&g);
-    draw(&g);
+    glass_draw(&g);
+    glass_seek(&g, 0.5);
+    glass_draw(&g);
+    glass_draw(&g);
     EXPECT_TRUE(s->orbiting && s->page == PAGE_WATCH);
     EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
     EXPECT_TRUE(show_hint(s) == NULL);
-    const double scale = scale_of(&g), angle = s->orbit.angle_rad;
+    const double scale = glass_scale(&g), angle = s->orbit.angle_rad;
     struct screen_event e = {.kind = SCREEN_POINTER_DOWN, .pointer = 1, .x = 200, .y = 150};
     hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
-    draw(&g);
+    glass_draw(&g);
     e.kind = SCREEN_POINTER_MOVE;
     e.x = 250;
     hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
-    draw(&g);
+    glass_draw(&g);
     EXPECT_AT_LEAST(angle - s->orbit.angle_rad, 0.3);
     glass_close(&g);
 }
@@ -173,13 +83,13 @@ static void test_nothing_is_drawn_when_nothing_changes(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     struct show *s = &g.tablet.show;
-    draw(&g);
-    at(&g, 0.5);
+    glass_draw(&g);
+    glass_seek(&g, 0.5);
     // The take is prepared, and the orbit comes to rest on him.
     for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->freshness < 1; i++) {
-        draw_and_wait(&g);
+        glass_draw_and_wait(&g);
         EXPECT_TRUE(clock_now_ns() < until);
     }
     s->changed = false;
@@ -194,12 +104,12 @@ static void test_actor_and_camera_are_of_one_instant(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
-    settle(&g, true);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    glass_settle(&g, true);
     struct tablet *t = &g.tablet;
     EXPECT_TRUE(t->picture.camera && t->picture.actor && !t->show.orbiting);
     for (int i = 0; i < 10; i++) {
-        draw(&g);
+        glass_draw(&g);
         EXPECT_INT(t->look.camera_number, t->sight->number);
         EXPECT_INT(t->look.time_ns, player_at(&t->show.player, t->sight->came_ns));
         EXPECT_INT(memcmp(&t->look.world_from_camera, &t->sight->world_from_camera, sizeof(struct pose)), 0);
@@ -212,19 +122,19 @@ static void draw_turned(struct glass *g, int quarter_turns)
     const bool across = quarter_turns & 1;
     gpu_target_close(&g->target);
     EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height, 1), OK);
-    const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, scale_of(g)};
+    const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, glass_scale(g)};
     EXPECT_STATUS(tablet_draw(&g->tablet, &glass, clock_now_ns()), OK);
-    read_back(g);
+    glass_read(g);
 }
 
 static void test_a_screen_mounted_turned_shows_the_same(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL); // the takes to choose from, which stand still
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL); // the takes to choose from, which stand still
     const int w = g.width, h = g.height;
     uint8_t *upright = malloc(4 * (size_t)w * (size_t)h);
-    draw(&g);
+    glass_draw(&g);
     draw_turned(&g, 0);
     memcpy(upright, g.rgba, 4 * (size_t)w * (size_t)h);
     for (int turns = 1; turns < 4; turns++) {
@@ -255,15 +165,15 @@ static void test_what_a_finger_hits_is_large_enough_on_every_screen(void **state
             continue;
         // A screen of 20 x 13 cm with that many pixels: the same is seen on it.
         struct glass g;
-        glass_open(&g, (int)(7.9 * dpis[i]), (int)(5.1 * dpis[i]), rehearsal.file, "turn", NULL);
+        open_glass(&g, (int)(7.9 * dpis[i]), (int)(5.1 * dpis[i]), rehearsal.file, "turn", NULL);
         const struct tablet_glass glass = {g.target, g.width, g.height, 0, scale};
         for (int n = 0; n < 2; n++) {
             tablet_update(&g.tablet, clock_now_ns());
             EXPECT_STATUS(tablet_draw(&g.tablet, &glass, clock_now_ns()), OK);
-            at(&g, 0.5);
+            glass_seek(&g, 0.5);
         }
-        read_back(&g);
-        int accent = (int)(count_color(&g, theme_of(true)->accent, 6) / (scale * scale));
+        glass_read(&g);
+        int accent = (int)(glass_count_color(&g, theme_of(true)->accent, 6) / (scale * scale));
         least = accent < least ? accent : least;
         most = accent > most ? accent : most;
         glass_close(&g);
@@ -276,8 +186,8 @@ static void test_who_does_not_look_misses_nothing(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
-    settle(&g, true);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    glass_settle(&g, true);
     struct tablet *t = &g.tablet;
     int64_t hidden = clock_now_ns(), at_ns = player_at(&t->show.player, hidden);
     EXPECT_TRUE(t->show.player.playing);
@@ -291,7 +201,7 @@ static void test_who_does_not_look_misses_nothing(void **state)
     EXPECT_INT(player_at(&t->show.player, shown), at_ns);
     for (int64_t until = shown + 30000000000; eyes_state(t->eyes).came == came && clock_now_ns() < until;)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
-    settle(&g, true);
+    glass_settle(&g, true);
     EXPECT_AT_LEAST(eyes_state(t->eyes).came, came + 1);
     glass_close(&g);
 }
@@ -300,7 +210,7 @@ static void test_who_does_not_look_misses_nothing(void **state)
 static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, struct ui_box box, int *within)
 {
     struct tablet *t = &g->tablet;
-    const double scale = scale_of(g);
+    const double scale = glass_scale(g);
     const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
     const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
     const struct lens *lens = &t->picture.lens;
@@ -312,7 +222,7 @@ static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, st
     ui_picture(t->ui, picture, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
     ui_end(t->ui);
     EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
-    read_back(g);
+    glass_read(g);
     int beyond = 0;
     for (int y = 0; y < g->height; y++)
         for (int x = 0; x < g->width; x++) {
@@ -330,16 +240,16 @@ static void test_he_is_drawn_whole(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    draw(&g);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    glass_draw(&g);
     g.tablet.show.orbit.distance_m = 4;
     for (int i = 0; i < 8; i++) {
         const struct stage_picture *p = &g.tablet.picture;
-        const struct ui_box all = {0, 0, g.width / scale_of(&g), g.height / scale_of(&g)};
+        const struct ui_box all = {0, 0, g.width / glass_scale(&g), g.height / glass_scale(&g)};
         int within = 0, shaded = 0;
-        at(&g, i / 7.0);
+        glass_seek(&g, i / 7.0);
         g.tablet.show.orbit.angle_rad += 0.8;
-        draw(&g);
+        glass_draw(&g);
         const struct cover cover = cover_of(&p->lens, all);
         EXPECT_INT(beyond_the_box(&g, p->actor, scene_actor_box(p, cover, all), &within), 0);
         EXPECT_INT(beyond_the_box(&g, p->shadow, scene_shadow_box(p, cover, all), &shaded), 0);
@@ -353,10 +263,10 @@ static void test_a_photograph_is_what_is_seen_without_the_controls(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
-    settle(&g, true);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    glass_settle(&g, true);
     show_do(&g.tablet.show, DO_PHOTOGRAPH, clock_now_ns());
-    draw(&g);
+    glass_draw(&g);
     const char *notice = g.tablet.show.notice, *name = strstr(notice, "reenact-");
     EXPECT_TRUE(name);
     uint8_t *bytes, *rgb = malloc(640 * 480 * 3);
@@ -379,17 +289,17 @@ static void test_a_recording_that_is_taken_away_plays_on(void **state)
     char away[300];
     struct glass g;
     snprintf(away, sizeof away, "%s.away", rehearsal.file);
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    draw(&g);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    glass_draw(&g);
     EXPECT_INT(rename(rehearsal.file, away), 0);
     g.tablet.checked_ns = 0;
-    at(&g, 0.8);
-    draw(&g);
+    glass_seek(&g, 0.8);
+    glass_draw(&g);
     EXPECT_TRUE(show_hint(&g.tablet.show) && strstr(show_hint(&g.tablet.show), "taken away"));
     EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
     EXPECT_INT(rename(away, rehearsal.file), 0);
     g.tablet.checked_ns = 0;
-    draw(&g);
+    glass_draw(&g);
     EXPECT_TRUE(!show_hint(&g.tablet.show));
     glass_close(&g);
 }
@@ -398,20 +308,20 @@ static void test_a_camera_that_is_lost_says_what_to_do(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.blind);
-    settle(&g, false);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.blind);
+    glass_settle(&g, false);
     const char *hint = show_hint(&g.tablet.show);
     EXPECT_TRUE(hint && strstr(hint, "tag"));
     glass_close(&g);
     // And one that is not there at all.
     char nowhere[300];
     snprintf(nowhere, sizeof nowhere, "folder:%s", scratch_file(&rehearsal.scratch, "nowhere"));
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", nowhere);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", nowhere);
     for (int i = 0; i < 500 && !*g.tablet.eyes_now.trouble; i++) {
         tablet_update(&g.tablet, clock_now_ns());
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     }
-    draw(&g);
+    glass_draw(&g);
     hint = show_hint(&g.tablet.show);
     EXPECT_TRUE(hint && strstr(hint, "nowhere"));
     EXPECT_TRUE(g.tablet.show.orbiting); // one can look all the same
@@ -422,21 +332,21 @@ static void test_the_mirror_shows_him_the_other_way_round(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    draw(&g);
-    at(&g, 0.5);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    glass_draw(&g);
+    glass_seek(&g, 0.5);
     struct tablet *t = &g.tablet;
-    draw(&g);
+    glass_draw(&g);
     struct vec3 left = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER], right = t->picture.skeleton.joint[JOINT_RIGHT_SHOULDER];
     show_do(&t->show, DO_MIRROR, clock_now_ns());
-    draw(&g);
+    glass_draw(&g);
     struct vec3 mirrored = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER];
     EXPECT_TRUE(t->picture.turned_over);
     // His left shoulder is where the right one was, but for how far he leans.
     EXPECT_AT_MOST(v3_distance(mirrored, right), v3_distance(mirrored, left));
     // What is drawn goes along with the skeleton: it covers the mirrored joints.
     show_do(&t->show, DO_SKELETON, clock_now_ns());
-    draw(&g);
+    glass_draw(&g);
     EXPECT_AT_LEAST(t->picture.parts, 8);
     glass_close(&g);
 }
@@ -445,22 +355,22 @@ static void test_the_take_is_there_at_once_and_better_soon(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     struct tablet *t = &g.tablet;
-    draw(&g);
-    draw(&g);
+    glass_draw(&g);
+    glass_draw(&g);
     EXPECT_AT_LEAST(t->picture.parts, 8);
     EXPECT_TRUE(!t->picture.prepared);
     int plain = 0, both = 0, better = 0;
     double share = 0;
     for (int64_t until = clock_now_ns() + 200000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
-        draw_and_wait(&g);
+        glass_draw_and_wait(&g);
         EXPECT_AT_LEAST(t->show.prepared, share);
         share = t->show.prepared;
         plain += !t->picture.prepared;
         both += t->picture.prepared && t->picture.former;
     }
-    draw(&g);
+    glass_draw(&g);
     better = t->picture.prepared && !t->picture.former;
     print_message("%d pictures plain, %d with both\n", plain, both);
     EXPECT_AT_LEAST(plain, 1);
@@ -473,13 +383,13 @@ static void test_a_file_without_a_take_says_so(void **state)
 {
     (void)state;
     struct glass g;
-    glass_open(&g, SHORT / 2, LONG / 2, scratch_file(&rehearsal.scratch, "none.reenact"), NULL, NULL);
-    draw(&g);
+    open_glass(&g, SHORT / 2, LONG / 2, scratch_file(&rehearsal.scratch, "none.reenact"), NULL, NULL);
+    glass_draw(&g);
     EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
     EXPECT_TRUE(strstr(g.tablet.show.trouble, "none.reenact"));
     glass_close(&g);
-    glass_open(&g, SHORT / 2, LONG / 2, rehearsal.file, "somebody else", NULL);
-    draw(&g);
+    open_glass(&g, SHORT / 2, LONG / 2, rehearsal.file, "somebody else", NULL);
+    glass_draw(&g);
     EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
     EXPECT_TRUE(strstr(g.tablet.show.trouble, "somebody else"));
     glass_close(&g);
@@ -495,7 +405,7 @@ static void arrange(struct glass *g, int n)
 {
     struct show *s = &g->tablet.show;
     int64_t now = clock_now_ns();
-    at(g, 0.42);
+    glass_seek(g, 0.42);
     s->sheet = SHEET_NONE;
     s->orbiting = false;
     s->page = PAGE_WATCH;
@@ -527,7 +437,7 @@ static void arrange(struct glass *g, int n)
 
 static bool full_of_something(const struct glass *g)
 {
-    int first = count_color(g, (uint32_t)g->rgba[0] << 24 | (uint32_t)g->rgba[1] << 16 | (uint32_t)g->rgba[2] << 8, 3);
+    int first = glass_count_color(g, (uint32_t)g->rgba[0] << 24 | (uint32_t)g->rgba[1] << 16 | (uint32_t)g->rgba[2] << 8, 3);
     return first < g->width * g->height * 9 / 10;
 }
 
@@ -540,12 +450,12 @@ static void photograph_one(struct glass *g, int n, const char *folder)
         char path[600];
         g->tablet.show.dark = dark;
         arrange(g, n);
-        draw(g);
-        draw(g); // what a tap changed is seen in the second
-        read_back(g);
+        glass_draw(g);
+        glass_draw(g); // what a tap changed is seen in the second
+        glass_read(g);
         EXPECT_TRUE(full_of_something(g));
         if (!dark)
-            EXPECT_AT_LEAST(difference(g, last), 0.5);
+            EXPECT_AT_LEAST(glass_difference(g, last), 0.5);
         memcpy(last, g->rgba, bytes);
         if (!folder)
             continue;
@@ -559,7 +469,7 @@ static void photograph_one(struct glass *g, int n, const char *folder)
 static void be_prepared(struct glass *g)
 {
     for (int64_t until = clock_now_ns() + 200000000000; g->tablet.show.freshness < 1 && clock_now_ns() < until;)
-        draw_and_wait(g);
+        glass_draw_and_wait(g);
     EXPECT_NEAR(g->tablet.show.freshness, 1, 0);
 }
 
@@ -568,17 +478,17 @@ static void photograph_all(const char *file, const char *take, const char *camer
 {
     struct glass g;
     const int share = folder ? 1 : 2, width = (upright ? SHORT : LONG) / share, height = (upright ? LONG : SHORT) / share;
-    glass_open(&g, width, height, file, take, camera);
+    open_glass(&g, width, height, file, take, camera);
     g.tablet.show.take_wanted = true;
-    settle(&g, true);
+    glass_settle(&g, true);
     if (folder)
         be_prepared(&g);
     for (int n = 0; n < SCREENS - 1; n++)
         photograph_one(&g, n, folder);
     glass_close(&g);
-    glass_open(&g, width, height, file, take, blind);
+    open_glass(&g, width, height, file, take, blind);
     g.tablet.show.take_wanted = true;
-    settle(&g, false);
+    glass_settle(&g, false);
     photograph_one(&g, SCREENS - 1, folder);
     glass_close(&g);
 }

@@ -11,7 +11,7 @@ static struct skeleton random_skeleton(struct dice *dice, double unknown)
 {
     struct skeleton s;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        s.joint[j] = v3(dice_normal(dice), dice_normal(dice), 3 + dice_normal(dice));
+        s.joint[j] = v3_add(v3(0, 0, 3), dice_normal3(dice, 1));
         s.confidence[j] = dice_uniform(dice) < unknown ? 0 : 1;
     }
     return s;

@@ -8,19 +8,13 @@
 
 static struct body_pose standing(void) { return body_rest_pose(v3(0, 0, 2.5), v3(0, -1, 0), 0); }
 
-static struct vec3 normal_noise(struct dice *dice, double sigma)
-{
-    double x = dice_normal(dice), y = dice_normal(dice), z = dice_normal(dice);
-    return v3_scale(v3(x, y, z), sigma);
-}
-
 // Each segment turned and the root moved a little, as fits of one pose differ.
 static struct body_pose trembling(const struct body_pose *pose, struct dice *dice, double sigma_m)
 {
     struct body_pose out = *pose;
-    out.root = v3_add(out.root, normal_noise(dice, sigma_m));
+    out.root = v3_add(out.root, dice_normal3(dice, sigma_m));
     for (int s = 0; s < SEG_COUNT; s++)
-        out.turn[s] = quat_unit(quat_multiply(quat_from_rotation_vector(normal_noise(dice, sigma_m)), out.turn[s]));
+        out.turn[s] = quat_unit(quat_multiply(quat_from_rotation_vector(dice_normal3(dice, sigma_m)), out.turn[s]));
     return out;
 }
 

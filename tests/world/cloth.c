@@ -4,12 +4,9 @@
 #include "tests/world/glyphs.h"
 #include "tests/world/texture.h"
 #include "tests/world/numbers.h"
+#include "tests/world/rgb.h"
 
 #include <string.h>
-
-struct rgb {
-    float r, g, b;
-};
 
 struct palette {
     uint32_t shirt, accent, number, trousers, shoes, skin, hair, eyes;
@@ -22,20 +19,6 @@ static const struct palette palettes[5] = {
     {0x3f5d4e, 0xe6dcc6, 0xf1e9d8, 0x5b4a3c, 0x2b2622, 0xa8714b, 0x15110f, 0x2f1f15},
     {0x6a4c93, 0x8ac926, 0xf5f0e6, 0x26282e, 0xd9d4ca, 0x7a4d31, 0x120e0c, 0x2a1a10},
 };
-
-static struct rgb hex(uint32_t code)
-{
-    return (struct rgb){srgb_to_linear((uint8_t)(code >> 16)), srgb_to_linear((uint8_t)(code >> 8)),
-                        srgb_to_linear((uint8_t)code)};
-}
-
-static struct rgb mix(struct rgb a, struct rgb b, float t)
-{
-    t = minf(1, maxf(0, t));
-    return (struct rgb){a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
-}
-
-static struct rgb dim(struct rgb a, float s) { return (struct rgb){a.r * s, a.g * s, a.b * s}; }
 
 // 1 inside a negative distance, 0 outside, soft over a millimetre and a half.
 static float in(float distance) { return minf(1, maxf(0, 0.5f - distance / 0.0015f)); }

@@ -1,296 +1,95 @@
 #include "tests/world/keys.h"
 
-// Arms hanging, the elbows a little bent.
-#define DOWN_U                                                                                                         \
-    {                                                                                                                  \
-        0.20, 0.02, -1                                                                                                 \
-    }
-#define DOWN_F                                                                                                         \
-    {                                                                                                                  \
-        0.12, -0.22, -1                                                                                                \
-    }
-#define WIDE_U                                                                                                         \
-    {                                                                                                                  \
-        1, -0.10, 0.02                                                                                                 \
-    }
-#define WIDE_F                                                                                                         \
-    {                                                                                                                  \
-        1, -0.35, 0.16                                                                                                 \
-    }
-#define HIGH_U                                                                                                         \
-    {                                                                                                                  \
-        0.50, -0.15, 1                                                                                                 \
-    }
-#define HIGH_F                                                                                                         \
-    {                                                                                                                  \
-        -0.28, -0.10, 1                                                                                                \
-    }
-#define ROUND_U                                                                                                        \
-    {                                                                                                                  \
-        0.62, -0.75, -0.25                                                                                             \
-    }
-#define ROUND_F                                                                                                        \
-    {                                                                                                                  \
-        -0.75, -0.62, 0.05                                                                                             \
-    }
-#define GUARD_U                                                                                                        \
-    {                                                                                                                  \
-        0.30, -0.55, -0.80                                                                                             \
-    }
-#define GUARD_F                                                                                                        \
-    {                                                                                                                  \
-        -0.22, -0.62, 0.75                                                                                             \
-    }
-#define PUNCH_U                                                                                                        \
-    {                                                                                                                  \
-        0.05, -1, 0.02                                                                                                 \
-    }
-#define PUNCH_F                                                                                                        \
-    {                                                                                                                  \
-        -0.12, -1, 0.05                                                                                                \
-    }
-#define CHAMBER_U                                                                                                      \
-    {                                                                                                                  \
-        0.32, 0.62, -0.75                                                                                              \
-    }
-#define CHAMBER_F                                                                                                      \
-    {                                                                                                                  \
-        -0.05, -1, -0.08                                                                                               \
-    }
-#define CROSS_U                                                                                                        \
-    {                                                                                                                  \
-        0.34, -0.62, -0.58                                                                                             \
-    }
-#define CROSS_F                                                                                                        \
-    {                                                                                                                  \
-        -0.95, -0.22, 0.42                                                                                             \
-    }
+// Tables, a pose a row.
+// clang-format off
 
-#define REACH_U                                                                                                        \
-    {                                                                                                                  \
-        0.16, -0.95, -0.42                                                                                             \
-    }
-#define REACH_F                                                                                                        \
-    {                                                                                                                  \
-        -0.05, -1, -0.25                                                                                               \
-    }
-#define CARRY_F                                                                                                        \
-    {                                                                                                                  \
-        -0.25, -1, 0.1                                                                                                 \
-    }
-#define SWING_FORE_U                                                                                                   \
-    {                                                                                                                  \
-        0.16, -0.42, -1                                                                                                \
-    }
-#define SWING_FORE_F                                                                                                   \
-    {                                                                                                                  \
-        0.04, -0.85, -1                                                                                                \
-    }
-#define SWING_BACK_U                                                                                                   \
-    {                                                                                                                  \
-        0.18, 0.48, -1                                                                                                 \
-    }
-#define SWING_BACK_F                                                                                                   \
-    {                                                                                                                  \
-        0.12, 0.22, -1                                                                                                 \
-    }
+// The directions of an upper arm and of its forearm.
+#define DOWN        {0.20, 0.02, -1}, {0.12, -0.22, -1} // hanging, the elbows a little bent
+#define WIDE        {1, -0.10, 0.02}, {1, -0.35, 0.16}
+#define HIGH        {0.50, -0.15, 1}, {-0.28, -0.10, 1}
+#define ROUND       {0.62, -0.75, -0.25}, {-0.75, -0.62, 0.05}
+#define GUARD       {0.30, -0.55, -0.80}, {-0.22, -0.62, 0.75}
+#define PUNCH       {0.05, -1, 0.02}, {-0.12, -1, 0.05}
+#define CHAMBER     {0.32, 0.62, -0.75}, {-0.05, -1, -0.08}
+#define CROSS       {0.34, -0.62, -0.58}, {-0.95, -0.22, 0.42}
+#define REACH       {0.16, -0.95, -0.42}, {-0.05, -1, -0.25}
+#define CARRY       {0.62, -0.75, -0.25}, {-0.25, -1, 0.1}
+#define SWING_FORE  {0.16, -0.42, -1}, {0.04, -0.85, -1}
+#define SWING_BACK  {0.18, 0.48, -1}, {0.12, 0.22, -1}
+#define BACK        {0.22, 0.38, -1}, {-0.85, 0.42, 0.10} // the forearm behind the waist
 
-// The forearm behind the waist.
-#define BACK_U                                                                                                         \
-    {                                                                                                                  \
-        0.22, 0.38, -1                                                                                                 \
-    }
-#define BACK_F                                                                                                         \
-    {                                                                                                                  \
-        -0.85, 0.42, 0.10                                                                                              \
-    }
-
-#define ARMS(lu, lf, ru, rf) .left_upper = lu, .left_fore = lf, .right_upper = ru, .right_fore = rf
+#define ARMS(left, right) .left_arm = {left}, .right_arm = {right}
 
 static const struct key still[] = {
-    {.t = 0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 4, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 0, ARMS(DOWN, DOWN)},
+    {.t = 4, ARMS(DOWN, DOWN)},
 };
 
 static const struct key pirouette[] = {
-    {.t = 0.0, .x = 0.10, .y = 0.95, .head_yaw = 0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 0.6, .x = 0.10, .y = 0.92, .sink = 0.02, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 1.4, .x = 0.05, .y = 0.52, .chest_yaw = 12, .head_yaw = -4, ARMS(ROUND_U, ROUND_F, DOWN_U, DOWN_F)},
-    {.t = 2.2,
-     .x = -0.02,
-     .y = 0.10,
-     .chest_yaw = -14,
-     .chest_roll = 5,
-     .head_yaw = 6,
-     ARMS(WIDE_U, WIDE_F, ROUND_U, ROUND_F)},
-    {.t = 3.0,
-     .x = 0.00,
-     .y = -0.30,
-     .chest_yaw = 6,
-     .chest_roll = -6,
-     .head_pitch = -6,
-     ARMS(HIGH_U, HIGH_F, WIDE_U, WIDE_F)},
-    {.t = 3.6,
-     .x = 0.00,
-     .y = -0.50,
-     .sink = 0.06,
-     .chest_yaw = -22,
-     .head_yaw = 4,
-     ARMS(WIDE_U, WIDE_F, ROUND_U, ROUND_F)},
-    {.t = 4.4,
-     .x = 0.00,
-     .y = -0.52,
-     .heading = 75,
-     .chest_yaw = 14,
-     .head_yaw = 24,
-     ARMS(ROUND_U, ROUND_F, WIDE_U, WIDE_F)},
-    {.t = 5.2,
-     .x = 0.02,
-     .y = -0.52,
-     .heading = 170,
-     .chest_yaw = 8,
-     .chest_roll = 4,
-     .head_yaw = 16,
-     .head_pitch = -8,
-     ARMS(HIGH_U, HIGH_F, HIGH_U, HIGH_F)},
-    {.t = 6.0,
-     .x = 0.02,
-     .y = -0.50,
-     .heading = 265,
-     .chest_yaw = 10,
-     .head_yaw = 26,
-     ARMS(WIDE_U, WIDE_F, HIGH_U, HIGH_F)},
-    {.t = 6.8,
-     .x = 0.00,
-     .y = -0.50,
-     .heading = 345,
-     .chest_yaw = 6,
-     .head_yaw = 12,
-     ARMS(WIDE_U, WIDE_F, WIDE_U, WIDE_F)},
-    {.t = 7.4, .x = 0.00, .y = -0.50, .heading = 360, .sink = 0.03, ARMS(ROUND_U, ROUND_F, WIDE_U, WIDE_F)},
-    {.t = 8.2,
-     .x = 0.00,
-     .y = -0.50,
-     .heading = 360,
-     .sink = 0.05,
-     .pelvis_pitch = 8,
-     .chest_pitch = 26,
-     .head_pitch = 20,
-     ARMS(ROUND_U, ROUND_F, WIDE_U, WIDE_F)},
-    {.t = 9.0, .x = 0.00, .y = -0.50, .heading = 360, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 0.0, .x = 0.10, .y = 0.95, .head_yaw = 0, ARMS(DOWN, DOWN)},
+    {.t = 0.6, .x = 0.10, .y = 0.92, .sink = 0.02, ARMS(DOWN, DOWN)},
+    {.t = 1.4, .x = 0.05, .y = 0.52, .chest_yaw = 12, .head_yaw = -4, ARMS(ROUND, DOWN)},
+    {.t = 2.2, .x = -0.02, .y = 0.10, .chest_yaw = -14, .chest_roll = 5, .head_yaw = 6, ARMS(WIDE, ROUND)},
+    {.t = 3.0, .x = 0.00, .y = -0.30, .chest_yaw = 6, .chest_roll = -6, .head_pitch = -6, ARMS(HIGH, WIDE)},
+    {.t = 3.6, .x = 0.00, .y = -0.50, .sink = 0.06, .chest_yaw = -22, .head_yaw = 4, ARMS(WIDE, ROUND)},
+    {.t = 4.4, .x = 0.00, .y = -0.52, .heading = 75, .chest_yaw = 14, .head_yaw = 24, ARMS(ROUND, WIDE)},
+    {.t = 5.2, .x = 0.02, .y = -0.52, .heading = 170, .chest_yaw = 8, .chest_roll = 4, .head_yaw = 16,
+     .head_pitch = -8, ARMS(HIGH, HIGH)},
+    {.t = 6.0, .x = 0.02, .y = -0.50, .heading = 265, .chest_yaw = 10, .head_yaw = 26, ARMS(WIDE, HIGH)},
+    {.t = 6.8, .x = 0.00, .y = -0.50, .heading = 345, .chest_yaw = 6, .head_yaw = 12, ARMS(WIDE, WIDE)},
+    {.t = 7.4, .x = 0.00, .y = -0.50, .heading = 360, .sink = 0.03, ARMS(ROUND, WIDE)},
+    {.t = 8.2, .x = 0.00, .y = -0.50, .heading = 360, .sink = 0.05, .pelvis_pitch = 8, .chest_pitch = 26,
+     .head_pitch = 20, ARMS(ROUND, WIDE)},
+    {.t = 9.0, .x = 0.00, .y = -0.50, .heading = 360, ARMS(DOWN, DOWN)},
 };
 
 static const struct key kata[] = {
-    {.t = 0.0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 0.8, .sink = 0.08, .apart = 0.10, ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 1.2, .sink = 0.10, .apart = 0.12, .chest_yaw = 30, ARMS(CHAMBER_U, CHAMBER_F, PUNCH_U, PUNCH_F)},
-    {.t = 1.5, .sink = 0.10, .apart = 0.12, .chest_yaw = 30, ARMS(CHAMBER_U, CHAMBER_F, PUNCH_U, PUNCH_F)},
-    {.t = 1.9, .sink = 0.10, .apart = 0.12, .chest_yaw = -30, ARMS(PUNCH_U, PUNCH_F, CHAMBER_U, CHAMBER_F)},
-    {.t = 2.2, .sink = 0.10, .apart = 0.12, .chest_yaw = -30, ARMS(PUNCH_U, PUNCH_F, CHAMBER_U, CHAMBER_F)},
-    {.t = 2.7, .sink = 0.05, .apart = 0.04, ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 3.1,
-     .sink = 0.05,
-     .apart = 0.03,
-     .chest_pitch = -6,
-     .hips = {-0.07, 0.02, 0},
-     .left_foot = {-0.03, -0.10, 0.45},
-     .left_toes = 40,
-     ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 3.4,
-     .sink = 0.05,
-     .apart = 0.03,
-     .chest_pitch = -16,
-     .hips = {-0.08, 0.04, 0},
-     .left_foot = {-0.06, -0.80, 0.80},
-     .left_toes = -35,
-     ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 3.8,
-     .sink = 0.05,
-     .apart = 0.03,
-     .chest_pitch = -6,
-     .hips = {-0.07, 0.02, 0},
-     .left_foot = {-0.03, -0.10, 0.40},
-     .left_toes = 30,
-     ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 4.3, .sink = 0.06, .apart = 0.03, ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 4.7,
-     .sink = 0.05,
-     .apart = 0.03,
-     .chest_pitch = -6,
-     .hips = {0.07, 0.02, 0},
-     .right_foot = {0.03, -0.10, 0.45},
-     .right_toes = 40,
-     ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 5.0,
-     .sink = 0.05,
-     .apart = 0.03,
-     .chest_pitch = -16,
-     .hips = {0.08, 0.04, 0},
-     .right_foot = {0.06, -0.80, 0.80},
-     .right_toes = -35,
-     ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 5.4,
-     .sink = 0.05,
-     .apart = 0.03,
-     .chest_pitch = -6,
-     .hips = {0.07, 0.02, 0},
-     .right_foot = {0.03, -0.10, 0.40},
-     .right_toes = 30,
-     ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 5.9, .sink = 0.08, .apart = 0.10, ARMS(GUARD_U, GUARD_F, GUARD_U, GUARD_F)},
-    {.t = 6.6,
-     .sink = 0.08,
-     .apart = 0.10,
-     .chest_pitch = 8,
-     .head_pitch = 6,
-     ARMS(CROSS_U, CROSS_F, CROSS_U, CROSS_F)},
-    {.t = 7.4,
-     .sink = 0.08,
-     .apart = 0.10,
-     .chest_pitch = 8,
-     .head_pitch = 6,
-     ARMS(CROSS_U, CROSS_F, CROSS_U, CROSS_F)},
-    {.t = 8.0, .sink = 0.02, .apart = 0.02, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 0.0, ARMS(DOWN, DOWN)},
+    {.t = 0.8, .sink = 0.08, .apart = 0.10, ARMS(GUARD, GUARD)},
+    {.t = 1.2, .sink = 0.10, .apart = 0.12, .chest_yaw = 30, ARMS(CHAMBER, PUNCH)},
+    {.t = 1.5, .sink = 0.10, .apart = 0.12, .chest_yaw = 30, ARMS(CHAMBER, PUNCH)},
+    {.t = 1.9, .sink = 0.10, .apart = 0.12, .chest_yaw = -30, ARMS(PUNCH, CHAMBER)},
+    {.t = 2.2, .sink = 0.10, .apart = 0.12, .chest_yaw = -30, ARMS(PUNCH, CHAMBER)},
+    {.t = 2.7, .sink = 0.05, .apart = 0.04, ARMS(GUARD, GUARD)},
+    {.t = 3.1, .sink = 0.05, .apart = 0.03, .chest_pitch = -6, .hips = {-0.07, 0.02, 0},
+     .left_foot = {-0.03, -0.10, 0.45}, .left_toes = 40, ARMS(GUARD, GUARD)},
+    {.t = 3.4, .sink = 0.05, .apart = 0.03, .chest_pitch = -16, .hips = {-0.08, 0.04, 0},
+     .left_foot = {-0.06, -0.80, 0.80}, .left_toes = -35, ARMS(GUARD, GUARD)},
+    {.t = 3.8, .sink = 0.05, .apart = 0.03, .chest_pitch = -6, .hips = {-0.07, 0.02, 0},
+     .left_foot = {-0.03, -0.10, 0.40}, .left_toes = 30, ARMS(GUARD, GUARD)},
+    {.t = 4.3, .sink = 0.06, .apart = 0.03, ARMS(GUARD, GUARD)},
+    {.t = 4.7, .sink = 0.05, .apart = 0.03, .chest_pitch = -6, .hips = {0.07, 0.02, 0},
+     .right_foot = {0.03, -0.10, 0.45}, .right_toes = 40, ARMS(GUARD, GUARD)},
+    {.t = 5.0, .sink = 0.05, .apart = 0.03, .chest_pitch = -16, .hips = {0.08, 0.04, 0},
+     .right_foot = {0.06, -0.80, 0.80}, .right_toes = -35, ARMS(GUARD, GUARD)},
+    {.t = 5.4, .sink = 0.05, .apart = 0.03, .chest_pitch = -6, .hips = {0.07, 0.02, 0},
+     .right_foot = {0.03, -0.10, 0.40}, .right_toes = 30, ARMS(GUARD, GUARD)},
+    {.t = 5.9, .sink = 0.08, .apart = 0.10, ARMS(GUARD, GUARD)},
+    {.t = 6.6, .sink = 0.08, .apart = 0.10, .chest_pitch = 8, .head_pitch = 6, ARMS(CROSS, CROSS)},
+    {.t = 7.4, .sink = 0.08, .apart = 0.10, .chest_pitch = 8, .head_pitch = 6, ARMS(CROSS, CROSS)},
+    {.t = 8.0, .sink = 0.02, .apart = 0.02, ARMS(DOWN, DOWN)},
 };
 
 static const struct key bend[] = {
-    {.t = 0.0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 0.8, .apart = 0.06, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 2.2,
-     .sink = 0.30,
-     .apart = 0.10,
-     .hips = {0, 0.20, 0},
-     .pelvis_pitch = 45,
-     .chest_pitch = 72,
-     .head_pitch = 50,
-     ARMS(REACH_U, REACH_F, REACH_U, REACH_F)},
-    {.t = 2.7,
-     .sink = 0.30,
-     .apart = 0.10,
-     .hips = {0, 0.20, 0},
-     .pelvis_pitch = 45,
-     .chest_pitch = 72,
-     .head_pitch = 50,
-     ARMS(REACH_U, REACH_F, REACH_U, REACH_F)},
-    {.t = 4.2, .apart = 0.06, .chest_pitch = -4, ARMS(ROUND_U, CARRY_F, ROUND_U, CARRY_F)},
-    {.t = 4.8, .apart = 0.06, .chest_pitch = -4, ARMS(ROUND_U, CARRY_F, ROUND_U, CARRY_F)},
-    {.t = 6.0, .apart = 0.02, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 0.0, ARMS(DOWN, DOWN)},
+    {.t = 0.8, .apart = 0.06, ARMS(DOWN, DOWN)},
+    {.t = 2.2, .sink = 0.30, .apart = 0.10, .hips = {0, 0.20, 0}, .pelvis_pitch = 45, .chest_pitch = 72,
+     .head_pitch = 50, ARMS(REACH, REACH)},
+    {.t = 2.7, .sink = 0.30, .apart = 0.10, .hips = {0, 0.20, 0}, .pelvis_pitch = 45, .chest_pitch = 72,
+     .head_pitch = 50, ARMS(REACH, REACH)},
+    {.t = 4.2, .apart = 0.06, .chest_pitch = -4, ARMS(CARRY, CARRY)},
+    {.t = 4.8, .apart = 0.06, .chest_pitch = -4, ARMS(CARRY, CARRY)},
+    {.t = 6.0, .apart = 0.02, ARMS(DOWN, DOWN)},
 };
 
 // A stride with the left or the right arm in front.
-#define STRIDE_LEFT(time, px, py, h)                                                                                   \
-    {                                                                                                                  \
-        .t = time, .x = px, .y = py, .heading = h, .chest_yaw = -8, .pelvis_yaw = 6,                                   \
-        ARMS(SWING_FORE_U, SWING_FORE_F, SWING_BACK_U, SWING_BACK_F)                                                   \
-    }
-#define STRIDE_RIGHT(time, px, py, h)                                                                                  \
-    {                                                                                                                  \
-        .t = time, .x = px, .y = py, .heading = h, .chest_yaw = 8, .pelvis_yaw = -6,                                   \
-        ARMS(SWING_BACK_U, SWING_BACK_F, SWING_FORE_U, SWING_FORE_F)                                                   \
-    }
+#define STRIDE_LEFT(time, px, py, h) \
+    {.t = time, .x = px, .y = py, .heading = h, .chest_yaw = -8, .pelvis_yaw = 6, ARMS(SWING_FORE, SWING_BACK)}
+#define STRIDE_RIGHT(time, px, py, h) \
+    {.t = time, .x = px, .y = py, .heading = h, .chest_yaw = 8, .pelvis_yaw = -6, ARMS(SWING_BACK, SWING_FORE)}
 
 static const struct key walk[] = {
-    {.t = 0.0, .x = 1.3, .y = 0.3, .heading = -80, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 0.0, .x = 1.3, .y = 0.3, .heading = -80, ARMS(DOWN, DOWN)},
     STRIDE_LEFT(0.60, 1.05, 0.26, -80),
     STRIDE_RIGHT(1.10, 0.60, 0.18, -80),
     STRIDE_LEFT(1.60, 0.10, 0.08, -80),
@@ -302,18 +101,18 @@ static const struct key walk[] = {
     STRIDE_LEFT(4.60, -0.20, -0.80, 90),
     STRIDE_RIGHT(5.10, 0.30, -0.80, 90),
     STRIDE_LEFT(5.60, 0.75, -0.80, 90),
-    {.t = 6.4, .x = 1.0, .y = -0.80, .heading = 60, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
+    {.t = 6.4, .x = 1.0, .y = -0.80, .heading = 60, ARMS(DOWN, DOWN)},
 };
 
 static const struct key hide[] = {
-    {.t = 0.0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 0.5, ARMS(WIDE_U, WIDE_F, DOWN_U, DOWN_F)},
-    {.t = 0.8, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 1.1, ARMS(BACK_U, BACK_F, DOWN_U, DOWN_F)},
-    {.t = 1.8, ARMS(BACK_U, BACK_F, DOWN_U, DOWN_F)},
-    {.t = 2.0, ARMS(DOWN_U, DOWN_F, DOWN_U, DOWN_F)},
-    {.t = 2.2, ARMS(WIDE_U, WIDE_F, DOWN_U, DOWN_F)},
-    {.t = 2.8, ARMS(WIDE_U, WIDE_F, DOWN_U, DOWN_F)},
+    {.t = 0.0, ARMS(DOWN, DOWN)},
+    {.t = 0.5, ARMS(WIDE, DOWN)},
+    {.t = 0.8, ARMS(DOWN, DOWN)},
+    {.t = 1.1, ARMS(BACK, DOWN)},
+    {.t = 1.8, ARMS(BACK, DOWN)},
+    {.t = 2.0, ARMS(DOWN, DOWN)},
+    {.t = 2.2, ARMS(WIDE, DOWN)},
+    {.t = 2.8, ARMS(WIDE, DOWN)},
 };
 
 const struct named_motion named_motions[] = {

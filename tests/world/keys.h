@@ -16,7 +16,9 @@ struct key {
     double head_yaw, head_pitch;
     double apart;     // the feet, each this much further out
     struct vec3 hips; // the pelvis beside the path, in the figure's axes
-    struct vec3 left_upper, left_fore, right_upper, right_fore;
+    struct arm_key {
+        struct vec3 upper, fore;
+    } left_arm, right_arm;
     struct vec3 left_foot, right_foot; // off the floor point, in the figure's axes
     double left_toes, right_toes;      // pitch of the foot: positive lifts the heel
 };

@@ -120,12 +120,11 @@ static struct stance named_at(const struct named_motion *m, const struct physiqu
     s.chest = turn(k.heading + k.chest_yaw, k.chest_pitch + 0.6 * breath, k.chest_roll - 1.5 * carry);
     s.head = turn(k.heading + k.head_yaw, k.head_pitch, 0.4 * k.chest_roll);
     for (int side = LEFT; side <= RIGHT; side++) {
-        const struct vec3 *upper = side == LEFT ? &k.left_upper : &k.right_upper;
-        const struct vec3 *fore = side == LEFT ? &k.left_fore : &k.right_fore;
+        const struct arm_key *arm = side == LEFT ? &k.left_arm : &k.right_arm;
         // Right-arm keys are written as if for the left, mirrored.
         double x = side == LEFT ? 1 : -1;
-        s.upper_arm[side] = quat_rotate(s.chest, v3_unit(v3(x * upper->x, upper->y, upper->z)));
-        s.forearm[side] = quat_rotate(s.chest, v3_unit(v3(x * fore->x, fore->y, fore->z)));
+        s.upper_arm[side] = quat_rotate(s.chest, v3_unit(v3(x * arm->upper.x, arm->upper.y, arm->upper.z)));
+        s.forearm[side] = quat_rotate(s.chest, v3_unit(v3(x * arm->fore.x, arm->fore.y, arm->fore.z)));
         place_foot(p, &k, feet[side], side, &s);
     }
     return s;

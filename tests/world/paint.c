@@ -2,28 +2,10 @@
 
 #include "tests/world/glyphs.h"
 #include "tests/world/numbers.h"
+#include "tests/world/rgb.h"
 
 #include <math.h>
 #include <string.h>
-
-struct rgb {
-    float r, g, b; // linear
-};
-
-// A colour as it is written on screens.
-static struct rgb hex(uint32_t code)
-{
-    return (struct rgb){srgb_to_linear((uint8_t)(code >> 16)), srgb_to_linear((uint8_t)(code >> 8)),
-                        srgb_to_linear((uint8_t)code)};
-}
-
-static struct rgb mix(struct rgb a, struct rgb b, float t)
-{
-    t = minf(1, maxf(0, t));
-    return (struct rgb){a.r + (b.r - a.r) * t, a.g + (b.g - a.g) * t, a.b + (b.b - a.b) * t};
-}
-
-static struct rgb dim(struct rgb a, float s) { return (struct rgb){a.r * s, a.g * s, a.b * s}; }
 
 // 1 inside (negative distance), 0 outside, over one texel.
 static float cover(float distance, float texel) { return minf(1, maxf(0, 0.5f - distance / texel)); }

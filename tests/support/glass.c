@@ -1,0 +1,91 @@
+#include "tests/support/glass.h"
+
+#include "platform/clock.h"
+#include "tests/test.h"
+
+#include <stdlib.h>
+
+static const double DPI = 149; // of a tablet of 10 inches
+
+void glass_open(struct glass *g, int width, int height, const struct tablet_options *options)
+{
+    *g = (struct glass){.width = width, .height = height, .rgba = malloc((size_t)width * (size_t)height * 4)};
+    EXPECT_STATUS(gpu_open(&g->gpu), OK);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height, 1), OK);
+    EXPECT_STATUS(tablet_open(&g->tablet, g->gpu, options), OK);
+}
+
+void glass_close(struct glass *g)
+{
+    tablet_close(&g->tablet);
+    gpu_target_close(&g->target);
+    gpu_close(&g->gpu);
+    free(g->rgba);
+}
+
+// The same tablet, whatever number of pixels it has.
+double glass_scale(const struct glass *g)
+{
+    return tablet_px_per_dp(DPI) * (g->width > g->height ? g->width : g->height) / GLASS_LONG;
+}
+
+void glass_draw(struct glass *g)
+{
+    const struct tablet_glass glass = {g->target, g->width, g->height, 0, glass_scale(g)};
+    int64_t now = clock_now_ns();
+    tablet_update(&g->tablet, now);
+    EXPECT_STATUS(tablet_draw(&g->tablet, &glass, now), OK);
+    tablet_shown(&g->tablet, clock_now_ns());
+}
+
+// Leaves the processors to the preparing of the take, while that lasts.
+void glass_draw_and_wait(struct glass *g)
+{
+    glass_draw(g);
+    if (g->tablet.stage && stage_prepared(g->tablet.stage) < 1)
+        clock_sleep_until_ns(clock_now_ns() + 50000000);
+}
+
+void glass_read(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
+
+// Draws until the camera's pictures were located (or not), and he has faded in or out.
+void glass_settle(struct glass *g, bool placed)
+{
+    struct show *s = &g->tablet.show;
+    int64_t until = clock_now_ns() + 60000000000;
+    do {
+        glass_draw(g);
+        clock_sleep_until_ns(clock_now_ns() + 2000000);
+    } while (clock_now_ns() < until &&
+             (!s->camera.sight || s->camera.placed != placed || s->presence != (placed ? 1 : 0)));
+    EXPECT_INT(s->camera.placed, placed);
+    EXPECT_NEAR(s->presence, placed ? 1 : 0, 0);
+}
+
+void glass_seek(struct glass *g, double share)
+{
+    struct show *s = &g->tablet.show;
+    player_play(&s->player, clock_now_ns(), false);
+    player_seek(&s->player, clock_now_ns(), (int64_t)(share * (double)s->player.length_ns));
+}
+
+// How many pixels are within `slack` of that colour.
+int glass_count_color(const struct glass *g, uint32_t color, int slack)
+{
+    int count = 0;
+    for (long i = 0; i < (long)g->width * g->height; i++) {
+        const uint8_t *p = g->rgba + 4 * i;
+        count += abs(p[0] - (int)(color >> 24)) <= slack && abs(p[1] - (int)(color >> 16 & 255)) <= slack &&
+                 abs(p[2] - (int)(color >> 8 & 255)) <= slack;
+    }
+    return count;
+}
+
+double glass_difference(const struct glass *g, const uint8_t *other)
+{
+    double sum = 0;
+    long count = (long)g->width * g->height * 4;
+    for (long i = 0; i < count; i++)
+        sum += abs(g->rgba[i] - other[i]);
+    return sum / (double)count;
+}
