@@ -415,8 +415,7 @@ bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_poin
     double information[36];
     struct expected all = {0};
     for (int i = 0; i < count; i++) {
-        if (tags[i].used)
-            expect(&all, 1, TAG);
+        expect(&all, tags[i].used, TAG);
         if (tags[i].used && tags[i].depth)
             expect(&all, tags[i].depth->share * tags[i].depth->count, READING);
     }

@@ -478,7 +478,8 @@ static double err_together(const struct refiner *r, const struct model *m, const
         if (!predict(r, m, inverse, s, &value, by))
             continue;
         apply(inverse, s->x, s->y, &u, &v);
-        int column = (int)fmin(fmax((u + 1) / CELL + 1, 0), RIM - 1), row = (int)fmin(fmax((v + 1) / CELL + 1, 0), RIM - 1);
+        int column = (int)fmin(fmax((u + 1) / CELL + 1, 0), RIM - 1);
+        int row = (int)fmin(fmax((v + 1) / CELL + 1, 0), RIM - 1);
         double stretch = r->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)], error = (s->value - value) * stretch;
         double weight = stretch * error / (1 + error * error / (9 * noise * noise));
         for (int a = 0; a < PARAMETERS; a++)

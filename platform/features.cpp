@@ -85,8 +85,8 @@ void slope_around(const cv::Mat &picture, const cv::KeyPoint &k, float scale, fl
     }
 }
 
-void hand_out(const cv::Mat &picture, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step, int left, int top,
-              struct feature *out, int capacity, int *count)
+void hand_out(const cv::Mat &picture, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step,
+              int left, int top, struct feature *out, int capacity, int *count)
 {
     for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
         struct feature &f = out[(*count)++];
