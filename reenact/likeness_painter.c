@@ -178,6 +178,21 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
 
 bool likeness_painter_given(const struct likeness_painter *p) { return p->brought.mesh; }
 
+const struct likeness *likeness_painter_likeness(const struct likeness_painter *p)
+{
+    return likeness_painter_given(p) ? &p->likeness : NULL;
+}
+
+enum status likeness_painter_give_frame(struct likeness_painter *p, struct loaded_frame *loaded)
+{
+    return shown_frames_give(p->frames, loaded);
+}
+
+bool likeness_painter_keeps(const struct likeness_painter *p, int64_t frame)
+{
+    return shown_frames_keeps(p->frames, frame);
+}
+
 // Of `wanted` pieces of so many bytes, those that there are bytes left for; takes these off.
 static int share_of(size_t *bytes, int wanted, size_t piece)
 {

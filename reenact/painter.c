@@ -189,6 +189,24 @@ enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
     return status;
 }
 
+const struct likeness *painter_likeness(const struct painter *p)
+{
+    return p->likeness && !p->waiting ? likeness_painter_likeness(p->likeness) : NULL;
+}
+
+enum status painter_give_frame(struct painter *p, struct loaded_frame *loaded)
+{
+    if (p->likeness)
+        return likeness_painter_give_frame(p->likeness, loaded);
+    loaded_frame_free(loaded);
+    return OK;
+}
+
+bool painter_keeps(const struct painter *p, int64_t frame)
+{
+    return p->likeness && likeness_painter_keeps(p->likeness, frame);
+}
+
 enum status painter_give_room(struct painter *p, struct room *room) { return around_painter_give(p->around, room); }
 
 bool painter_settled(const struct painter *p)
