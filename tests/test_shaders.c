@@ -133,6 +133,51 @@ static void pixels_survive(void **state)
     gpu_close(&g);
 }
 
+// A job leaves what is outside its box as it is, and clearing leaves nothing of any job.
+static void boxes_hold(void **state)
+{
+    (void)state;
+    enum { W = 9, H = 6 };
+    static const float corners[] = {-1, -1, 3, -1, -1, 3};
+    static const uint16_t order[] = {0, 1, 2};
+    static const struct gpu_box boxes[] = {{2, 1, 3, 4}, {-3, 4, 5, 9}, {7, -2, 9, 3}, {20, 20, 2, 2}};
+    const struct gpu_program_text text = {.name = "one colour",
+                                          .vertex = shader_find("whole.vert"),
+                                          .fragment = "#version 300 es\nprecision highp float;\nout vec4 color;\n"
+                                                      "void main() { color = vec4(1.0); }\n"};
+    struct gpu *g;
+    struct gpu_program *program;
+    struct gpu_mesh *mesh;
+    struct gpu_target *target;
+    uint8_t rgba[W * H * 4];
+    EXPECT_STATUS(gpu_open(&g), OK);
+    EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
+    EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
+    EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
+    for (int used = 0; used <= (int)COUNT_OF(boxes); used++) { // at last without a box
+        for (int b = 0; b < used; b++)
+            gpu_draw(&(struct gpu_job){.target = target, .program = program, .mesh = mesh, .within = boxes[b]});
+        if (used == COUNT_OF(boxes))
+            gpu_draw(&(struct gpu_job){.target = target, .program = program, .mesh = mesh});
+        EXPECT_STATUS(gpu_target_read(target, rgba), OK);
+        for (int i = 0; i < W * H; i++) {
+            bool inside = used == COUNT_OF(boxes);
+            for (int b = 0; b < used; b++)
+                inside |= i % W >= boxes[b].left && i % W < boxes[b].left + boxes[b].width && i / W >= boxes[b].top &&
+                          i / W < boxes[b].top + boxes[b].height;
+            EXPECT_INT(rgba[4 * i], inside ? 255 : 0);
+        }
+        gpu_target_clear(target);
+        EXPECT_STATUS(gpu_target_read(target, rgba), OK);
+        for (int i = 0; i < W * H * 4; i++)
+            EXPECT_INT(rgba[i], 0);
+    }
+    gpu_target_close(&target);
+    gpu_mesh_close(&mesh);
+    gpu_program_close(&program);
+    gpu_close(&g);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -140,6 +185,7 @@ int main(void)
         cmocka_unit_test(broken_shaders_are_refused),
         cmocka_unit_test(sizes_beyond_the_driver_are_refused),
         cmocka_unit_test(pixels_survive),
+        cmocka_unit_test(boxes_hold),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
