@@ -229,7 +229,10 @@ static void pixels_are_the_reference_s(void **state)
     long count = 0, smooth = 0, one = 0;
     for (int i = 0; i < W * H; i++) {
         bool wanted = canvas.rgba[i][3] > 0, is = rgba[4 * i + 3] > 0;
-        one += (canvas.rgba[i][3] > 12) != (rgba[4 * i + 3] > 12);
+        if ((canvas.rgba[i][3] > 12) != (rgba[4 * i + 3] > 12)) { // its centre lies on an edge but for a rounding
+            one++;
+            continue;
+        }
         smooth += rgba[4 * i + 3] > 12 && rgba[4 * i + 3] < 243;
         count += wanted || is;
         for (int c = 0; c < 4; c++)
@@ -241,7 +244,7 @@ static void pixels_are_the_reference_s(void **state)
     EXPECT_AT_LEAST((double)count, 2000);
     EXPECT_AT_LEAST((double)smooth, 100);
     EXPECT_AT_LEAST(psnr, 45);
-    EXPECT_AT_MOST((double)one, 0.005 * (double)count);
+    EXPECT_AT_MOST((double)one, 0.001 * (double)count);
     set_close(&set);
 }
 
