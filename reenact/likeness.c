@@ -71,7 +71,7 @@ static void begin(const struct likeness_watch *watch, enum likeness_step step)
 struct reading {
     struct sight sight;
     struct posture posture; // the person's, as far as it is known by then
-    uint8_t *seen, *rgb;    // of the colours' pass: the frame's colours, and with nobody else's among them
+    uint8_t *rgb;           // of the colours' pass: the frame's own colours, nobody else's among them
     struct warp *warp;      // likewise: how the frame bends the figure
     enum status status;
     char sentence[512]; // of an error, which is known on the thread that met it
@@ -100,9 +100,8 @@ static enum status open_run(struct run *r, struct take *take, const struct sourc
     enum status status = sights_open(&r->sights, take, f->frames, f->frame_count, LIKENESS_SIGHT_BYTES);
     for (int i = 0; i < IN_FLIGHT && status == OK; i++) {
         status = sight_open(&r->reading[i].sight, take, rays);
-        r->reading[i].seen = malloc(3 * (size_t)lens->width * (size_t)lens->height);
         r->reading[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
-        if (status == OK && (!r->reading[i].seen || !r->reading[i].rgb))
+        if (status == OK && !r->reading[i].rgb)
             status = fail(ERR_MEMORY, "out of memory");
     }
     r->take = take;
@@ -116,7 +115,6 @@ static void close_run(struct run *r)
     for (int i = 0; i < IN_FLIGHT; i++) {
         sight_close(&r->reading[i].sight);
         warp_close(&r->reading[i].warp);
-        free(r->reading[i].seen);
         free(r->reading[i].rgb);
     }
 }
@@ -142,7 +140,7 @@ static enum status read_frame(struct run *r, struct reading *reading, int i)
         return NOTHING;
     const struct lens *lens = &take_calibration(r->take)->color;
     if (status == OK)
-        memcpy(reading->seen, seen.color, 3 * (size_t)lens->width * (size_t)lens->height);
+        memcpy(reading->rgb, seen.color, 3 * (size_t)lens->width * (size_t)lens->height);
     return status;
 }
 
@@ -170,7 +168,7 @@ static enum status lay(struct run *r, struct reading *reading, int i)
     if (r->pass == LIKENESS_OUTLINES)
         return OK;
     if (r->pass == LIKENESS_COLORS)
-        status = sight_colors(&reading->sight, take_calibration(r->take), reading->seen, reading->rgb);
+        status = sight_colors(&reading->sight, take_calibration(r->take), reading->rgb, reading->rgb);
     struct skeleton better = posture_skeleton(&f->rest, &reading->posture);
     sight_label(&reading->sight, &better);
     if (r->pass != LIKENESS_COLORS)
