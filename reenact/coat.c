@@ -354,7 +354,9 @@ static int nearest_seen(const struct shelves *s, const struct surface *surface, 
             break;
         for (int side = away ? -1 : 1; side <= 1; side += 2) {
             int k = middle + side * away;
-            for (int at = k < 0 || k >= s->count ? 0 : s->first[k]; k >= 0 && k < s->count && at < s->first[k + 1]; at++) {
+            if (k < 0 || k >= s->count)
+                continue;
+            for (int at = s->first[k]; at < s->first[k + 1]; at++) {
                 int i = s->points[at];
                 struct vec3 d = v3_sub(surface->points[i], p);
                 double d2 = v3_dot(d, d);

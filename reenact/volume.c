@@ -142,7 +142,8 @@ static enum status open_cells(struct volume *v, int64_t count)
     return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
-enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration, double step_m)
+enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration,
+                        double step_m)
 {
     *out = NULL;
     struct volume *v = calloc(1, sizeof *v);
