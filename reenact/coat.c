@@ -97,24 +97,45 @@ static bool read_color(const struct coat_maker *m, const uint8_t *rgb, struct ve
     return true;
 }
 
-void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
-              const struct warp *warp, struct pose world_from_camera, double time_s)
+// What one frame says, to one stretch of the points after the other.
+struct addition {
+    struct coat_maker *maker;
+    const struct sight *sight;
+    const uint8_t *rgb;
+    const struct posture *posture;
+    const struct warp *warp;
+    struct pose world_from_camera;
+    double time_s;
+};
+
+static void add_stretch(void *context, int stretch)
 {
-    for (int i = 0; i < m->surface->point_count; i++) {
+    const struct addition *a = context;
+    const struct coat_maker *m = a->maker;
+    for (int i = stretch * STRETCH; i < (stretch + 1) * STRETCH && i < m->surface->point_count; i++) {
         struct vec3 p, n, rest = m->surface->points[i];
-        rest = v3_add(rest, warp_at(warp, rest));
-        skin_place(&m->skins[i], posture, rest, m->surface->normals[i], &p, &n);
+        rest = v3_add(rest, warp_at(a->warp, rest));
+        skin_place(&m->skins[i], a->posture, rest, m->surface->normals[i], &p, &n);
         double facing = -v3_dot(n, v3_unit(p));
-        struct word word = {.time_s = (float)time_s};
+        struct word word = {.time_s = (float)a->time_s};
         if (!(p.z > 0.05) || facing < LEAST_FACING ||
-            !vouched(m, sight, pose_apply(m->depth_from_color, p), (enum part)m->skins[i].part[0]) ||
-            !read_color(m, rgb, p, word.rgb))
+            !vouched(m, a->sight, pose_apply(m->depth_from_color, p), (enum part)m->skins[i].part[0]) ||
+            !read_color(m, a->rgb, p, word.rgb))
             continue;
-        struct vec3 world = quat_rotate(world_from_camera.rotation, n);
+        struct vec3 world = quat_rotate(a->world_from_camera.rotation, n);
         word.normal[0] = (float)world.x, word.normal[1] = (float)world.y, word.normal[2] = (float)world.z;
         word.weight = (float)(facing * facing / (p.z * p.z));
         keep(m->words[i], &word);
     }
+}
+
+static int stretches(const struct coat_maker *m) { return (m->surface->point_count + STRETCH - 1) / STRETCH; }
+
+void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
+              const struct warp *warp, struct pose world_from_camera, double time_s)
+{
+    struct addition a = {m, sight, rgb, posture, warp, world_from_camera, time_s};
+    parallel(THREADS, stretches(m), add_stretch, &a);
 }
 
 // ---------------------------------------------------------------- light
@@ -251,8 +272,6 @@ static void light_stretch(void *context, int stretch)
     }
 }
 
-static int stretches(const struct coat_maker *m) { return (m->surface->point_count + STRETCH - 1) / STRETCH; }
-
 // One round: the points' colours in the light so far, then the light by these colours.
 static void fit_light(struct lighting *l)
 {
@@ -282,35 +301,108 @@ static void fit_light(struct lighting *l)
 
 // ---------------------------------------------------------------- what nobody saw
 
-static int nearest_seen(const struct coat_maker *m, const uint8_t *filled, struct vec3 p, double within)
+// The points that somebody saw, by their height in the rest pose, for those near a place are asked for often.
+struct shelves {
+    double low; // height of the first
+    int count;
+    int32_t *first; // of each shelf's points, and behind the last
+    int32_t *points;
+};
+
+static const double SHELF_M = 0.01;
+
+static int shelf_of(const struct shelves *s, double height)
 {
-    int best = -1;
+    double at = floor((height - s->low) / SHELF_M);
+    return at < 0 ? 0 : at >= s->count ? s->count - 1 : (int)at;
+}
+
+static enum status shelves_open(struct shelves *s, const struct surface *surface, const uint8_t *filled)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int i = 0; i < surface->point_count; i++) {
+        low = fmin(low, surface->points[i].y);
+        high = fmax(high, surface->points[i].y);
+    }
+    *s = (struct shelves){.low = low, .count = (int)fmin(fmax((high - low) / SHELF_M, 0), 1e6) + 1};
+    assert(s->count > 0);
+    s->first = calloc((size_t)s->count + 1, sizeof *s->first);
+    s->points = malloc(sizeof *s->points * (size_t)surface->point_count);
+    if (!s->first || !s->points) {
+        free(s->first);
+        free(s->points);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int i = 0; i < surface->point_count; i++)
+        s->first[shelf_of(s, surface->points[i].y)] += !filled[i];
+    for (int k = 1; k <= s->count; k++)
+        s->first[k] += s->first[k - 1];
+    for (int i = surface->point_count - 1; i >= 0; i--)
+        if (!filled[i])
+            s->points[--s->first[shelf_of(s, surface->points[i].y)]] = i;
+    return OK;
+}
+
+// The lowest-numbered of the nearest; -1: none is nearer than `within`.
+static int nearest_seen(const struct shelves *s, const struct surface *surface, struct vec3 p, double within)
+{
+    int best = -1, middle = shelf_of(s, p.y);
     double least = within * within;
-    for (int i = 0; i < m->surface->point_count; i++) {
-        if (filled[i])
-            continue;
-        struct vec3 d = v3_sub(m->surface->points[i], p);
-        double d2 = v3_dot(d, d);
-        if (d2 < least)
-            least = d2, best = i;
+    for (int away = 0; away < s->count; away++) {
+        double beside = fmax(away - 1, 0) * SHELF_M; // at least so far off is what lies on such a shelf
+        if (beside * beside > least)
+            break;
+        for (int side = away ? -1 : 1; side <= 1; side += 2) {
+            int k = middle + side * away;
+            if (k < 0 || k >= s->count)
+                continue;
+            for (int at = s->first[k]; at < s->first[k + 1]; at++) {
+                int i = s->points[at];
+                struct vec3 d = v3_sub(surface->points[i], p);
+                double d2 = v3_dot(d, d);
+                if (d2 < least || (d2 == least && best > i))
+                    least = d2, best = i;
+            }
+        }
     }
     return best;
 }
 
-static void fill(const struct coat_maker *m, struct coat *c)
+struct filling {
+    const struct surface *surface;
+    struct shelves shelves;
+    struct coat *coat;
+};
+
+// Only what nobody saw is written, and only what somebody saw is read.
+static void fill_stretch(void *context, int stretch)
 {
-    for (int i = 0; i < m->surface->point_count; i++) {
+    const struct filling *f = context;
+    struct coat *c = f->coat;
+    for (int i = stretch * STRETCH; i < (stretch + 1) * STRETCH && i < f->surface->point_count; i++) {
         if (!c->filled[i])
             continue;
-        struct vec3 p = m->surface->points[i];
-        int from = nearest_seen(m, c->filled, v3(-p.x, p.y, p.z), 0.03); // the body's other half
+        struct vec3 p = f->surface->points[i];
+        int from = nearest_seen(&f->shelves, f->surface, v3(-p.x, p.y, p.z), 0.03); // the body's other half
         if (from < 0)
-            from = nearest_seen(m, c->filled, p, INFINITY);
+            from = nearest_seen(&f->shelves, f->surface, p, INFINITY);
         if (from < 0)
             continue;
         memcpy(c->color[i], c->color[from], sizeof c->color[i]);
         c->time_s[i] = c->time_s[from];
     }
+}
+
+static enum status fill(const struct coat_maker *m, struct coat *c)
+{
+    struct filling f = {.surface = m->surface, .coat = c};
+    enum status status = shelves_open(&f.shelves, m->surface, c->filled);
+    if (status != OK)
+        return status;
+    parallel(THREADS, stretches(m), fill_stretch, &f);
+    free(f.shelves.first);
+    free(f.shelves.points);
+    return OK;
 }
 
 struct coloring {
@@ -353,8 +445,10 @@ enum status coat_make(struct coat_maker *m, struct coat *out)
     out->light = lighting.light;
     struct coloring coloring = {m, out};
     parallel(THREADS, stretches(m), color_stretch, &coloring);
-    fill(m, out);
-    return OK;
+    enum status status = fill(m, out);
+    if (status != OK)
+        coat_free(out);
+    return status;
 }
 
 void coat_free(struct coat *c)

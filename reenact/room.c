@@ -83,7 +83,8 @@ static void add_row(const struct view *v, bool ideal, int y, int z)
         place_point(v, x, y, z, p);
         if (!(p[2] > (float)NEAR_M) || p[2] > (float)FAR_M)
             continue;
-        double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx, py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
+        double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx;
+        double py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
         if (!ideal) {
             struct pixel bent = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
             px = bent.x, py = bent.y;

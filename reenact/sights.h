@@ -5,8 +5,8 @@
 
 struct sights;
 
-// frames: numbers of the take, count of them, copied. max_bytes: what is kept; what does not fit is read anew each time.
-// rays and take must outlive it. ERR_MEMORY.
+// frames: numbers of the take, count of them, copied. max_bytes: what is kept; what does
+// not fit is read anew each time. The take must outlive it. ERR_MEMORY.
 MUST_CHECK enum status sights_open(struct sights **out, struct take *take, const int64_t *frames, int count,
                                    size_t max_bytes);
 void sights_close(struct sights **s);

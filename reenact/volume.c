@@ -15,11 +15,14 @@ static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
 static const float NOWHERE_NEAR = 0.6F;  // of the largest distance
 static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
-enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2, STRETCH = 8192 };
+enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2, STRETCH = 8192, AHEAD = 12 };
+
+// x, y, z and a fourth that is nothing, for which processors have instructions.
+typedef float four __attribute__((vector_size(16)));
 
 struct cell {
     int32_t at; // in the grid
-    uint16_t x, y, z;
+    float place[3]; // in the rest pose
     struct skin skin;
 };
 
@@ -50,14 +53,10 @@ struct volume {
     struct witness *witnesses; // of the frame that is added
 };
 
-static struct vec3 place_of(const struct volume *v, int x, int y, int z)
-{
-    return v3_add(v->corner, v3(x * v->step, y * v->step, z * v->step));
-}
-
 static struct vec3 point_at(const struct volume *v, int at)
 {
-    return place_of(v, at % v->size[0], at / v->size[0] % v->size[1], at / v->size[0] / v->size[1]);
+    const int x = at % v->size[0], y = at / v->size[0] % v->size[1], z = at / v->size[0] / v->size[1];
+    return v3_add(v->corner, v3(x * v->step, y * v->step, z * v->step));
 }
 
 static void find_size(struct volume *v)
@@ -135,15 +134,16 @@ static enum status open_cells(struct volume *v, int64_t count)
     int c = 0;
     for (int i = 0; i < count && v->cells; i++)
         if (keep[i]) {
-            v->cells[c++] = (struct cell){i, (uint16_t)(i % v->size[0]), (uint16_t)(i / v->size[0] % v->size[1]),
-                                          (uint16_t)(i / v->size[0] / v->size[1]), rest_skin(&v->rest, point_at(v, i))};
+            struct vec3 p = point_at(v, i);
+            v->cells[c++] = (struct cell){i, {(float)p.x, (float)p.y, (float)p.z}, rest_skin(&v->rest, p)};
             v->points[i] = (struct point){fmaxf(-OUTSIDE_M, v->points[i].distance), CYLINDER_TRUST, 0};
         }
     free(keep);
     return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
-enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration, double step_m)
+enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration,
+                        double step_m)
 {
     *out = NULL;
     struct volume *v = calloc(1, sizeof *v);
@@ -156,7 +156,7 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
     find_size(v);
     int64_t count = (int64_t)v->size[0] * v->size[1] * v->size[2];
     enum status status = OK;
-    if (count > MOST_POINTS || v->size[0] > UINT16_MAX || v->size[1] > UINT16_MAX || v->size[2] > UINT16_MAX)
+    if (count > MOST_POINTS)
         status = fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
     if (status == OK) {
         const struct lens *lens = &calibration->depth;
@@ -191,22 +191,27 @@ struct addition {
     struct volume *volume;
     const struct cell *cells;
     int cell_count;
-    struct part_map maps[PART_COUNT];
+    four maps[PART_COUNT][4]; // columns: what x, y, z and 1 come to
+    float thick[PART_COUNT];
+    uint16_t meeting[PART_COUNT]; // bit p: meets part p
     bool ideal; // lens: without lens_project's way round, for speed
-    int left, top, width, height; // of the window that the volume's witnesses speak for
+    const struct lens *lens;
+    float fx, fy, cx, cy; // likewise
+    int left, top, width, height; // of the window that witnesses speak for
+    const struct witness *witnesses;
 };
 
 // The witness for a place, in the depth camera's axes; NULL: none.
-static inline const struct witness *find_witness(const struct addition *a, const float p[3])
+static inline const struct witness *find_witness(const struct addition *a, four p)
 {
-    const struct lens *lens = &a->volume->calibration.depth;
+    const struct lens *lens = a->lens;
     if (!(p[2] > 0.05F))
         return NULL;
     float px, py;
     if (a->ideal) {
         float scale = 1 / p[2];
-        px = p[0] * scale * (float)lens->fx + (float)lens->cx;
-        py = p[1] * scale * (float)lens->fy + (float)lens->cy;
+        px = p[0] * scale * a->fx + a->cx;
+        py = p[1] * scale * a->fy + a->cy;
     } else {
         struct pixel at = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
         px = (float)at.x, py = (float)at.y;
@@ -215,41 +220,34 @@ static inline const struct witness *find_witness(const struct addition *a, const
     if (!(px >= 0 && py >= 0 && px < (float)lens->width && py < (float)lens->height))
         return NULL;
     int x = (int)px - a->left, y = (int)py - a->top; // rounded down, for it is not negative
-    return x < 0 || y < 0 || x >= a->width || y >= a->height ? NULL : &a->volume->witnesses[y * a->width + x];
+    return x < 0 || y < 0 || x >= a->width || y >= a->height ? NULL : &a->witnesses[y * a->width + x];
 }
 
 static inline float least(float a, float b) { return a < b ? a : b; }
 
 // Where a cell is in the depth camera's axes.
-static inline void place_cell(const struct addition *a, const struct cell *cell, float p[3])
+static inline four place_cell(const struct addition *a, const struct cell *cell)
 {
     const struct skin *skin = &cell->skin;
-    struct vec3 at = place_of(a->volume, cell->x, cell->y, cell->z);
-    const float h[3] = {(float)at.x, (float)at.y, (float)at.z};
-    const struct part_map *m = &a->maps[skin->part[0]];
-    struct part_map blend;
+    const four *m = a->maps[skin->part[0]];
+    four blend[4];
     if (skin->weight[0] < 1) {
-        for (int r = 0; r < 3; r++)
-            for (int k = 0; k < 4; k++)
-                blend.row[r][k] = skin->weight[0] * m->row[r][k];
-        for (int i = 1; i < SKIN_PARTS; i++) {
-            const struct part_map *b = &a->maps[skin->part[i]];
-            if (skin->weight[i] > 0)
-                for (int r = 0; r < 3; r++)
-                    for (int k = 0; k < 4; k++)
-                        blend.row[r][k] += skin->weight[i] * b->row[r][k];
-        }
-        m = &blend;
+        for (int k = 0; k < 4; k++)
+            blend[k] = skin->weight[0] * m[k];
+        for (int i = 1; i < SKIN_PARTS; i++)
+            for (int k = 0; k < 4 && skin->weight[i] > 0; k++)
+                blend[k] += skin->weight[i] * a->maps[skin->part[i]][k];
+        m = blend;
     }
-    for (int r = 0; r < 3; r++)
-        p[r] = m->row[r][0] * h[0] + m->row[r][1] * h[1] + m->row[r][2] * h[2] + m->row[r][3];
+    return m[0] * cell->place[0] + m[1] * cell->place[1] + m[2] * cell->place[2] + m[3];
 }
 
-// How far a place of `part`, which is `thick`, at depth z is before (+) what a pixel shows (*reading: that very
+// How far a place of `part` at depth z is before (+) what a pixel shows (*reading: that very
 // surface); false: it says nothing of this place.
-static inline bool ask(const struct witness *w, float fx, float z, enum part part, float thick, float *distance,
+static inline bool ask(const struct addition *a, const struct witness *w, float z, enum part part, float *distance,
                        float *trust, bool *reading)
 {
+    const float fx = a->fx, thick = a->thick[part];
     *reading = false;
     float d = (float)w->depth * 1e-3F;
     if (!w->depth || w->part == SIGHT_RIM)
@@ -271,23 +269,23 @@ static inline bool ask(const struct witness *w, float fx, float z, enum part par
     *reading = before < OUTSIDE_M;
     *distance = *reading ? before : aside;
     *trust = *reading ? least(1, 0.1F + 0.3F * (float)w->edge) : EMPTY_TRUST;
-    return !*reading || parts_meet(part, (enum part)w->part);
+    return !*reading || a->meeting[part] >> w->part & 1;
 }
 
 static void add_stretch(void *context, int stretch)
 {
-    const struct addition *a = context;
+    const struct addition held = *(const struct addition *)context, *a = &held; // a copy that no store changes
     struct volume *v = a->volume;
-    const float fx = (float)v->calibration.depth.fx;
     int from = stretch * STRETCH, to = from + STRETCH < a->cell_count ? from + STRETCH : a->cell_count;
     for (int c = from; c < to; c++) {
         const struct cell *cell = &a->cells[c];
         const enum part part = (enum part)cell->skin.part[0];
-        float p[3], distance, trust;
+        __builtin_prefetch(&v->points[a->cells[c + AHEAD < a->cell_count ? c + AHEAD : c].at], 1);
+        const four p = place_cell(a, cell);
+        float distance, trust;
         bool reading;
-        place_cell(a, cell, p);
         const struct witness *w = find_witness(a, p);
-        if (!w || !ask(w, fx, p[2], part, (float)v->rest.radius[part], &distance, &trust, &reading))
+        if (!w || !ask(a, w, p[2], part, &distance, &trust, &reading))
             continue;
         struct point *known = &v->points[cell->at];
         known->distance = (known->distance * known->trust + distance * trust) / (known->trust + trust);
@@ -314,6 +312,7 @@ static void call_witnesses(struct addition *a, const struct sight *s)
     a->width = (right < s->width ? right + 1 : s->width) - a->left;
     a->height = (bottom < s->height ? bottom + 1 : s->height) - a->top;
     struct witness *w = a->volume->witnesses;
+    a->witnesses = w;
     for (int y = a->top; y < a->top + a->height; y++)
         for (int i = y * s->width + a->left; i < y * s->width + a->left + a->width; i++)
             *w++ = (struct witness){s->depth[i], s->part[i], s->edge[i], s->half[i]};
@@ -325,9 +324,17 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
     if (sight->right < sight->left)
         return;
     a.cell_count = v->heeding ? v->heeding_count : v->cell_count;
-    a.ideal = lens_is_ideal(&v->calibration.depth);
-    for (int p = 0; p < PART_COUNT; p++)
-        a.maps[p] = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+    a.lens = &v->calibration.depth;
+    a.ideal = lens_is_ideal(a.lens);
+    a.fx = (float)a.lens->fx, a.fy = (float)a.lens->fy, a.cx = (float)a.lens->cx, a.cy = (float)a.lens->cy;
+    for (int p = 0; p < PART_COUNT; p++) {
+        struct part_map map = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+        for (int k = 0; k < 4; k++)
+            a.maps[p][k] = (four){map.row[0][k], map.row[1][k], map.row[2][k], 0};
+        a.thick[p] = (float)v->rest.radius[p];
+        for (int q = 0; q < PART_COUNT; q++)
+            a.meeting[p] |= (uint16_t)(parts_meet((enum part)p, (enum part)q) << q);
+    }
     call_witnesses(&a, sight);
     // Each cell is one thread's, so it does not matter how many there are.
     parallel(THREADS, (a.cell_count + STRETCH - 1) / STRETCH, add_stretch, &a);
@@ -336,7 +343,7 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
 // Both grids begin at the same corner.
 static const struct point *nearest_known(const struct volume *v, const struct volume *known, const struct cell *cell)
 {
-    const int at[3] = {cell->x, cell->y, cell->z};
+    const int at[3] = {cell->at % v->size[0], cell->at / v->size[0] % v->size[1], cell->at / v->size[0] / v->size[1]};
     int near[3];
     for (int i = 0; i < 3; i++) {
         near[i] = (int)(at[i] * v->step / known->step + 0.5);

@@ -1,8 +1,11 @@
-// What a frame's depth picture is sorted into: the strip beside the person that the sensor's lamp does not reach.
+// What a frame's depth picture is sorted into: the strip beside the person that the sensor's lamp does not reach; and
+// that what is kept of it comes back as it was.
 #include "tests/support/painted_person.h"
 #include "tests/test.h"
 
-#include "reenact/sight.h"
+#include "reenact/sights.h"
+
+#include <string.h>
 
 enum { NARROW_PX = 2, WIDE_PX = 40 };
 
@@ -55,8 +58,66 @@ static void what_the_lamp_does_not_reach_is_room(void **state)
     EXPECT_TRUE(wrong == 0);
 }
 
+// Pixels about the person, as far as edges are told, that differ.
+static int differing(const struct sight *a, const struct sight *b)
+{
+    int count = 0;
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++) {
+            int i = y * W + x;
+            bool near = x >= a->left - SIGHT_EDGE_MOST && x <= a->right + SIGHT_EDGE_MOST &&
+                        y >= a->top - SIGHT_EDGE_MOST && y <= a->bottom + SIGHT_EDGE_MOST;
+            count += near && (a->depth[i] != b->depth[i] || a->part[i] != b->part[i] || a->edge[i] != b->edge[i] ||
+                              a->half[i] != b->half[i]);
+        }
+    return count;
+}
+
+static void what_is_kept_comes_back(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static const size_t most_bytes[] = {0, 1 << 20};
+    const struct skeleton joints = whole_body(0);
+    struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
+    struct painted_take stage;
+    struct source_rays *rays;
+    struct sight fresh, brought;
+    const int64_t first = 0;
+    paint_person(&film, &ideal, &joints, &whole_measures);
+    painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(sight_open(&fresh, stage.take, rays), OK);
+    EXPECT_STATUS(sight_open(&brought, stage.take, rays), OK);
+    EXPECT_STATUS(sight_read(&fresh, stage.take, 0), OK);
+    for (size_t k = 0; k < COUNT_OF(most_bytes); k++) {
+        struct sights *sights;
+        EXPECT_STATUS(sights_open(&sights, stage.take, &first, 1, most_bytes[k]), OK);
+        for (int time = 0; time < 3; time++) {
+            memset(brought.depth, 1, sizeof *brought.depth * PIXELS);
+            memset(brought.part, 1, PIXELS); // as whoever worked on it leaves it
+            memset(brought.edge, 1, PIXELS);
+            memset(brought.half, 1, PIXELS);
+            brought.left = brought.top = brought.right = brought.bottom = 7;
+            EXPECT_STATUS(sights_read(sights, 0, &brought), OK);
+            EXPECT_INT(differing(&fresh, &brought), 0);
+            EXPECT_INT(brought.left, fresh.left);
+            EXPECT_INT(brought.top, fresh.top);
+            EXPECT_INT(brought.right, fresh.right);
+            EXPECT_INT(brought.bottom, fresh.bottom);
+            EXPECT_INT(brought.has_mask, fresh.has_mask);
+        }
+        sights_close(&sights);
+    }
+    sight_close(&fresh);
+    sight_close(&brought);
+    source_rays_close(&rays);
+    painted_take_close(&stage);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(what_the_lamp_does_not_reach_is_room)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(what_the_lamp_does_not_reach_is_room),
+                                       cmocka_unit_test(what_is_kept_comes_back)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,6 +11,7 @@ extern const struct bench_stage bench_stage_place;
 extern const struct bench_stage bench_stage_still;
 extern const struct bench_stage bench_stage_views;
 extern const struct bench_stage bench_stage_left_out;
+extern const struct bench_stage bench_stage_prepare;
 extern const struct bench_stage bench_stage_draw;
 extern const struct bench_stage bench_stage_levels;
 
@@ -24,6 +25,7 @@ static const struct bench_stage *const bench_stages[] = {
     &bench_stage_still,
     &bench_stage_views,
     &bench_stage_left_out,
+    &bench_stage_prepare,
     &bench_stage_draw,
     &bench_stage_levels,
 };

@@ -1,0 +1,236 @@
+// How long preparing a take of a minute takes, step by step: processor time of all threads, time by the clock, and
+// how much memory the program has held by then. The pictures are played there and back until the minute is full, and
+// recorded without a place. Made twice, it has to be the same.
+#include "tests/bench/bench.h"
+
+#include "capture/recorder.h"
+#include "platform/clock.h"
+#include "reenact/likeness.h"
+#include "tests/support/film.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+enum { MOST = 4000, FILMED = 120 };
+static const double MINUTE_S = 60;
+
+static const char *const step_names[LIKENESS_STEPS] = {
+    [LIKENESS_FIRST] = "decode, sort, first shape",
+    [LIKENESS_SHAPE] = "lay on it, shape",
+    [LIKENESS_OUTLINES] = "outlines",
+    [LIKENESS_COLORS] = "bend, gather colours",
+    [LIKENESS_SURFACE] = "triangles",
+    [LIKENESS_COAT] = "light and colours",
+    [LIKENESS_ATLAS] = "as it is drawn",
+};
+
+struct entry {
+    double seconds;
+    char file[256];
+};
+
+struct list {
+    struct entry entry[MOST];
+    int count;
+};
+
+static enum status read_list(const char *folder, const char *name, struct list *out)
+{
+    char path[8192], line[512];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    FILE *from = fopen(path, "r");
+    if (!from)
+        return fail(ERR_MISSING, "%s cannot be read", path);
+    out->count = 0;
+    while (out->count < MOST && fgets(line, sizeof line, from)) {
+        struct entry *e = &out->entry[out->count];
+        out->count += sscanf(line, "%lf %255s", &e->seconds, e->file) == 2;
+    }
+    fclose(from);
+    return out->count > 1 ? OK : fail(ERR_INPUT, "%s lists too few pictures", path);
+}
+
+// start, end: seconds of what is played there and back.
+static enum status write_list(const struct scratch *scratch, const char *name, const struct list *list, double start,
+                              double end)
+{
+    FILE *to = fopen(scratch_file(scratch, name), "w");
+    if (!to)
+        return fail(ERR_IO, "%s cannot be written", name);
+    for (double from = 0; from < MINUTE_S; from += 2 * (end - start))
+        for (int i = 0; i < 2 * list->count - 1; i++) {
+            bool back = i >= list->count;
+            const struct entry *e = &list->entry[back ? 2 * list->count - 1 - i : i];
+            double since = from + (back ? 2 * end - e->seconds : e->seconds) - start;
+            if (since < MINUTE_S)
+                fprintf(to, "%.6f %s\n", start + since, e->file);
+        }
+    return fclose(to) ? fail(ERR_IO, "%s cannot be written", name) : OK;
+}
+
+static enum status stretch(const struct scratch *scratch, const char *folder)
+{
+    static struct list color, depth;
+    static const char *const links[] = {"rgb", "depth", "calibration.json"};
+    char path[8192], *whole = realpath(folder, NULL);
+    enum status status = read_list(folder, "rgb.txt", &color);
+    if (status == OK)
+        status = read_list(folder, "depth.txt", &depth);
+    for (size_t i = 0; i < COUNT_OF(links) && status == OK; i++) {
+        snprintf(path, sizeof path, "%s/%s", whole ? whole : folder, links[i]);
+        if (symlink(path, scratch_file(scratch, links[i])))
+            status = fail(ERR_IO, "%s cannot be linked to", path);
+    }
+    free(whole);
+    if (status != OK)
+        return status;
+    double start = fmin(color.entry[0].seconds, depth.entry[0].seconds);
+    double last = fmax(color.entry[color.count - 1].seconds, depth.entry[depth.count - 1].seconds);
+    double end = last + (last - start) / (2 * color.count); // half a frame later
+    status = write_list(scratch, "rgb.txt", &color, start, end);
+    return status == OK ? write_list(scratch, "depth.txt", &depth, start, end) : status;
+}
+
+static enum status record(const struct scratch *scratch, const char *folder, const char *file)
+{
+    struct recording_writer *writer = NULL;
+    struct source *source = NULL;
+    const struct recorder_options options = {0};
+    struct recorder_result result;
+    char uri[300];
+    enum status status = stretch(scratch, folder);
+    snprintf(uri, sizeof uri, "folder:%s", scratch->path);
+    if (status == OK)
+        status = recording_create(&writer, file);
+    if (status == OK)
+        status = source_open(&source, uri, SOURCE_SENSOR);
+    if (status == OK)
+        status = recorder_run(source, writer, "take", NULL, &options, &result);
+    source_close(&source);
+    enum status closed = recording_close(&writer);
+    return status == OK ? closed : status;
+}
+
+// ------------------------------------------------------------- measuring
+
+struct moment_of {
+    double cpu_s, clock_s, memory_mib;
+};
+
+struct split {
+    struct moment_of began[LIKENESS_STEPS];
+    bool known[LIKENESS_STEPS];
+};
+
+static struct moment_of now(void)
+{
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return (struct moment_of){bench_all_threads_ms() / 1000, (double)clock_now_ns() * 1e-9,
+                              (double)usage.ru_maxrss / 1024};
+}
+
+static bool went_on(void *self, double share)
+{
+    (void)self;
+    return share <= 1;
+}
+
+static void began(void *self, enum likeness_step step)
+{
+    struct split *s = self;
+    s->began[step] = now();
+    s->known[step] = true;
+}
+
+static enum status tell(struct bench *b, const char *name, const struct moment_of *from, const struct moment_of *to)
+{
+    return bench_add_row(b, name, (double[]){to->cpu_s - from->cpu_s, to->clock_s - from->clock_s, to->memory_mib});
+}
+
+static enum status tell_split(struct bench *b, const struct split *s, const struct moment_of *begun,
+                              const struct moment_of *ended)
+{
+    static const enum likeness_step order[] = {LIKENESS_FIRST,  LIKENESS_SHAPE, LIKENESS_OUTLINES, LIKENESS_SURFACE,
+                                               LIKENESS_COLORS, LIKENESS_COAT,  LIKENESS_ATLAS};
+    enum status status = tell(b, "what the joints say", begun, &s->began[order[0]]);
+    for (size_t i = 0; i < COUNT_OF(order) && status == OK; i++) {
+        assert(s->known[order[i]]);
+        const struct moment_of *to = i + 1 < COUNT_OF(order) ? &s->began[order[i + 1]] : ended;
+        status = tell(b, step_names[order[i]], &s->began[order[i]], to);
+    }
+    return status == OK ? tell(b, "together", begun, ended) : status;
+}
+
+static bool same(const struct likeness *a, const struct likeness *b)
+{
+    size_t points = (size_t)a->surface.point_count;
+    return a->surface.point_count == b->surface.point_count && a->frame_count == b->frame_count &&
+           !memcmp(a->surface.points, b->surface.points, sizeof *a->surface.points * points) &&
+           !memcmp(a->coat.color, b->coat.color, sizeof *a->coat.color * points) &&
+           !memcmp(a->adjustments, b->adjustments, sizeof *a->adjustments * (size_t)a->frame_count);
+}
+
+static enum status measure(struct bench *b, struct take *take)
+{
+    static const char *const columns[] = {"cpu_s", "clock_s", "memory_mib"};
+    struct source_rays *rays = NULL;
+    struct likeness one = {0}, other = {0};
+    struct split split = {0};
+    const struct likeness_watch watch = {.went_on = went_on, .self = &split, .began = began};
+    bench_columns(b, columns, COUNT_OF(columns));
+    enum status status = source_rays_open(&rays, take_calibration(take));
+    struct moment_of begun = now();
+    if (status == OK)
+        status = likeness_make(&one, take, rays, LIKENESS_FRAMES, &watch);
+    struct moment_of ended = now();
+    if (status == OK)
+        status = tell_split(b, &split, &begun, &ended);
+    if (status == OK)
+        status = likeness_make(&other, take, rays, LIKENESS_FRAMES, NULL);
+    if (status == OK && !same(&one, &other))
+        status = fail(ERR_INPUT, "prepared twice, the take is not the same");
+    likeness_free(&one);
+    likeness_free(&other);
+    source_rays_close(&rays);
+    return status;
+}
+
+static enum status run(struct bench *b)
+{
+    struct scratch scratch = scratch_make(), film = scratch_make();
+    struct recording *recording = NULL;
+    struct take *take = NULL;
+    char folder[4096], file[300];
+    enum status status = OK;
+    snprintf(folder, sizeof folder, "%s", bench_inputs(b)->data ? bench_inputs(b)->data : "");
+    if (!bench_inputs(b)->data) {
+        struct world_options options = world_default_options();
+        struct world *world = NULL;
+        status = world_open(&world, &options);
+        if (status == OK)
+            film_sensor(world, &film, "sensor", 1, 0, FILMED);
+        world_close(&world);
+        snprintf(folder, sizeof folder, "%s/sensor", film.path);
+    }
+    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "minute.reenact"));
+    if (status == OK)
+        status = record(&scratch, folder, file);
+    if (status == OK)
+        status = recording_open(&recording, file);
+    if (status == OK)
+        status = take_open(&take, recording, "take");
+    if (status == OK)
+        status = measure(b, take);
+    take_close(&take);
+    recording_free(&recording);
+    scratch_remove(&scratch);
+    scratch_remove(&film);
+    return status;
+}
+
+const struct bench_stage bench_stage_prepare = {
+    "prepare", "a minute's take made ready to be watched, step by step", NULL, NULL, {NULL}, run};
