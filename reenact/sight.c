@@ -122,9 +122,16 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
     memcpy(s->depth, seen.depth, sizeof(uint16_t) * (size_t)count);
     s->has_mask = seen.mask != NULL;
     memset(s->part, SIGHT_ROOM, (size_t)count);
-    for (int i = 0; i < count; i++)
-        if (!seen.mask || seen.mask[i])
-            s->part[i] = part_pixel_solid(seen.depth, seen.mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
+    const uint8_t *mask = seen.mask, *end = mask ? mask + count : NULL;
+    for (int i = 0; i < count; i++) {
+        if (mask && !mask[i]) { // most of a picture: on to the next pixel of the person
+            const uint8_t *next = memchr(mask + i, 1, (size_t)(end - mask - i));
+            if (!next)
+                break;
+            i = (int)(next - mask);
+        }
+        s->part[i] = part_pixel_solid(seen.depth, mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
+    }
     s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
     find_bounds(s);
     sight_label(s, &e->skeleton);
@@ -205,7 +212,8 @@ static void find_froms(const struct sight *s, const struct box *box, struct from
 enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb, uint8_t *out)
 {
     const struct lens *color = &calibration->color;
-    memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
+    if (out != rgb)
+        memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
     if (!calibration->registered || color->width != s->width || color->height != s->height || s->right < s->left)
         return OK;
     const struct box box = box_about(s);
@@ -213,10 +221,12 @@ enum status sight_colors(const struct sight *s, const struct calibration *calibr
     if (!from)
         return fail(ERR_MEMORY, "out of memory");
     find_froms(s, &box, from);
-    for (int i = 0; i < box.w * box.h; i++)
-        if (from[i].x >= 0)
-            memcpy(out + 3 * ((box.top + i / box.w) * s->width + box.left + i % box.w),
-                   rgb + 3 * ((box.top + from[i].y) * s->width + box.left + from[i].x), 3);
+    for (int i = 0; i < box.w * box.h; i++) {
+        int to = (box.top + i / box.w) * s->width + box.left + i % box.w;
+        int at = (box.top + from[i].y) * s->width + box.left + from[i].x;
+        if (from[i].x >= 0 && at != to)
+            memcpy(out + 3 * (size_t)to, rgb + 3 * (size_t)at, 3);
+    }
     free(from);
     return OK;
 }

@@ -37,6 +37,6 @@ void sight_label(struct sight *s, const struct skeleton *skeleton);
 
 // The frame's colours with nobody else's among them: what lies at an edge or off the
 // person takes the colour of the nearest place well within a surface, within a
-// pixel of the person's box. Both are RGB of the colour picture. Where colour and depth are not the same pixels, a copy. ERR_MEMORY.
+// pixel of the person's box. Both are RGB of the colour picture, and may be the same. Where colour and depth are not the same pixels, a copy. ERR_MEMORY.
 MUST_CHECK enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb,
                                     uint8_t *out);
