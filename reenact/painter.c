@@ -119,15 +119,15 @@ static enum status open_targets(struct painter *p, bool sources, bool shadow)
     int w = p->lens.width, h = p->lens.height;
     enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
     if (status == OK && (p->detail != DETAIL_FULL || p->later))
-        status = gpu_target_open(&p->plain, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->plain, p->gpu, w, h);
     if (status == OK && p->detail != DETAIL_PAPER)
-        status = gpu_target_open(&p->smooth, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->smooth, p->gpu, w, h);
     if (status == OK)
-        status = gpu_target_open(&p->composed, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->composed, p->gpu, w, h);
     if (status == OK && sources)
-        status = gpu_target_open(&p->source, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->source, p->gpu, w, h);
     if (status == OK && shadow)
-        status = gpu_target_open(&p->shadow, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->shadow, p->gpu, w, h);
     p->actor = p->plain ? p->plain : p->smooth;
     p->coding = sources;
     return status;
@@ -478,8 +478,10 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
 {
     struct moment moment;
     enum status status = motion_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
-    if (status != OK)
+    if (status != OK) {
+        clear(p);
         return status;
+    }
     struct scene scene = {.shown = moment.frame,
                           .in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
     result->shown = moment.frame;
@@ -540,7 +542,6 @@ enum status painter_draw(struct painter *p, const struct painter_view *view, str
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
     p->shaded = false;
-    clear(p);
     enum status status = draw_actor(p, view, result);
     if (status < 0)
         return status;

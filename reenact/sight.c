@@ -3,7 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PERSON = 0, SAME_MM = 60 };
+enum { PERSON = 0, SAME_MM = 60, RAGGED_PX = 2 };
+
+static const double LAMP_ASIDE_M = 0.08; // of sensors that project a pattern, at most
 
 enum status sight_open(struct sight *out, const struct take *take, const struct source_rays *rays)
 {
@@ -109,6 +111,30 @@ static void find_widths(struct sight *s)
         find_runs(s, s->top * s->width + x, s->width, s->bottom - s->top + 1);
 }
 
+// Beside its eye the sensor has a lamp, and the person keeps the light off a strip of the room along one side. What has
+// no reading there is as far away as the room beyond it.
+static void fill_shadow(struct sight *s, double fx)
+{
+    for (int y = s->top; y <= s->bottom; y++) {
+        const int row = y * s->width;
+        for (int x = 0, last = -1; x < s->width; x++) { // last: the one before that has a reading
+            if (!s->depth[row + x])
+                continue;
+            const int from = last;
+            last = x;
+            if (from < 0 || from + 1 == x || (s->part[row + from] == SIGHT_ROOM) == (s->part[row + x] == SIGHT_ROOM))
+                continue;
+            const bool room_first = s->part[row + from] == SIGHT_ROOM;
+            const uint16_t room = s->depth[row + (room_first ? from : x)];
+            const uint16_t person = s->depth[row + (room_first ? x : from)];
+            const double wide = fx * LAMP_ASIDE_M * 1000 * (1.0 / person - 1.0 / room);
+            for (int i = row + from + 1; i < row + x && x - from - 1 <= wide + RAGGED_PX; i++)
+                if (s->part[i] == SIGHT_ROOM)
+                    s->depth[i] = room;
+        }
+    }
+}
+
 enum status sight_read(struct sight *s, struct take *take, int64_t frame)
 {
     const struct take_entry *e = take_entry(take, frame);
@@ -136,6 +162,7 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
     find_bounds(s);
     sight_label(s, &e->skeleton);
     find_bounds(s);
+    fill_shadow(s, take_calibration(take)->depth.fx);
     find_edges(s);
     find_widths(s);
     return OK;
@@ -222,10 +249,10 @@ enum status sight_colors(const struct sight *s, const struct calibration *calibr
         return fail(ERR_MEMORY, "out of memory");
     find_froms(s, &box, from);
     for (int i = 0; i < box.w * box.h; i++) {
-        int to = (box.top + i / box.w) * s->width + box.left + i % box.w;
-        int at = (box.top + from[i].y) * s->width + box.left + from[i].x;
-        if (from[i].x >= 0 && at != to)
-            memcpy(out + 3 * (size_t)to, rgb + 3 * (size_t)at, 3);
+        const int at = (box.top + i / box.w) * s->width + box.left + i % box.w;
+        const int of = (box.top + from[i].y) * s->width + box.left + from[i].x;
+        if (from[i].x >= 0 && of != at)
+            memcpy(out + 3 * (size_t)at, rgb + 3 * (size_t)of, 3);
     }
     free(from);
     return OK;
