@@ -1,6 +1,7 @@
 #include "app/stage.h"
 
 #include "app/ahead.h"
+#include "app/foresight.h"
 #include "app/preparation.h"
 #include "platform/clock.h"
 #include "reenact/motion.h"
@@ -8,9 +9,6 @@
 
 #include <stdlib.h>
 #include <string.h>
-
-enum { PICTURES_AHEAD = 3 };
-static const int64_t JUMP_NS = 500000000; // of the take, from picture to picture: more than anybody plays
 
 struct stage {
     char *path, *take_name;
@@ -23,8 +21,9 @@ struct stage {
     struct painter *painter; // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
     struct ahead *ahead;             // NULL: the painter has no likeness yet
-    int64_t last_drawn_ns;              // by the clock
-    int64_t last_time_ns, last_step_ns; // of the take: of the picture before, and from the one before that to it
+    int64_t next[AHEAD_MOST];        // that the pictures to come show
+    int next_count;
+    struct foresight foresight;
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
     int sources_width, sources_height;
@@ -314,76 +313,55 @@ enum status stage_prepare(struct stage *s)
     return status < 0 ? status : given < 0 ? given : walls;
 }
 
-// How far the take goes from one picture to the next: as far as from the last to this one, or as before that where one
-// was left out; from recorded frame to recorded frame where it jumped.
-static int64_t step_ahead(struct stage *s, const struct stage_look *look)
-{
-    const int64_t each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
-    int64_t step = ((look->time_ns - s->last_time_ns) % round_ns + round_ns) % round_ns;
-    step = step > 0 && step < JUMP_NS ? step : each_ns;
-    int64_t least = s->last_step_ns > 0 && s->last_step_ns < step ? s->last_step_ns : step;
-    s->last_time_ns = look->time_ns;
-    s->last_step_ns = step;
-    return least;
-}
-
-// The frame shown at that time joins the list, unless it is there or the painter keeps it. The new count.
-static int list_frame(const struct stage *s, int64_t time_ns, int64_t frames[AHEAD_MOST], int count)
-{
-    struct moment moment;
-    if (count == AHEAD_MOST || motion_at(s->motion, time_ns, false, &moment) != OK ||
-        painter_keeps(s->painter, moment.frame))
-        return count;
-    for (int i = 0; i < count; i++)
-        if (frames[i] == moment.frame)
-            return count;
-    frames[count] = moment.frame;
-    return count + 1;
-}
-
-// The first of the pictures to come whose frame can still be ready in time: 1 is the next one.
-static int first_in_time(struct stage *s)
-{
-    const int64_t now_ns = clock_now_ns(), between_ns = now_ns - s->last_drawn_ns;
-    s->last_drawn_ns = now_ns;
-    int64_t late = between_ns > 0 ? ahead_takes_ns(s->ahead) / between_ns : 0;
-    return 1 + (int)(late < PICTURES_AHEAD ? late : PICTURES_AHEAD);
-}
-
-// The frames of the pictures to come. A camera's pictures come a little sooner or later than they should.
+// The frames of the pictures to come that the painter does not keep.
 static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t frames[AHEAD_MOST])
 {
-    const int64_t step = step_ahead(s, look), each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
-    const int64_t early_late_ns[] = {0, -each_ns / 4, each_ns / 4};
-    const int first = first_in_time(s);
-    int count = 0;
-    for (int k = first; k < first + PICTURES_AHEAD && look->playing; k++)
-        for (int i = 0; i < 3; i++) {
-            int64_t at_ns = look->time_ns + k * step + early_late_ns[i];
-            if (at_ns < round_ns || look->loop)
-                count = list_frame(s, at_ns % round_ns, frames, count);
-        }
+    const struct foresight_now now = {.at_ns = look->time_ns,
+                                      .length_ns = stage_length_ns(s),
+                                      .each_ns = frame_step_ns(s),
+                                      .playing = look->playing,
+                                      .loop = look->loop,
+                                      .clock_ns = clock_now_ns(),
+                                      .takes_ns = ahead_takes_ns(s->ahead)};
+    int64_t at_ns[FORESEEN_MOST];
+    int foreseen = foresee(&s->foresight, &now, at_ns), count = 0;
+    for (int i = 0; i < foreseen && count < AHEAD_MOST; i++) {
+        struct moment moment;
+        bool listed = motion_at(s->motion, at_ns[i], false, &moment) != OK || painter_keeps(s->painter, moment.frame);
+        for (int k = 0; k < count; k++)
+            listed |= frames[k] == moment.frame;
+        if (!listed)
+            frames[count++] = moment.frame;
+    }
     return count;
 }
 
-// What was loaded for this picture goes to the painter, and what is to come is asked for.
+// What was loaded for this picture goes to the painter.
 static enum status use_ahead(struct stage *s, const struct stage_look *look, int64_t frame)
 {
     const struct likeness *likeness = painter_likeness(s->painter);
     const struct ahead_options how = {s->path, s->take_name, likeness};
     struct loaded_frame loaded;
-    int64_t next[AHEAD_MOST];
     enum status status = OK;
     if (!likeness)
         return OK;
     if (!s->ahead)
         status = ahead_start(&s->ahead, &how);
-    if (status == OK && !painter_keeps(s->painter, frame) && ahead_take(s->ahead, frame, &loaded))
-        status = painter_give_frame(s->painter, &loaded);
+    if (status == OK && !painter_keeps(s->painter, frame)) {
+        bool there = ahead_take(s->ahead, frame, &loaded);
+        foresight_met(&s->foresight, there);
+        status = there ? painter_give_frame(s->painter, &loaded) : OK;
+    }
     if (status != OK)
         return status;
-    ahead_want(s->ahead, next, frames_ahead(s, look, next));
+    s->next_count = frames_ahead(s, look, s->next);
     return OK;
+}
+
+void stage_shown(struct stage *s)
+{
+    if (s->ahead)
+        ahead_want(s->ahead, s->next, s->next_count);
 }
 
 static enum status draw_actor(struct stage *s, const struct stage_look *look, int64_t frame, struct stage_picture *out)

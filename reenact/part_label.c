@@ -14,6 +14,8 @@ struct part_bones part_bones_of(const struct skeleton *skeleton, const struct bo
         b.along[i] = v3_sub(skeleton->joint[part_ends[p].to], b.from[i]);
         b.along2[i] = v3_dot(b.along[i], b.along[i]);
         b.radius[i] = body->radius_rate[p] * sqrt(b.along2[i]);
+        b.middle[i] = v3_add(b.from[i], v3_scale(b.along[i], 0.5));
+        b.reach[i] = 0.5 * sqrt(b.along2[i]) + b.radius[i];
     }
     return b;
 }
@@ -42,7 +44,10 @@ int part_nearest(const struct part_bones *b, struct vec3 p, double outside_m)
     double best = outside_m;
     int nearest = -1;
     for (int i = 0; i < b->count; i++) {
-        struct vec3 d = v3_sub(p, b->from[i]);
+        struct vec3 d = v3_sub(p, b->from[i]), from_middle = v3_sub(p, b->middle[i]);
+        double away = best + b->reach[i];
+        if (v3_dot(from_middle, from_middle) > away * away)
+            continue; // a ball about the part is farther than the nearest
         double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
         t = t < 0 ? 0 : t > 1 ? 1 : t;
         d = v3_sub(d, v3_scale(b->along[i], t));

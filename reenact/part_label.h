@@ -9,6 +9,8 @@ struct part_bones {
     enum part part[PART_COUNT];
     struct vec3 from[PART_COUNT], along[PART_COUNT];
     double along2[PART_COUNT], radius[PART_COUNT];
+    struct vec3 middle[PART_COUNT];
+    double reach[PART_COUNT]; // from the middle to the farthest of the part
 };
 struct part_bones part_bones_of(const struct skeleton *skeleton, const struct body *body);
 

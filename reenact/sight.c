@@ -148,9 +148,16 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
     memcpy(s->depth, seen.depth, sizeof(uint16_t) * (size_t)count);
     s->has_mask = seen.mask != NULL;
     memset(s->part, SIGHT_ROOM, (size_t)count);
-    for (int i = 0; i < count; i++)
-        if (!seen.mask || seen.mask[i])
-            s->part[i] = part_pixel_solid(seen.depth, seen.mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
+    const uint8_t *mask = seen.mask, *end = mask ? mask + count : NULL;
+    for (int i = 0; i < count; i++) {
+        if (mask && !mask[i]) { // most of a picture: on to the next pixel of the person
+            const uint8_t *next = memchr(mask + i, 1, (size_t)(end - mask - i));
+            if (!next)
+                break;
+            i = (int)(next - mask);
+        }
+        s->part[i] = part_pixel_solid(seen.depth, mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
+    }
     s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
     find_bounds(s);
     sight_label(s, &e->skeleton);
