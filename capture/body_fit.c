@@ -27,15 +27,17 @@ struct shape_slope {
 // What is the same for all points.
 struct solid_line {
     struct vec3 axis;
-    double length2, length, slope; // slope: of the radius, a metre of axis
+    double per_length2, length, lean; // 1 / length^2; lean: of the nearest middle towards the thick end, by the way off the axis
+    bool flat;                        // has a width
 };
 
 static struct solid_line solid_line(const struct body_solid *s)
 {
-    struct solid_line l = {.axis = v3_sub(s->b, s->a)};
-    l.length2 = v3_dot(l.axis, l.axis);
-    l.length = sqrt(l.length2);
-    l.slope = l.length > 1e-6 ? (s->radius_b - s->radius_a) / l.length : 0;
+    struct solid_line l = {.axis = v3_sub(s->b, s->a), .flat = s->width_a > 0 || s->width_b > 0};
+    double length2 = v3_dot(l.axis, l.axis);
+    l.length = sqrt(length2);
+    l.per_length2 = length2 > 1e-12 ? 1 / length2 : 0;
+    l.lean = (s->radius_b - s->radius_a) * l.per_length2;
     return l;
 }
 
@@ -50,26 +52,28 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
                           struct nearest *out)
 {
     struct vec3 from_a = v3_sub(p, s->a);
-    double along = l->length2 > 1e-12 ? v3_dot(from_a, l->axis) / l->length2 : 0;
-    if (l->length > 1e-6) { // a cone's nearest middle lies a little towards its thick end
-        struct vec3 off = v3_sub(from_a, v3_scale(l->axis, along));
-        double beside = v3_dot(off, s->side), width = s->width_a + (s->width_b - s->width_a) * along;
-        double rest = fabs(beside) > width && width > 0 ? fabs(beside) - width : width > 0 ? 0 : fabs(beside);
-        double away = sqrt(fmax(0, v3_dot(off, off) - beside * beside + rest * rest));
-        along += l->slope * away / l->length;
+    double along = v3_dot(from_a, l->axis) * l->per_length2;
+    struct vec3 off = v3_sub(from_a, v3_scale(l->axis, along));
+    double away2 = v3_dot(off, off);
+    if (l->flat) {
+        double beside = v3_dot(off, s->side), rest = fmax(0, fabs(beside) - s->width_a - (s->width_b - s->width_a) * along);
+        away2 = fmax(0, away2 - beside * beside + rest * rest);
     }
+    along += l->lean * sqrt(away2);
     if (s->open && along > 1) {
         out->distance = BEYOND_M;
         return;
     }
-    double t = along < 0 ? 0 : along > 1 ? 1 : along;
-    double width = s->width_a + (s->width_b - s->width_a) * t, radius = s->radius_a + (s->radius_b - s->radius_a) * t;
-    struct vec3 middle = v3_add(s->a, v3_scale(l->axis, t));
-    double beside = width > 0 ? v3_dot(v3_sub(p, middle), s->side) : 0;
+    double t = along < 0 ? 0 : along > 1 ? 1 : along, radius = s->radius_a + (s->radius_b - s->radius_a) * t;
     out->t = t;
-    out->side_m = beside < -width ? -width : beside > width ? width : beside;
-    out->on = v3_add(middle, v3_scale(s->side, out->side_m));
-    struct vec3 off = v3_sub(p, out->on);
+    out->side_m = 0;
+    out->on = v3_add(s->a, v3_scale(l->axis, t));
+    if (l->flat) {
+        double width = s->width_a + (s->width_b - s->width_a) * t, beside = v3_dot(v3_sub(p, out->on), s->side);
+        out->side_m = beside < -width ? -width : beside > width ? width : beside;
+        out->on = v3_add(out->on, v3_scale(s->side, out->side_m));
+    }
+    off = v3_sub(p, out->on);
     double deep = v3_dot(off, view), off2 = v3_dot(off, off);
     if (deep <= 0) {
         out->distance = sqrt(off2) - radius;

@@ -93,8 +93,9 @@ static void add_tails(const struct body_shape *shape, double hip_girth, struct b
 {
     struct body_solid *s = &out->solid[SOLID_TAILS];
     const struct body_solid *hips = &out->solid[0];
-    struct vec3 down = v3(0, -1, 0), left = turned(out->axes[SEG_LEFT_THIGH], down), right = turned(out->axes[SEG_RIGHT_THIGH], down),
-                along = v3_unit(v3_add(turned(out->axes[SEG_PELVIS], v3_scale(down, 0.3)), v3_add(left, right)));
+    struct vec3 down = v3(0, -1, 0), hanging = turned(out->axes[SEG_PELVIS], v3_scale(down, 0.3)),
+                left = turned(out->axes[SEG_LEFT_THIGH], down), right = turned(out->axes[SEG_RIGHT_THIGH], down),
+                along = v3_unit(v3_add(hanging, v3_add(left, right)));
     s->segment = SEG_PELVIS;
     s->a = v3_add(out->origin[SEG_PELVIS], turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth)));
     s->b = v3_add(out->origin[SEG_PELVIS], v3_scale(along, shape->hem_m));

@@ -80,7 +80,8 @@ double body_prior_limits(const struct body_shape *shape, const struct body_pose 
     double energy = 0;
     const struct quat rest = {0, 0, 0, 1};
     for (int s = 1; s < SEG_COUNT; s++) {
-        double held = shape->hem_m > 0 && s >= SEG_LEFT_THIGH ? TAILS_HOLD : 1;
+        bool hides = s == SEG_LEFT_THIGH || s == SEG_LEFT_SHIN || s == SEG_RIGHT_THIGH || s == SEG_RIGHT_SHIN;
+        double held = shape->hem_m > 0 && hides ? TAILS_HOLD : 1;
         energy += add_turn(s, pose->turn[s], rest, held * turn_rule[s].rest, held * turn_rule[s].rest_twist, h, g);
     }
     for (int side = 0; side < 2; side++) {

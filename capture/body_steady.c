@@ -8,7 +8,7 @@
 #define TREMBLE_FIRST_M 0.008  // before anything was measured
 #define TREMBLE_LEAST_M 0.002
 #define TREMBLE_MOST_M 0.015   // more is motion
-#define FOLLOW_TREMBLES 8.0    // so many standard deviations off, nothing is held any more
+#define FOLLOW_TREMBLES 12.0   // so many standard deviations off, nothing is held any more
 #define FOLLOW_M_S 0.30        // nor when the fits move as fast as this
 #define SPEED_S 0.25           // over which speed is averaged
 #define HOLD_S 2.0             // a limb that is held comes to the mean of its fits of this time; at first, of all so far

@@ -99,35 +99,58 @@ void fit_system_gather(struct fit_system *s, const struct body_build *build)
     }
 }
 
+// Unknowns in the order in which they are eliminated: limbs from their ends inwards, the shape last. What is not above or
+// below one another has nothing in common then, and stays so (Featherstone, section 6.5): of each row only what is not
+// left of the outermost segment that hangs on its own is ever not zero.
+struct elimination {
+    int unknown[FIT_COUNT], first[FIT_COUNT]; // by row
+};
+
+static struct elimination elimination(int count)
+{
+    struct elimination e;
+    int outermost[SEG_COUNT];
+    for (int s = SEG_COUNT - 1; s >= 0; s--)
+        outermost[s] = s;
+    for (int s = SEG_COUNT - 1; s > 0; s--) {
+        int up = body_parent((enum segment)s);
+        outermost[up] = outermost[s] > outermost[up] ? outermost[s] : outermost[up];
+    }
+    for (int row = 0; row < count; row++) {
+        int i = row < FIT_POSE_COUNT ? FIT_POSE_COUNT - 1 - row : row;
+        e.unknown[row] = i;
+        e.first[row] = i < 3 || i >= FIT_POSE_COUNT ? 0 : FIT_POSE_COUNT - 1 - (5 + 3 * outermost[i / 3 - 1]);
+    }
+    return e;
+}
+
 bool fit_system_solve(const struct fit_system *s, double damping, double x[FIT_COUNT])
 {
-    int n = s->count;
-    double l[FIT_COUNT][FIT_COUNT];
-    for (int i = 0; i < n; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = s->h[i][j] + (i == j ? damping * s->h[i][i] + 1e-3 : 0);
-            for (int k = 0; k < j; k++)
+    double l[FIT_COUNT][FIT_COUNT], y[FIT_COUNT];
+    struct elimination e = elimination(s->count);
+    for (int i = 0; i < s->count; i++) {
+        int a = e.unknown[i];
+        for (int j = e.first[i]; j <= i; j++) {
+            int b = e.unknown[j], from = e.first[i] > e.first[j] ? e.first[i] : e.first[j];
+            double sum = a > b ? s->h[a][b] : s->h[b][a];
+            if (i == j)
+                sum += damping * sum + 1e-3;
+            for (int k = from; k < j; k++)
                 sum -= l[i][k] * l[j][k];
-            if (i == j) {
-                if (!(sum > 1e-9))
-                    return false;
-                l[i][i] = sqrt(sum);
-            } else {
-                l[i][j] = sum / l[j][j];
-            }
+            if (i == j && !(sum > 1e-9))
+                return false;
+            l[i][j] = i == j ? sqrt(sum) : sum / l[j][j];
         }
+        y[i] = s->g[a];
+        for (int k = e.first[i]; k < i; k++)
+            y[i] -= l[i][k] * y[k];
+        y[i] /= l[i][i];
     }
-    for (int i = 0; i < n; i++) {
-        double sum = s->g[i];
-        for (int k = 0; k < i; k++)
-            sum -= l[i][k] * x[k];
-        x[i] = sum / l[i][i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        double sum = x[i];
-        for (int k = i + 1; k < n; k++)
-            sum -= l[k][i] * x[k];
-        x[i] = sum / l[i][i];
+    for (int i = s->count - 1; i >= 0; i--) {
+        y[i] /= l[i][i];
+        x[e.unknown[i]] = y[i];
+        for (int k = e.first[i]; k < i; k++)
+            y[k] -= l[i][k] * y[i];
     }
     return true;
 }
