@@ -1,6 +1,7 @@
 #include "reenact/likeness.h"
 
 #include "platform/parallel.h"
+#include "reenact/carried.h"
 #include "reenact/outline.h"
 
 #include <stdlib.h>
@@ -152,7 +153,7 @@ static enum status one_frame(struct run *r, int i)
     struct posture joints;
     if (reading->status != OK)
         return reading->status < 0 ? fail(reading->status, "%s", reading->sentence) : reading->status;
-    enum status status = posture_of(&f->rest, &e->skeleton, &joints);
+    enum status status = carried_posture(&f->rest, r->take, f->frames[i], &joints);
     if (status != OK)
         return status;
     lay(r, i, &joints);

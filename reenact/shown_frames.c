@@ -1,5 +1,6 @@
 #include "reenact/shown_frames.h"
 
+#include "reenact/carried.h"
 #include "reenact/warp.h"
 
 #include <stdlib.h>
@@ -183,7 +184,7 @@ static enum status read_frame(struct shown_frames *f, const struct likeness *lik
     s->adjustment = likeness_adjustment(likeness, frame);
     enum status status = sight_read(&f->sight, f->take, frame);
     if (status == OK)
-        status = posture_of(&likeness->rest, &take_entry(f->take, frame)->skeleton, &joints);
+        status = carried_posture(&likeness->rest, f->take, frame, &joints);
     if (status != OK)
         return status;
     struct take_pictures seen;
