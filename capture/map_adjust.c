@@ -78,8 +78,11 @@ static void fill_frame(const struct map *m, int32_t i, double loose_px, struct a
             continue;
         struct vec3 ray = lens_ray(lens, s->feature.at);
         double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), loose_px / lens->fx * s->depth) : 1;
-        sightings[n->sightings++] = (struct adjust_sighting){
-            i, s->point, ray.x, ray.y, hypot(feature_sigma(&s->feature), loose_px), s->depth, sigma_m};
+        struct adjust_sighting *seen = &sightings[n->sightings++];
+        *seen = (struct adjust_sighting){i, s->point, ray.x, ray.y, {0}, s->depth, sigma_m};
+        feature_covariance(&s->feature, seen->covariance);
+        seen->covariance[0] += loose_px * loose_px;
+        seen->covariance[2] += loose_px * loose_px;
     }
 }
 

@@ -125,7 +125,8 @@ static void forget_bad(struct map *m)
             if (s->point < 0)
                 continue;
             struct vec3 ray = lens_ray(lens, s->feature.at);
-            struct fit_point p = {m->points[s->point].world, ray.x, ray.y, feature_sigma(&s->feature), 0, {0}, 0};
+            struct fit_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
+            feature_covariance(&s->feature, p.own);
             if (!f->placed || fit_point_error(&p, NULL, &f->camera_from_world, lens->fx, lens->fy) > 4)
                 s->point = -1;
         }

@@ -44,9 +44,9 @@ struct fit_tag {
 struct fit_point {
     struct vec3 world;
     double x, y;
-    double sigma_px; // of the sighting and of the map together
+    double sigma_px; // of either coordinate, beside `own`
     double z;        // depth read there, metres; 0: none
-    double own[3];   // covariance of the sighting beside sigma_px: xx, xy, yy, pixels^2
+    double own[3];   // covariance beside sigma_px: xx, xy, yy, pixels^2
     double time_s;   // when its row was read, as shutter_time
 };
 

@@ -26,7 +26,7 @@ static struct vec3 seen_at(const struct locator *l, const struct pose *camera_fr
     return shutter_moved(l->motion, time_s, pose_apply(*camera_from_world, world));
 }
 
-void locator_add_track(struct locator *l, int32_t point, struct vec3 world, double sigma_px, struct pixel at,
+void locator_add_track(struct locator *l, int32_t point, struct vec3 world, const double seen[3], struct pixel at,
                        const struct pose *camera_from_world)
 {
     if (l->track_count == LOCATOR_MOST_TRACKS)
@@ -35,10 +35,11 @@ void locator_add_track(struct locator *l, int32_t point, struct vec3 world, doub
     double time_s = shutter_time(&l->lens, at.y);
     struct vec3 p = seen_at(l, camera_from_world, world, time_s), ray = lens_ray(&l->lens, at);
     *t = (struct point_track){
-        .point = point, .world = world, .sigma_px = sigma_px, .at = at, .ray = ray, .time_s = time_s};
+        .point = point, .world = world, .at = at, .ray = ray, .time_s = time_s};
+    memcpy(t->seen, seen, sizeof t->seen);
     t->off[0] = point < 0 ? 0 : l->lens.fx * (ray.x - p.x / p.z);
     t->off[1] = point < 0 ? 0 : l->lens.fy * (ray.y - p.y / p.z);
-    t->off_variance = point < 0 ? sigma_px * sigma_px : FOLLOW_PX * FOLLOW_PX;
+    t->off_variance = point < 0 ? CORNER_PX * CORNER_PX : FOLLOW_PX * FOLLOW_PX;
     t->noise[0] = t->noise[2] = FOLLOW_PX * FOLLOW_PX;
     t->cut_from = v3_sub(pose_inverse(*camera_from_world).translation, world);
     l->track_count += patch_cut(&l->picture, at, &t->patch);
@@ -49,9 +50,10 @@ static void add_corners(struct locator *l, const struct fit_tag *tags, const str
 {
     for (int i = 0; i < l->count; i++) {
         struct vec3 world[4];
+        const double sure[3] = {CORNER_PX * CORNER_PX, 0, CORNER_PX * CORNER_PX};
         place_tag_corners(&l->tags[l->which[i]], world);
         for (int k = 0; k < 4 && tags[i].used; k++)
-            locator_add_track(l, -1, world[k], CORNER_PX, lens_project(&l->lens, l->sightings[i].ray[k]),
+            locator_add_track(l, -1, world[k], sure, lens_project(&l->lens, l->sightings[i].ray[k]),
                               camera_from_world);
     }
 }
@@ -184,8 +186,9 @@ static int gather(const struct locator *l, const uint16_t *depth, enum what what
         if ((t->point < 0 && !(what & CORNERS)) || ((what & WEIGHED) && !t->weighed))
             continue;
         struct fit_point *p = &out[count++];
-        *p = (struct fit_point){t->world, t->ray.x, t->ray.y, t->sigma_px,
+        *p = (struct fit_point){t->world, t->ray.x, t->ray.y, 0,
                                 depth && t->point >= 0 ? feature_depth(&l->lens, depth, t->at) : 0, {0}, t->time_s};
+        memcpy(p->own, t->seen, sizeof p->own);
         if (what & LEARNT) {
             p->x -= t->off[0] / l->lens.fx;
             p->y -= t->off[1] / l->lens.fy;
@@ -197,6 +200,7 @@ static int gather(const struct locator *l, const uint16_t *depth, enum what what
             p->x = at.x / at.z;
             p->y = at.y / at.z;
             p->sigma_px = what & NOISE ? 0 : change_px(l, t, camera_from_world);
+            memset(p->own, 0, sizeof p->own);
             if (what & NOISE)
                 memcpy(p->own, t->noise, sizeof p->own);
         }
@@ -210,7 +214,7 @@ static int drop_bad(struct locator *l, const struct pose *camera_from_world)
     int points = 0;
     for (int i = 0; i < l->track_count;) {
         const struct point_track *t = &l->tracks[i];
-        struct fit_point p = {t->world, t->ray.x, t->ray.y, t->sigma_px, 0, {0}, t->time_s};
+        struct fit_point p = {t->world, t->ray.x, t->ray.y, 0, 0, {t->seen[0], t->seen[1], t->seen[2]}, t->time_s};
         if (!(fit_point_error(&p, l->motion, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA)) {
             drop_track(l, i);
             continue;

@@ -13,7 +13,7 @@ enum { LOCATOR_MOST_TRACKS = 220, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_
 struct point_track {
     int32_t point; // index into the place's points; -1: a tag's corner
     struct vec3 world;
-    double sigma_px;
+    double seen[3]; // covariance of where it was seen when it was recognised: xx, xy, yy, pixels^2
     struct pixel at; // in the last picture
     struct vec3 ray; // of that, on the plane z = 1
     double time_s;   // of that, when its row was read
@@ -106,7 +106,8 @@ MUST_CHECK enum status locator_look_for_new(struct locator *l, const uint16_t *d
 
 // ---- follow.c
 // Something of known place, seen at a pixel, will be followed. point: as in struct point_track.
-void locator_add_track(struct locator *l, int32_t point, struct vec3 world, double sigma_px, struct pixel at,
+// seen: how surely, covariance in pixels^2.
+void locator_add_track(struct locator *l, int32_t point, struct vec3 world, const double seen[3], struct pixel at,
                        const struct pose *camera_from_world);
 // After locator_find: keeps what the picture showed for the next one. agree: of l->matches;
 // covariance: of the pose.

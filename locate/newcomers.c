@@ -29,9 +29,11 @@ void locator_add_points(struct locator *l, int found, const struct pose *camera_
     for (int i = 0; i < found && l->track_count < LOCATOR_MOST_TRACKS; i++) {
         const struct feature *f = &l->index.features[l->matches[i].feature];
         l->vain[l->matches[i].point] = 0;
-        if (!crowded(l, f->at))
-            locator_add_track(l, l->matches[i].point, l->points[l->matches[i].point].world, feature_sigma(f), f->at,
-                              camera_from_world);
+        double seen[3];
+        if (crowded(l, f->at))
+            continue;
+        feature_covariance(f, seen);
+        locator_add_track(l, l->matches[i].point, l->points[l->matches[i].point].world, seen, f->at, camera_from_world);
     }
 }
 

@@ -48,5 +48,8 @@ int points_gather(const struct place_point *points, const struct feature_index *
 // depth: millimetres, of the same pixels as `lens`.
 double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at);
 
-// The standard deviation of a feature's place, pixels.
+// The covariance of a feature's place, pixels^2: xx, xy, yy. Across an edge it is known well, along it badly.
+void feature_covariance(const struct feature *f, double out[3]);
+
+// About the same whichever way, for a pose that is only roughly right: standard deviation, pixels.
 static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }

@@ -26,7 +26,9 @@ static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
 static const double SETTLED = 5e-4; // a step in (u, v); what is left after it is ten times less
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
-static const double LEAST_NOISE = 0.006, START_NOISE = 0.1, CORNER_FLOOR_PX = 0.002;
+static const double LEAST_NOISE = 0.006, START_NOISE = 0.1;
+// What the model of light and edges itself is off by, of each coordinate.
+static const double CORNER_FLOOR_PX = 0.001;
 
 struct sample {
     double x, y;  // on the plane z = 1
@@ -457,6 +459,39 @@ static bool descend(const struct refiner *r, struct model *m, bool few, struct g
     return true;
 }
 
+// How many times larger the fit's covariance is than even noise would make it: what the model does not know, a lens, a
+// codec, makes pixels of one cell err together (clustered errors, Liang and Zeger 1986). At least 1.
+static double err_together(const struct refiner *r, const struct model *m, const struct gathered *g, double noise)
+{
+    double inverse[9], covariance[PARAMETERS * PARAMETERS], normal[PARAMETERS * PARAMETERS], ratio = 0;
+    static const double MARGIN = (double)RIM / (RIM - PARAMETERS / (double)RIM); // the fit has taken its part
+    double pull[RIM * RIM][PARAMETERS] = {{0}};
+    for (int i = 0; i < PARAMETERS * PARAMETERS; i++) {
+        int a = i / PARAMETERS, b = i % PARAMETERS;
+        normal[i] = g->normal[a >= b ? i : b * PARAMETERS + a];
+    }
+    if (!invert3(m->h, inverse) || !invert_symmetric(normal, PARAMETERS, covariance))
+        return 1;
+    for (int i = 0; i < r->count; i++) {
+        const struct sample *s = &r->samples[i];
+        double value, by[PARAMETERS], u, v;
+        if (!predict(r, m, inverse, s, &value, by))
+            continue;
+        apply(inverse, s->x, s->y, &u, &v);
+        int column = (int)fmin(fmax((u + 1) / CELL + 1, 0), RIM - 1);
+        int row = (int)fmin(fmax((v + 1) / CELL + 1, 0), RIM - 1);
+        double stretch = r->slope[(int)(fmin(fmax(value, 0), 1) * SLOPES)], error = (s->value - value) * stretch;
+        double weight = stretch * error / (1 + error * error / (9 * noise * noise));
+        for (int a = 0; a < PARAMETERS; a++)
+            pull[row * RIM + column][a] += weight * by[a];
+    }
+    for (int c = 0; c < RIM * RIM; c++)
+        for (int a = 0; a < PARAMETERS; a++)
+            for (int b = 0; b < PARAMETERS; b++)
+                ratio += pull[c][a] * covariance[a * PARAMETERS + b] * pull[c][b];
+    return fmax(1, MARGIN * ratio / (PARAMETERS * noise * noise));
+}
+
 // The corners' covariance in ideal pixels from the fit's, inverted.
 static bool inform(const struct refiner *r, const struct model *m, const struct gathered *g, double noise,
                    double information[8][8])
@@ -515,7 +550,7 @@ bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const stru
             m.cells[row][c] = rim ? 1 : pattern->cell[TAG_CELLS - row][c - 1];
         }
     struct gathered g;
-    double noise;
+    double noise, together = 1;
     collect(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
     if (!start_light(r, &m, &noise) || !descend(r, &m, most_pixels < MAX_SAMPLES, &g, &noise))
         return false;
@@ -523,8 +558,12 @@ bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const stru
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
     double vv = g.sum_vv - g.sum_v * g.sum_v / n, mm = g.sum_mm - g.sum_m * g.sum_m / n;
     struct sighting s = {.id = id, .likeness = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
-    if (!(s.likeness > LEAST_LIKENESS) || !(m.white - m.black > LEAST_CONTRAST) ||
-        !inform(r, &m, &g, fmax(LEAST_NOISE, sqrt(g.cost / fmax(1, g.weight - PARAMETERS))), s.information))
+    if (!(s.likeness > LEAST_LIKENESS) || !(m.white - m.black > LEAST_CONTRAST))
+        return false;
+    noise = fmax(LEAST_NOISE, sqrt(g.cost / fmax(1, g.weight - PARAMETERS)));
+    if (most_pixels >= MAX_SAMPLES) // few stand apart
+        together = err_together(r, &m, &g, noise);
+    if (!inform(r, &m, &g, noise * sqrt(together), s.information))
         return false;
     double cell_px = 1e9, moved_px = 0; // the tag's shortest side / 8, and how far its corners went
     for (int k = 0; k < 4; k++) {

@@ -82,7 +82,14 @@ struct plane_error {
 class point_error : public ceres::SizedCostFunction<3, 7, 3>
 {
   public:
-    point_error(const adjust_sighting *s, double fx, double fy) : seen(s), focal_x(fx), focal_y(fy) {}
+    // What makes an error on the plane z = 1 one of unit covariance: [of_x 0; of_both of_y].
+    point_error(const adjust_sighting *s, double fx, double fy) : seen(s)
+    {
+        double xx = s->covariance[0], xy = s->covariance[1], yy = s->covariance[2];
+        of_x = fx / std::sqrt(xx);
+        of_y = fy / std::sqrt(yy - xy * xy / xx);
+        of_both = -of_y * xy / xx * fx / fy;
+    }
 
     bool Evaluate(double const *const *parameters, double *residual, double **by) const override
     {
@@ -91,14 +98,17 @@ class point_error : public ceres::SizedCostFunction<3, 7, 3>
         move(camera, point, p);
         if (!(p[2] > NEAREST_M))
             return false;
-        double ux = focal_x / seen->sigma_px, uy = focal_y / seen->sigma_px, uz = seen->z > 0 ? 1 / seen->sigma_m : 0;
+        double uz = seen->z > 0 ? 1 / seen->sigma_m : 0;
         double x = p[0] / p[2], y = p[1] / p[2];
-        residual[0] = (x - seen->x) * ux;
-        residual[1] = (y - seen->y) * uy;
+        residual[0] = of_x * (x - seen->x);
+        residual[1] = of_both * (x - seen->x) + of_y * (y - seen->y);
         residual[2] = (p[2] - seen->z) * uz;
         if (!by)
             return true;
-        const double by_p[3][3] = {{ux / p[2], 0, -ux * x / p[2]}, {0, uy / p[2], -uy * y / p[2]}, {0, 0, uz}};
+        const double by_p[3][3] = {
+            {of_x / p[2], 0, -of_x * x / p[2]},
+            {of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2]},
+            {0, 0, uz}};
         if (by[0]) {
             double turned[3][4]; // derivative of turn() by x, y, z, w
             turn_by_rotation(camera, point, turned);
@@ -134,7 +144,7 @@ class point_error : public ceres::SizedCostFunction<3, 7, 3>
     }
 
     const adjust_sighting *seen;
-    double focal_x, focal_y;
+    double of_x, of_both, of_y;
 };
 
 void add_errors(const adjust_problem &in, std::vector<adjust_camera> &cameras, std::vector<adjust_square> &squares,

@@ -35,8 +35,8 @@ struct adjust_plane_depth {
 // A point in a camera; z = 0: no depth.
 struct adjust_sighting {
     int32_t camera, point;
-    double x, y; // on the plane z = 1
-    double sigma_px;
+    double x, y;        // on the plane z = 1
+    double covariance[3]; // of where it was seen: xx, xy, yy, pixels^2
     double z, sigma_m;
 };
 

@@ -1,6 +1,7 @@
 #include "platform/features.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <opencv2/features2d.hpp>
 #include <vector>
@@ -18,6 +19,8 @@ constexpr int LEVELS = 6;
 // shows what another copy showed.
 constexpr float COARSE_STEP = 1.44f;
 constexpr int COARSE_LEVELS = 3;
+constexpr int SLOPE_REACH = 3;       // samples to each side of a feature, of its copy's pixels
+constexpr float SLOPE_SPREAD = 2.0f; // of their weights, standard deviation
 
 bool better(const cv::KeyPoint &a, const cv::KeyPoint &b)
 {
@@ -50,13 +53,46 @@ cv::Ptr<cv::ORB> finder(int capacity, float step, int levels)
     return cv::ORB::create(capacity, step, levels, EDGE_PX, 0, 2, cv::ORB::FAST_SCORE, 31, FAST_STEP);
 }
 
-void hand_out(const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step, int left, int top,
-              struct feature *out, int capacity, int *count)
+struct slope_weights {
+    float of[2 * SLOPE_REACH + 1]; // along one axis
+
+    slope_weights()
+    {
+        float sum = 0;
+        for (int i = -SLOPE_REACH; i <= SLOPE_REACH; i++)
+            sum += of[i + SLOPE_REACH] = std::exp(-(float)(i * i) / (2 * SLOPE_SPREAD * SLOPE_SPREAD));
+        for (float &w : of)
+            w /= sum;
+    }
+};
+
+void slope_around(const cv::Mat &picture, const cv::KeyPoint &k, float scale, float out[3])
+{
+    static const slope_weights weights;
+    int step = std::max(1, (int)std::lround(scale)); // the difference is taken over two of them
+    std::fill(out, out + 3, 0.0f);
+    for (int j = -SLOPE_REACH; j <= SLOPE_REACH; j++) {
+        int y = std::clamp((int)std::lround(k.pt.y + (float)j * scale), step, picture.rows - 1 - step);
+        const uint8_t *above = picture.ptr(y - step), *row = picture.ptr(y), *below = picture.ptr(y + step);
+        for (int i = -SLOPE_REACH; i <= SLOPE_REACH; i++) {
+            int x = std::clamp((int)std::lround(k.pt.x + (float)i * scale), step, picture.cols - 1 - step);
+            float dx = (float)(row[x + step] - row[x - step]), dy = (float)(below[x] - above[x]);
+            float weight = weights.of[i + SLOPE_REACH] * weights.of[j + SLOPE_REACH];
+            out[0] += weight * dx * dx;
+            out[1] += weight * dx * dy;
+            out[2] += weight * dy * dy;
+        }
+    }
+}
+
+void hand_out(const cv::Mat &picture, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step,
+              int left, int top, struct feature *out, int capacity, int *count)
 {
     for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
         struct feature &f = out[(*count)++];
         f.at = {kept[i].pt.x + (float)left, kept[i].pt.y + (float)top};
         f.scale = std::pow(step, (float)kept[i].octave);
+        slope_around(picture, kept[i], f.scale, f.slope);
         std::memcpy(f.descriptor, descriptors.ptr((int)i), sizeof f.descriptor);
     }
 }
@@ -87,7 +123,7 @@ enum status features_find(const uint8_t *gray, int width, int height, struct fea
         std::vector<cv::KeyPoint> kept = spread(all, width, height, capacity);
         cv::Mat descriptors;
         orb->compute(picture, kept, descriptors);
-        hand_out(kept, descriptors, STEP, 0, 0, out, capacity, count);
+        hand_out(picture, kept, descriptors, STEP, 0, 0, out, capacity, count);
         return OK;
     } catch (...) {
         return failed();
@@ -106,7 +142,7 @@ enum status features_find_in(const uint8_t *gray, int stride, int left, int top,
         std::vector<cv::KeyPoint> kept;
         cv::Mat descriptors;
         finder(capacity, COARSE_STEP, COARSE_LEVELS)->detectAndCompute(picture, cv::noArray(), kept, descriptors);
-        hand_out(kept, descriptors, COARSE_STEP, left, top, out, capacity, count);
+        hand_out(picture, kept, descriptors, COARSE_STEP, left, top, out, capacity, count);
         return OK;
     } catch (...) {
         return failed();
