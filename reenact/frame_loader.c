@@ -1,5 +1,6 @@
 #include "reenact/frame_loader.h"
 
+#include "reenact/carried.h"
 #include "reenact/warp.h"
 
 #include <stdlib.h>
@@ -165,7 +166,7 @@ static enum status read_frame(struct frame_loader *l, struct loaded_frame *out)
     warp_clear(l->warp);
     enum status status = sight_read(&l->sight, l->take, out->frame);
     if (status == OK)
-        status = posture_of(&l->likeness->rest, &take_entry(l->take, out->frame)->skeleton, &joints);
+        status = carried_posture(&l->likeness->rest, l->take, out->frame, &joints);
     if (status != OK)
         return status;
     status = take_read(l->take, out->frame, TAKE_COLOR, &pictures);

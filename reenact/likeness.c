@@ -1,6 +1,7 @@
 #include "reenact/likeness.h"
 
 #include "platform/parallel.h"
+#include "reenact/carried.h"
 #include "reenact/outline.h"
 #include "reenact/sights.h"
 
@@ -156,7 +157,7 @@ static enum status lay(struct run *r, struct reading *reading, int i)
         *a = i > 0 ? f->adjustments[i - 1] : none;
     enum status status = reading->status;
     if (status == OK)
-        status = posture_of(&f->rest, &take_entry(r->take, f->frames[i])->skeleton, &joints);
+        status = carried_posture(&f->rest, r->take, f->frames[i], &joints);
     if (status != OK)
         return status;
     if (r->pass == LIKENESS_SHAPE) {

@@ -1,5 +1,6 @@
 #include "reenact/likeness_painter.h"
 
+#include "reenact/carried.h"
 #include "reenact/shaders.h"
 #include "reenact/shown_frames.h"
 #include "reenact/silhouette.h"
@@ -395,7 +396,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     if (status == OK)
         status = posture_of(&p->likeness.rest, &view->skeleton, &shown); // world axes
     if (status == OK)
-        status = posture_of(&p->likeness.rest, &e->skeleton, &recorded);
+        status = carried_posture(&p->likeness.rest, p->take, view->frame, &recorded);
     if (status != OK)
         return status;
     shown = posture_adjusted(&shown, &now->adjustment);

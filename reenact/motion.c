@@ -1,5 +1,7 @@
 #include "reenact/motion.h"
 
+#include "reenact/carried.h"
+
 #include <stdlib.h>
 
 static const int64_t MAX_GAP_NS = 500000000;
@@ -8,7 +10,7 @@ struct step {
     int64_t time_ns; // since the take's first frame
     int64_t frame;
     struct pose world_from_camera;
-    struct skeleton world;
+    struct skeleton world, carried; // as recorded; and with the limbs that were lost for a moment
 };
 
 struct motion {
@@ -49,6 +51,8 @@ enum status motion_open(struct motion **out, const struct take *take)
         s->frame = i;
         s->world_from_camera = anywhere ? e->world_from_camera : nowhere_from_camera;
         s->world = skeleton_transform(s->world_from_camera, &e->skeleton);
+        const struct skeleton carried = carried_skeleton(take, i);
+        s->carried = skeleton_transform(s->world_from_camera, &carried);
         for (int j = 0; j < JOINT_COUNT; j++)
             if (s->world.confidence[j] > 0 && !v3_finite(s->world.joint[j])) {
                 motion_close(&m);
@@ -91,15 +95,18 @@ enum status motion_at(const struct motion *m, int64_t time_ns, bool smooth, stru
     if (llabs(time_ns - nearest->time_ns) > MAX_GAP_NS)
         return NOTHING;
     *out = (struct moment){
-        .frame = nearest->frame, .skeleton = nearest->world, .world_from_camera = nearest->world_from_camera};
+        .frame = nearest->frame,
+        .skeleton = smooth ? nearest->carried : nearest->world,
+        .world_from_camera = nearest->world_from_camera,
+    };
     if (!smooth || before == after || time_ns <= before->time_ns || after->time_ns - before->time_ns > MAX_GAP_NS)
         return OK;
     double t = (double)(time_ns - before->time_ns) / (double)(after->time_ns - before->time_ns);
     for (int j = 0; j < JOINT_COUNT; j++) {
-        bool both = before->world.confidence[j] > 0 && after->world.confidence[j] > 0;
-        if (both) { // a joint known on one side only stays as the nearest frame has it
-            out->skeleton.joint[j] = v3_mix(before->world.joint[j], after->world.joint[j], t);
-            out->skeleton.confidence[j] = fminf(before->world.confidence[j], after->world.confidence[j]);
+        const struct skeleton *a = &before->carried, *b = &after->carried;
+        if (a->confidence[j] > 0 && b->confidence[j] > 0) { // else it stays as the nearest frame has it
+            out->skeleton.joint[j] = v3_mix(a->joint[j], b->joint[j], t);
+            out->skeleton.confidence[j] = fminf(a->confidence[j], b->confidence[j]);
         }
     }
     return OK;

@@ -18,6 +18,6 @@ struct moment {
 };
 
 // time_ns: since the take's first frame. smooth: joints between the frames before
-// and after, linearly; else those of the nearest frame (the earlier one on a
-// tie). NOTHING: more than half a second from any skeleton.
+// and after, linearly, with limbs that were lost for a moment (reenact/carried.h); else
+// as recorded in the nearest frame (the earlier one on a tie). NOTHING: more than half a second from any skeleton.
 MUST_CHECK enum status motion_at(const struct motion *m, int64_t time_ns, bool smooth, struct moment *out);

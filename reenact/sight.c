@@ -1,5 +1,7 @@
 #include "reenact/sight.h"
 
+#include "reenact/carried.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -160,7 +162,8 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
     }
     s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
     find_bounds(s);
-    sight_label(s, &e->skeleton);
+    const struct skeleton joints = carried_skeleton(take, frame);
+    sight_label(s, &joints);
     find_bounds(s);
     fill_shadow(s, take_calibration(take)->depth.fx);
     find_edges(s);

@@ -258,7 +258,8 @@ static void nobody_leaves_the_picture_alone(void **state)
         draw_picture(p, POSE_IDENTITY, 0, film.rgb, &got);
         EXPECT_INT(got.result.parts, PART_COUNT - 1);
         draw_picture(p, POSE_IDENTITY, 40000000, film.rgb, &got);
-        EXPECT_INT(got.result.parts, PART_COUNT - 4);
+        // A knee that is lost for a moment is carried, but not by the method of 2014.
+        EXPECT_INT(got.result.parts, PART_COUNT - (detail == DETAIL_PAPER ? 4 : 2));
         EXPECT_AT_LEAST(actor_pixels(&got), 1000);
         draw_picture(p, POSE_IDENTITY, 5000000000, film.rgb, &got);
         EXPECT_INT(got.result.shown, -1);
