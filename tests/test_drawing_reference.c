@@ -217,8 +217,8 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     }
     for (int i = 0; i < m->corner_count; i++) { // the ribbon along the outline
         const int32_t other = m->beside[i / 3][i % 3], p = m->corners[i], q = m->corners[i % 3 == 2 ? i - 2 : i + 1];
-        const int32_t *front = m->corners + i / 3 * 3, *away = m->corners + 3 * other;
-        if (!is_front(seen, front) || is_front(seen, away) || !bends_back(seen, front, away))
+        const int32_t *front = m->corners + i / 3 * 3, *away = m->corners + 3 * (other < 0 ? 0 : other);
+        if (!is_front(seen, front) || (other >= 0 && (is_front(seen, away) || !bends_back(seen, front, away))))
             continue;
         fill(canvas, &l->atlas, &seen[p], &seen[q], &seen[points + q], true);
         fill(canvas, &l->atlas, &seen[p], &seen[points + q], &seen[points + p], true);
