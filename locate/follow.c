@@ -166,14 +166,15 @@ enum what {
     DRIFT = 16,  // as sure as it is that what is wrong with them stays
 };
 
-// By how much more a point errs in the next picture: the map has its distance about as exactly
-// as a sensor reads it, and it is now seen from elsewhere.
+// By how much more a point errs in the next picture: the map has its distance as exactly as it says, else about as a
+// sensor reads it, and it is now seen from elsewhere.
 static double change_px(const struct locator *l, const struct point_track *t, const struct pose *camera_from_world)
 {
     struct vec3 from = v3_sub(pose_inverse(*camera_from_world).translation, t->world),
                 before = v3_sub(pose_inverse(l->last).translation, t->world);
     double z = v3_length(from), aside = v3_length(v3_cross(from, before)) / (z * v3_length(before));
-    return hypot(CHANGE_PX, l->lens.fx / z * depth_sigma(z) * aside);
+    double known = t->point < 0 ? 0 : points_depth_variance(&l->points[t->point], camera_from_world);
+    return hypot(CHANGE_PX, l->lens.fx / z * (known > 0 ? sqrt(known) : depth_sigma(z)) * aside);
 }
 
 // What the tracks say, for a fit. Returns how many.
@@ -186,8 +187,11 @@ static int gather(const struct locator *l, const uint16_t *depth, enum what what
         if ((t->point < 0 && !(what & CORNERS)) || ((what & WEIGHED) && !t->weighed))
             continue;
         struct fit_point *p = &out[count++];
-        *p = (struct fit_point){t->world, t->ray.x, t->ray.y, 0,
-                                depth && t->point >= 0 ? feature_depth(&l->lens, depth, t->at) : 0, {0}, t->time_s};
+        *p = (struct fit_point){.world = t->world, .x = t->ray.x, .y = t->ray.y, .time_s = t->time_s};
+        if (depth && t->point >= 0) {
+            p->z = feature_depth(&l->lens, depth, t->at);
+            p->z_variance = points_depth_variance(&l->points[t->point], camera_from_world);
+        }
         memcpy(p->own, t->seen, sizeof p->own);
         if (what & LEARNT) {
             p->x -= t->off[0] / l->lens.fx;
@@ -214,7 +218,11 @@ static int drop_bad(struct locator *l, const struct pose *camera_from_world)
     int points = 0;
     for (int i = 0; i < l->track_count;) {
         const struct point_track *t = &l->tracks[i];
-        struct fit_point p = {t->world, t->ray.x, t->ray.y, 0, 0, {t->seen[0], t->seen[1], t->seen[2]}, t->time_s};
+        struct fit_point p = {.world = t->world,
+                              .x = t->ray.x,
+                              .y = t->ray.y,
+                              .own = {t->seen[0], t->seen[1], t->seen[2]},
+                              .time_s = t->time_s};
         if (!(fit_point_error(&p, l->motion, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA)) {
             drop_track(l, i);
             continue;

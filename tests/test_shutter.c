@@ -181,12 +181,7 @@ static void by_points_alone(void **state)
 enum { POINTS = 120, SETS = 200 };
 static const double POINT_PX = 0.6;
 
-static double between(struct dice *dice, double low, double high) { return low + (high - low) * dice_uniform(dice); }
-
-static struct vec3 any_direction(struct dice *dice)
-{
-    return v3_unit(v3(dice_normal(dice), dice_normal(dice), dice_normal(dice)));
-}
+static struct vec3 any_direction(struct dice *dice) { return v3_unit(dice_normal3(dice, 1)); }
 
 // Where the camera, at `start` in the middle, is `time_s` later: it turns and moves evenly. Its own axes.
 static struct pose on_the_way(struct vec3 turn, struct vec3 shift, double time_s)
@@ -199,8 +194,10 @@ static struct pose on_the_way(struct vec3 turn, struct vec3 shift, double time_s
 static void see(const struct lens *lens, struct vec3 turn, struct vec3 shift, struct dice *dice, struct fit_point *out)
 {
     for (int i = 0; i < POINTS; i++) {
-        struct vec3 ray = lens_ray(lens, (struct pixel){between(dice, 20, WIDTH - 21), between(dice, 20, HEIGHT - 21)});
-        struct vec3 world = v3_scale(ray, between(dice, 1.5, 4)); // the camera's axes in the middle are the world's
+        struct pixel start = {.x = dice_between(dice, 20, WIDTH - 21)};
+        start.y = dice_between(dice, 20, HEIGHT - 21);
+        struct vec3 ray = lens_ray(lens, start);
+        struct vec3 world = v3_scale(ray, dice_between(dice, 1.5, 4)); // the camera's axes in the middle are the world's
         double low = 0, high = HEIGHT - 1;
         for (int k = 0; k < 40; k++) { // of the row, by halving: above the point before, below it after
             double row = (low + high) / 2, time_s = lens->readout_s * (row / (HEIGHT - 1) - 0.5);
@@ -215,7 +212,8 @@ static void see(const struct lens *lens, struct vec3 turn, struct vec3 shift, st
         at.x += POINT_PX * dice_normal(dice);
         at.y += POINT_PX * dice_normal(dice);
         ray = lens_ray(lens, at);
-        out[i] = (struct fit_point){world, ray.x, ray.y, POINT_PX, 0, {0}, shutter_time(lens, at.y)};
+        out[i] = (struct fit_point){
+            .world = world, .x = ray.x, .y = ray.y, .sigma_px = POINT_PX, .time_s = shutter_time(lens, at.y)};
     }
 }
 
