@@ -407,6 +407,7 @@ static void test_points_of_unknown_uncertainty(void **state)
     struct database *db;
     struct recording *r;
     struct recording_writer *w;
+    place.rms_px = 0.25; // as it was written
     write_recording(path_of("older"));
     EXPECT_STATUS(database_open(&db, path_of("older"), DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "DROP TABLE point_error"), OK);
