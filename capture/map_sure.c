@@ -10,13 +10,11 @@ static const double ROBUST = 3; // as in the adjustment, standard deviations
 
 struct known {
     double information[9], cost, numbers;
-    double readings;
 };
 
-// Where a frame shows a point: errors whitened, and their derivative by the point. Readings of depth err together: a
-// sensor's steps and its bend are the same in the next frame, so all of them are worth one; share: of each.
+// Where a frame shows a point: errors whitened, and their derivative by the point.
 static void add_sighting(struct known *k, const struct lens *lens, const struct map_frame *f,
-                         const struct map_feature *s, struct vec3 world, double share)
+                         const struct map_feature *s, struct vec3 world)
 {
     struct vec3 p = pose_apply(f->camera_from_world, world), ray = lens_ray(lens, s->feature.at);
     double turn[3][3], c[3], rows[3][3], e[3] = {0};
@@ -30,7 +28,7 @@ static void add_sighting(struct known *k, const struct lens *lens, const struct 
         double by_y = lens->fy / p.z * (turn[1][i] - y * turn[2][i]);
         rows[0][i] = a * by_x;
         rows[1][i] = b * by_x + d * by_y;
-        rows[2][i] = depth * sqrt(share) * turn[2][i];
+        rows[2][i] = depth * turn[2][i];
     }
     e[0] = a * off_x;
     e[1] = b * off_x + d * off_y;
@@ -62,21 +60,14 @@ enum status map_weigh_points(struct map *m)
     struct known *known = calloc((size_t)m->point_count + 1, sizeof *known);
     if (!known)
         return fail(ERR_MEMORY, "no memory to weigh %d points", (int)m->point_count);
-    for (int pass = 0; pass < 2; pass++)
-        for (int32_t i = 0; i < m->frame_count; i++) {
-            const struct map_frame *f = &m->frames[i];
-            for (int32_t n = 0; f->placed && n < f->feature_count; n++) {
-                const struct map_feature *s = &f->features[n];
-                if (s->point < m->held_points)
-                    continue;
-                struct known *k = &known[s->point];
-                if (pass)
-                    add_sighting(k, &m->calibration.color, f, s, m->points[s->point].world,
-                                 1 / fmax(1, k->readings));
-                else
-                    k->readings += s->depth > 0;
-            }
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        for (int32_t n = 0; f->placed && n < f->feature_count; n++) {
+            const struct map_feature *s = &f->features[n];
+            if (s->point >= m->held_points)
+                add_sighting(&known[s->point], &m->calibration.color, f, s, m->points[s->point].world);
         }
+    }
     for (int32_t i = m->held_points; i < m->point_count; i++)
         settle(&known[i], &m->points[i]);
     free(known);

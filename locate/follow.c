@@ -166,15 +166,14 @@ enum what {
     DRIFT = 16,  // as sure as it is that what is wrong with them stays
 };
 
-// By how much more a point errs in the next picture: the map has its distance as exactly as it says, else about as a
-// sensor reads it, and it is now seen from elsewhere.
+// By how much more a point errs in the next picture: the map has its distance about as exactly
+// as a sensor reads it, and it is now seen from elsewhere.
 static double change_px(const struct locator *l, const struct point_track *t, const struct pose *camera_from_world)
 {
     struct vec3 from = v3_sub(pose_inverse(*camera_from_world).translation, t->world),
                 before = v3_sub(pose_inverse(l->last).translation, t->world);
     double z = v3_length(from), aside = v3_length(v3_cross(from, before)) / (z * v3_length(before));
-    double known = t->point < 0 ? 0 : points_depth_variance(&l->points[t->point], camera_from_world);
-    return hypot(CHANGE_PX, l->lens.fx / z * (known > 0 ? sqrt(known) : depth_sigma(z)) * aside);
+    return hypot(CHANGE_PX, l->lens.fx / z * depth_sigma(z) * aside);
 }
 
 // What the tracks say, for a fit. Returns how many.

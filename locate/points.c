@@ -70,18 +70,16 @@ static double between(const float c[6], struct vec3 r, struct vec3 q)
     return v3_dot(r, cq);
 }
 
-static bool is_known(const struct place_point *p) { return p->covariance[0] + p->covariance[3] + p->covariance[5] > 0; }
-
 void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
                        const struct pose *camera_from_world, double out[3])
 {
     struct vec3 p = pose_apply(*camera_from_world, point->world);
     feature_covariance(f, out);
-    if (!is_known(point) || !(p.z > 0.1)) {
-        for (int i = 0; i < 3; i++)
-            out[i] *= 2;
+    // The sweep's pictures showed it no better, and an edge leads all of them astray alike.
+    for (int i = 0; i < 3; i++)
+        out[i] *= 2;
+    if (!(p.z > 0.1))
         return;
-    }
     // How far the picture of the point moves with it, world axes.
     struct quat back = quat_conjugate(camera_from_world->rotation);
     struct vec3 x = quat_rotate(back, v3(lens->fx / p.z, 0, -lens->fx * p.x / (p.z * p.z)));
