@@ -24,11 +24,7 @@ static uint8_t rgb[BYTES];
 static int enter(void **state)
 {
     (void)state;
-    struct world_options o = world_default_options();
-    o.motion = "still";
-    o.threads = 2;
-    EXPECT_STATUS(world_open(&room.world, &o), OK);
-    room.place = film_mapped_place(room.world, SWEEP, &room.world_from_place);
+    room.place = film_mapped_place(&room.world, SWEEP, &room.world_from_place);
     room.lens = world_viewer_calibration(1).color;
     for (int i = 0; i < VIEWS; i++) {
         room.truth[i] = world_viewer_pose(room.world, world_seconds(room.world) * (i + 0.4) / VIEWS);

@@ -42,11 +42,7 @@ static double time_of(int picture) { return (picture + 1) / HZ; }
 static int enter(void **state)
 {
     (void)state;
-    struct world_options o = world_default_options();
-    o.motion = "still";
-    o.threads = 2;
-    EXPECT_STATUS(world_open(&room.world, &o), OK);
-    room.place = film_mapped_place(room.world, SWEEP, &room.world_from_place);
+    room.place = film_mapped_place(&room.world, SWEEP, &room.world_from_place);
     room.lens = world_viewer_calibration(1).color;
     for (int r = 0; r < FILMS; r++)
         for (int i = 0; i < PICTURES; i++) {
