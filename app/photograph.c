@@ -62,7 +62,7 @@ enum status photograph_take(const struct brush *b, struct gpu *gpu, const struct
     uint8_t *rgba = malloc((size_t)width * (size_t)height * 4);
     if (!rgba)
         return fail(ERR_MEMORY, "out of memory");
-    enum status status = gpu_target_open(&target, gpu, width, height, 1);
+    enum status status = gpu_target_open(&target, gpu, width, height);
     const struct ui_input input = {.width_px = width, .height_px = height, .px_per_dp = ui_px_per_dp(b->ui)};
     if (status == OK)
         status = ui_begin(b->ui, &input);

@@ -47,7 +47,7 @@ static bool went_on(void *self, double share)
 // The room is quickly made, and not worth a sentence where it fails.
 static void make_room(struct preparation *p, struct recording *recording, struct take *take)
 {
-    const struct likeness_watch watch = {wanted, p};
+    const struct likeness_watch watch = {.went_on = wanted, .self = p};
     struct place place = {0};
     if (recording_read_place(recording, &place) != OK || room_make(&p->room, &place, take, &watch) != OK)
         p->room = (struct room){0};
@@ -56,7 +56,7 @@ static void make_room(struct preparation *p, struct recording *recording, struct
 
 static enum status make(struct preparation *p)
 {
-    const struct likeness_watch watch = {went_on, p};
+    const struct likeness_watch watch = {.went_on = went_on, .self = p};
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;

@@ -158,7 +158,7 @@ static bool prepared(void *self, double share)
 static enum status open_painter(struct run *r)
 {
     struct progress progress;
-    const struct likeness_watch watch = {prepared, &progress};
+    const struct likeness_watch watch = {.went_on = prepared, .self = &progress};
     struct painter_options how = painter_default_options();
     how.detail = r->arguments->detail;
     how.sources = r->arguments->layers;

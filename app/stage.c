@@ -1,13 +1,19 @@
 #include "app/stage.h"
 
+#include "app/ahead.h"
 #include "app/preparation.h"
+#include "platform/clock.h"
 #include "reenact/motion.h"
 #include "reenact/painter.h"
 
 #include <stdlib.h>
 #include <string.h>
 
+enum { PICTURES_AHEAD = 3 };
+static const int64_t JUMP_NS = 500000000; // of the take, from picture to picture: more than anybody plays
+
 struct stage {
+    char *path, *take_name;
     struct gpu *gpu;
     struct recording *recording;
     struct take *take;
@@ -16,6 +22,9 @@ struct stage {
     struct motion *motion;
     struct painter *painter; // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
+    struct ahead *ahead;             // NULL: the painter has no likeness yet
+    int64_t last_drawn_ns;              // by the clock
+    int64_t last_time_ns, last_step_ns; // of the take: of the picture before, and from the one before that to it
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
     int sources_width, sources_height;
@@ -58,7 +67,11 @@ enum status stage_open(struct stage **out, struct gpu *gpu, const struct stage_o
         return fail(ERR_MEMORY, "out of memory");
     s->gpu = gpu;
     s->inset_frame = -1;
-    enum status status = recording_open(&s->recording, path);
+    s->path = strdup(path);
+    s->take_name = strdup(take);
+    enum status status = s->path && s->take_name ? OK : fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = recording_open(&s->recording, path);
     if (status == OK)
         status = take_open(&s->take, s->recording, take);
     if (status == OK)
@@ -85,6 +98,7 @@ void stage_close(struct stage **out)
     if (!s)
         return;
     preparation_close(&s->preparation);
+    ahead_close(&s->ahead); // before the painter, whose likeness it uses
     gpu_texture_close(&s->sources);
     gpu_texture_close(&s->inset);
     painter_close(&s->painter);
@@ -95,6 +109,8 @@ void stage_close(struct stage **out)
     recording_free(&s->recording);
     free(s->codes);
     free(s->colors);
+    free(s->path);
+    free(s->take_name);
     free(s);
     *out = NULL;
 }
@@ -104,6 +120,13 @@ int64_t stage_frames(const struct stage *s) { return take_frame_count(s->take); 
 int64_t stage_length_ns(const struct stage *s)
 {
     return take_entry(s->take, stage_frames(s) - 1)->time_ns - take_entry(s->take, 0)->time_ns;
+}
+
+// From one recorded frame to the next.
+static int64_t frame_step_ns(const struct stage *s)
+{
+    int64_t frames = stage_frames(s);
+    return frames > 1 ? stage_length_ns(s) / (frames - 1) : 1;
 }
 
 struct orbit stage_orbit(const struct stage *s) { return s->orbit; }
@@ -291,7 +314,79 @@ enum status stage_prepare(struct stage *s)
     return status < 0 ? status : given < 0 ? given : walls;
 }
 
-static enum status draw_actor(struct stage *s, const struct stage_look *look, struct stage_picture *out)
+// How far the take goes from one picture to the next: as far as from the last to this one, or as before that where one
+// was left out; from recorded frame to recorded frame where it jumped.
+static int64_t step_ahead(struct stage *s, const struct stage_look *look)
+{
+    const int64_t each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
+    int64_t step = ((look->time_ns - s->last_time_ns) % round_ns + round_ns) % round_ns;
+    step = step > 0 && step < JUMP_NS ? step : each_ns;
+    int64_t least = s->last_step_ns > 0 && s->last_step_ns < step ? s->last_step_ns : step;
+    s->last_time_ns = look->time_ns;
+    s->last_step_ns = step;
+    return least;
+}
+
+// The frame shown at that time joins the list, unless it is there or the painter keeps it. The new count.
+static int list_frame(const struct stage *s, int64_t time_ns, int64_t frames[AHEAD_MOST], int count)
+{
+    struct moment moment;
+    if (count == AHEAD_MOST || motion_at(s->motion, time_ns, false, &moment) != OK ||
+        painter_keeps(s->painter, moment.frame))
+        return count;
+    for (int i = 0; i < count; i++)
+        if (frames[i] == moment.frame)
+            return count;
+    frames[count] = moment.frame;
+    return count + 1;
+}
+
+// The first of the pictures to come whose frame can still be ready in time: 1 is the next one.
+static int first_in_time(struct stage *s)
+{
+    const int64_t now_ns = clock_now_ns(), between_ns = now_ns - s->last_drawn_ns;
+    s->last_drawn_ns = now_ns;
+    int64_t late = between_ns > 0 ? ahead_takes_ns(s->ahead) / between_ns : 0;
+    return 1 + (int)(late < PICTURES_AHEAD ? late : PICTURES_AHEAD);
+}
+
+// The frames of the pictures to come. A camera's pictures come a little sooner or later than they should.
+static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t frames[AHEAD_MOST])
+{
+    const int64_t step = step_ahead(s, look), each_ns = frame_step_ns(s), round_ns = stage_length_ns(s) + each_ns;
+    const int64_t early_late_ns[] = {0, -each_ns / 4, each_ns / 4};
+    const int first = first_in_time(s);
+    int count = 0;
+    for (int k = first; k < first + PICTURES_AHEAD && look->playing; k++)
+        for (int i = 0; i < 3; i++) {
+            int64_t at_ns = look->time_ns + k * step + early_late_ns[i];
+            if (at_ns < round_ns || look->loop)
+                count = list_frame(s, at_ns % round_ns, frames, count);
+        }
+    return count;
+}
+
+// What was loaded for this picture goes to the painter, and what is to come is asked for.
+static enum status use_ahead(struct stage *s, const struct stage_look *look, int64_t frame)
+{
+    const struct likeness *likeness = painter_likeness(s->painter);
+    const struct ahead_options how = {s->path, s->take_name, likeness};
+    struct loaded_frame loaded;
+    int64_t next[AHEAD_MOST];
+    enum status status = OK;
+    if (!likeness)
+        return OK;
+    if (!s->ahead)
+        status = ahead_start(&s->ahead, &how);
+    if (status == OK && !painter_keeps(s->painter, frame) && ahead_take(s->ahead, frame, &loaded))
+        status = painter_give_frame(s->painter, &loaded);
+    if (status != OK)
+        return status;
+    ahead_want(s->ahead, next, frames_ahead(s, look, next));
+    return OK;
+}
+
+static enum status draw_actor(struct stage *s, const struct stage_look *look, int64_t frame, struct stage_picture *out)
 {
     struct lens lens = lens_for(look);
     struct part_map viewer_from_room = part_map_of(pose_inverse(look->world_from_camera));
@@ -307,7 +402,9 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, st
         return status;
     painter_set_sources(s->painter, look->sources);
     painter_set_error(s->painter, look->error_px);
-    status = painter_draw(s->painter, &view, &result);
+    status = frame >= 0 ? use_ahead(s, look, frame) : OK;
+    if (status == OK)
+        status = painter_draw(s->painter, &view, &result);
     if (status != OK)
         return status;
     out->actor = painter_actor_texture(s->painter);
@@ -329,7 +426,7 @@ enum status stage_draw(struct stage *s, const struct stage_look *look, struct st
     if (there)
         place_skeleton(s, look, &moment, out);
     if (!look->nobody)
-        status = draw_actor(s, look, out);
+        status = draw_actor(s, look, there ? moment.frame : -1, out);
     if (status == OK && look->inset && there)
         status = show_inset(s, moment.frame, out);
     return status;

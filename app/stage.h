@@ -32,6 +32,7 @@ struct stage_look {
     struct lens lens;              // of the picture to draw into
     struct pose world_from_camera;
     int64_t time_ns;               // of the take
+    bool playing, loop;            // what will be looked at next
     struct placement placement;
     double fineness;               // 0..1: the share of the picture's size that the actor is drawn at
     double error_px;               // that he may be wrong by where drawing less is quicker

@@ -204,6 +204,8 @@ static struct stage_look look_now(struct tablet *t, const struct tablet_glass *g
     const struct sight *sight = s->orbiting ? NULL : t->sight;
     struct stage_look look;
     memset(&look, 0, sizeof look); // it is compared byte by byte
+    look.playing = s->player.playing;
+    look.loop = s->player.loop;
     look.placement = s->placement;
     look.fineness = t->options.fixed_fineness ? 1 : governor_scale(&t->governor);
     look.error_px = s->error_px;

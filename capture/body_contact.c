@@ -9,7 +9,7 @@ double body_floor(const struct fit_task *task, const struct body_build *build, s
         return 0;
     double lowest = 1e9;
     int standing = -1;
-    for (int i = 0; i < SOLID_COUNT; i++) {
+    for (int i = 0; i < SOLID_TAILS; i++) {
         const struct body_solid *s = &build->solid[i];
         bool foot = s->segment == SEG_LEFT_FOOT || s->segment == SEG_RIGHT_FOOT;
         double sum = 0;

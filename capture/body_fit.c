@@ -15,6 +15,9 @@
 #define BESIDE_RATE 0.4   // of that weight beside the person: the mask ends where readings do, a little short of the rim
 #define FREE_REACH_M 0.25  // beyond this a sample's pull fades
 
+#define TAILS_SWING 0.5   // so much of what pulls at a hem pulls at the thighs, not at the hips
+#define BEYOND_M 1e3       // off a tube that a place lies beyond the end of
+
 // How the build changes with each factor of the shape.
 struct shape_slope {
     struct vec3 a[SOLID_COUNT], b[SOLID_COUNT];
@@ -54,6 +57,10 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
         double rest = fabs(beside) > width && width > 0 ? fabs(beside) - width : width > 0 ? 0 : fabs(beside);
         double away = sqrt(fmax(0, v3_dot(off, off) - beside * beside + rest * rest));
         along += l->slope * away / l->length;
+    }
+    if (s->open && along > 1) {
+        out->distance = BEYOND_M;
+        return;
     }
     double t = along < 0 ? 0 : along > 1 ? 1 : along;
     double width = s->width_a + (s->width_b - s->width_a) * t, radius = s->radius_a + (s->radius_b - s->radius_a) * t;
@@ -124,7 +131,7 @@ static void find_slopes(const struct body_shape *shape, const struct body_pose *
         struct body_build moved;
         other.log[k] += d;
         body_build(&other, pose, &moved);
-        for (int i = 0; i < SOLID_COUNT; i++) {
+        for (int i = 0; i < build->solids; i++) {
             const struct body_solid *m = &moved.solid[i], *o = &build->solid[i];
             slope[k].a[i] = v3_scale(v3_sub(m->a, o->a), 1 / d);
             slope[k].b[i] = v3_scale(v3_sub(m->b, o->b), 1 / d);
@@ -145,7 +152,7 @@ struct bounds {
 
 static void find_bounds(const struct body_build *build, struct bounds *bounds)
 {
-    for (int i = 0; i < SOLID_COUNT; i++) {
+    for (int i = 0; i < build->solids; i++) {
         const struct body_solid *s = &build->solid[i];
         bounds->line[i] = solid_line(s);
         struct vec3 centre = v3_mix(s->a, s->b, 0.5);
@@ -172,11 +179,11 @@ static struct nearest find_nearest(const struct body_build *build, const struct 
     if (guess >= 0)
         try_solid(build, bounds->line, guess, p, view, &best);
     float away2[SOLID_COUNT], x = (float)p.x, y = (float)p.y, z = (float)p.z;
-    for (int k = 0; k < SOLID_COUNT; k++) {
+    for (int k = 0; k < build->solids; k++) {
         float dx = x - bounds->x[k], dy = y - bounds->y[k], dz = z - bounds->z[k];
         away2[k] = dx * dx + dy * dy + dz * dz;
     }
-    for (int k = 0; k < SOLID_COUNT; k++) {
+    for (int k = 0; k < build->solids; k++) {
         float reach = (float)fabs(best.distance) + bounds->radius[k];
         if (k != guess && away2[k] <= reach * reach)
             try_solid(build, bounds->line, k, p, view, &best);
@@ -208,8 +215,11 @@ static double add_points(const struct fit_task *task, const struct body_build *b
         struct vec3 normal = surface_normal(s, &best, p, view);
         if (slope)
             shape_row(slope, s, best.solid, best.t, best.side_m, normal, row);
-        fit_system_pull(system, build, s->segment, v3_add(best.on, v3_scale(normal, radius)), normal,
-                        best.distance, weight * fade * fade, slope ? row : NULL);
+        struct vec3 at = v3_add(best.on, v3_scale(normal, radius));
+        double pull = weight * fade * fade, swing = s->open ? TAILS_SWING * best.t : 0; // a hem moves with the thighs
+        for (int leg = SEG_LEFT_THIGH; swing > 0 && leg <= SEG_RIGHT_THIGH; leg += SEG_RIGHT_THIGH - SEG_LEFT_THIGH)
+            fit_system_pull(system, build, (enum segment)leg, at, normal, best.distance, 0.5 * swing * pull, NULL);
+        fit_system_pull(system, build, s->segment, at, normal, best.distance, (1 - swing) * pull, slope ? row : NULL);
     }
     return energy;
 }
@@ -278,7 +288,7 @@ static double add_free_space(const struct fit_task *task, const struct body_buil
 {
     double energy = 0;
     memset(out->limb_energy, 0, sizeof out->limb_energy);
-    for (int i = 0; i < SOLID_COUNT; i++) {
+    for (int i = 0; i < build->solids; i++) {
         double cost = add_free_solid(task, build, i, system);
         out->limb_energy[build->solid[i].segment] += cost;
         energy += cost;
@@ -323,7 +333,7 @@ static void judge(const struct fit_task *task, const struct body_pose *pose, con
     body_build(shape, pose, &out->build);
     out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, out, NULL) +
                   body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) +
-                  body_prior_limits(pose, NULL, NULL);
+                  body_prior_limits(shape, pose, NULL, NULL);
 }
 
 void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
@@ -373,7 +383,7 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
         body_floor(task, &out->build, &system);
         body_collisions(&out->build, out->limb_energy, &system);
         fit_system_gather(&system, &out->build);
-        body_prior_limits(&pose, &system.h[0][0], system.g);
+        body_prior_limits(&shape, &pose, &system.h[0][0], system.g);
         body_prior_expected(&pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
         double x[FIT_COUNT] = {0};
         if (!fit_system_solve(&system, 0.01, x))

@@ -52,7 +52,7 @@ struct solid_rule {
     {SEG_##side##_FOOT, {0, -0.018, -0.012}, {0, -0.026, 0.095}, 0, 0, 0.0215, 0.0170, SHAPE_HIPS, SHAPE_SHIN,          \
      SHAPE_LEG_GIRTH}
 
-static const struct solid_rule solid_rule[SOLID_COUNT] = {
+static const struct solid_rule solid_rule[SOLID_TAILS] = {
     {SEG_PELVIS, {0, -0.050, 0.022}, {0, 0.012, 0.028}, 0.026, 0.020, 0.072, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_HIP_GIRTH},
     {SEG_ABDOMEN, {0, 0.020, 0.032}, {0, 0.115, 0.034}, 0.012, 0.010, 0.067, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_WAIST_GIRTH},
     {SEG_CHEST, {0, 0.0, 0.034}, {0, 0.094, 0.030}, 0.010, 0.028, 0.072, 0.067, SHAPE_SHOULDERS, SHAPE_TORSO, SHAPE_CHEST_GIRTH},
@@ -88,6 +88,26 @@ static struct vec3 turned(double m[3][3], struct vec3 v)
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
 }
 
+// From the waist down, as wide as the hips there, round the middle between the thighs.
+static void add_tails(const struct body_shape *shape, double hip_girth, struct body_build *out)
+{
+    struct body_solid *s = &out->solid[SOLID_TAILS];
+    const struct body_solid *hips = &out->solid[0];
+    struct vec3 down = v3(0, -1, 0), left = turned(out->axes[SEG_LEFT_THIGH], down), right = turned(out->axes[SEG_RIGHT_THIGH], down),
+                along = v3_unit(v3_add(turned(out->axes[SEG_PELVIS], v3_scale(down, 0.3)), v3_add(left, right)));
+    s->segment = SEG_PELVIS;
+    s->a = v3_add(out->origin[SEG_PELVIS], turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth)));
+    s->b = v3_add(out->origin[SEG_PELVIS], v3_scale(along, shape->hem_m));
+    along = v3_unit(v3_sub(s->b, s->a));
+    s->side = v3_unit(v3_sub(hips->side, v3_scale(along, v3_dot(hips->side, along))));
+    s->width_a = hips->width_b;
+    s->radius_a = hips->radius_b;
+    s->width_b = 0.25 * shape->hem_radius_m;
+    s->radius_b = 0.75 * shape->hem_radius_m;
+    s->open = true;
+    out->solids = SOLID_COUNT;
+}
+
 void body_build(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out)
 {
     double factor[SHAPE_COUNT];
@@ -115,7 +135,7 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
                 out->axes[s][r][c] = p[r][0] * own[0][c] + p[r][1] * own[1][c] + p[r][2] * own[2][c];
             }
     }
-    for (int i = 0; i < SOLID_COUNT; i++) {
+    for (int i = 0; i < SOLID_TAILS; i++) {
         const struct solid_rule *rule = &solid_rule[i];
         double wide = factor[rule->wide], tall = factor[rule->tall], girth = factor[rule->girth];
         struct vec3 a = v3(rule->a.x * wide, rule->a.y * tall, rule->a.z * girth),
@@ -129,7 +149,11 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
         solid->width_b = rule->width_b * girth;
         solid->radius_a = rule->radius_a * girth;
         solid->radius_b = rule->radius_b * girth;
+        solid->open = false;
     }
+    out->solids = SOLID_TAILS;
+    if (shape->hem_m > 0)
+        add_tails(shape, factor[SHAPE_HIP_GIRTH], out);
     static const struct { enum joint joint; enum segment segment; } at_origin[] = {
         {JOINT_NECK, SEG_HEAD}, {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
         {JOINT_LEFT_HAND, SEG_LEFT_HAND}, {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM},

@@ -1,5 +1,5 @@
-// A person made of 18 stiff segments and 19 rounded shapes: what the tracker
-// lays into the depth picture.
+// A person made of 18 stiff segments and 19 rounded shapes, 20 in a skirt or a coat:
+// what the tracker lays into the depth picture.
 //
 // Body axes of every segment at rest (standing, arms hanging): x to the
 // person's left, y up, z ahead. A pose is the pelvis in the camera and one turn
@@ -34,6 +34,7 @@ enum shape_factor {
 
 struct body_shape {
     double log[SHAPE_COUNT];
+    double hem_m, hem_radius_m; // a skirt or a coat's tails: from the waist joint down to the hem, half as wide there; 0: none
 };
 
 #define BODY_AVERAGE_HEIGHT_M 1.72
@@ -50,15 +51,17 @@ struct body_solid {
     enum segment segment;
     struct vec3 a, b, side; // side: unit, square to b - a
     double width_a, width_b, radius_a, radius_b;
+    bool open; // a tube: nothing of it is beyond b
 };
 
-enum { SOLID_COUNT = 19 };
+enum { SOLID_TAILS = 19, SOLID_COUNT }; // the tails hang about the legs and hide them
 
 struct body_build {
     struct vec3 origin[SEG_COUNT];      // the joint a segment turns about
     double axes[SEG_COUNT][3][3];       // camera_from_segment, rotation matrix
     double parent_axes[SEG_COUNT][3][3]; // camera_from_parent; identity for the pelvis
     struct body_solid solid[SOLID_COUNT];
+    int solids;                          // so many are there: without tails one less
     struct vec3 joint[JOINT_COUNT];
 };
 

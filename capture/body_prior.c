@@ -25,6 +25,7 @@ static const struct turn_rule turn_rule[SEG_COUNT] = {
     LEG_RULES(RIGHT),
 };
 
+#define TAILS_HOLD 0.5 // of the rest's sigma, for legs in a skirt or a coat: it lets them go less far, and hides where
 #define ROOT_STEP_M 0.03
 
 static void add_block(double *h, int at, double block[3][3])
@@ -74,12 +75,14 @@ static double add_limit(int s, struct quat now, struct vec3 n, double limit, dou
     return 0.5 * w * over * over;
 }
 
-double body_prior_limits(const struct body_pose *pose, double *h, double *g)
+double body_prior_limits(const struct body_shape *shape, const struct body_pose *pose, double *h, double *g)
 {
     double energy = 0;
     const struct quat rest = {0, 0, 0, 1};
-    for (int s = 1; s < SEG_COUNT; s++)
-        energy += add_turn(s, pose->turn[s], rest, turn_rule[s].rest, turn_rule[s].rest_twist, h, g);
+    for (int s = 1; s < SEG_COUNT; s++) {
+        double held = shape->hem_m > 0 && s >= SEG_LEFT_THIGH ? TAILS_HOLD : 1;
+        energy += add_turn(s, pose->turn[s], rest, held * turn_rule[s].rest, held * turn_rule[s].rest_twist, h, g);
+    }
     for (int side = 0; side < 2; side++) {
         int shin = side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN, forearm = side ? SEG_RIGHT_FOREARM : SEG_LEFT_FOREARM,
             thigh = side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH, arm = side ? SEG_RIGHT_UPPER_ARM : SEG_LEFT_UPPER_ARM;
@@ -92,7 +95,9 @@ double body_prior_limits(const struct body_pose *pose, double *h, double *g)
         energy += add_limit(forearm, pose->turn[forearm], v3(0, 1, 0), 0.85, 0.10, h, g);
         // A thigh goes far ahead, little back, little across.
         energy += add_limit(thigh, pose->turn[thigh], v3(0, 0, -1), 0.40, 0.10, h, g);
-        energy += add_limit(thigh, pose->turn[thigh], v3(-out, 0, 0), 0.35, 0.10, h, g);
+        // and within a skirt still less: what it hides may not be taken for legs that cross.
+        bool tails = shape->hem_m > 0;
+        energy += add_limit(thigh, pose->turn[thigh], v3(-out, 0, 0), tails ? 0.10 : 0.35, 0.10, h, g);
         // An arm goes across the chest, but not through the back.
         energy += add_limit(arm, pose->turn[arm], v3_unit(v3(-out, 0, -0.6)), 0.45, 0.15, h, g);
         energy += add_limit(arm, pose->turn[arm], v3(0, 0, -1), 0.85, 0.15, h, g);

@@ -1,5 +1,6 @@
 #include "capture/tracker.h"
 
+#include "capture/body_hem.h"
 #include "capture/body_steady.h"
 #include "capture/segment.h"
 #include "capture/tracker_start.h"
@@ -8,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2 };
+enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2, HEM_EVERY = 4, HEM_PICTURES = 8 };
 
 #define ELSEWHERE_M 0.08 // a limb that a search moves further than this was lost
 
@@ -26,6 +27,7 @@ struct tracker {
     bool moving;                     // `before` is there
     struct shape_belief shape;
     double learned_s;
+    struct hem_belief hem;
     struct body_pose taught;         // the last one that taught much of the shape
     int64_t lost_since_ns;           // 0: in sight
     int poor_frames, frames;
@@ -143,7 +145,7 @@ static struct body_pose predicted(const struct tracker *t, int64_t time_ns)
 static int body_balls(const struct body_build *build, struct ball balls[BALLS_MAX])
 {
     int count = 0;
-    for (int i = 0; i < SOLID_COUNT; i++) {
+    for (int i = 0; i < build->solids; i++) {
         const struct body_solid *s = &build->solid[i];
         for (int k = 0; k < 4; k++) {
             double t = k / 3.0;
@@ -249,7 +251,8 @@ static double backwards_odds(const struct tracker *t)
 // likelier for a while; it is then in room->trial.
 static bool is_otherwise(struct tracker *t, const struct fit_task *task)
 {
-    // A fresh fit of any pose gains about a tenth; legs that are badly explained gain more.
+    // A fresh fit of any pose gains about a tenth; legs that are badly explained gain more. Of
+    // those in a skirt there is less to see, and the two ways are fitted alike.
     double energy = t->room->best.energy;
     int every = t->frames < TURN_START ? TURN_EVERY / 2 : TURN_EVERY;
     if (!is_whole(t->evidence)) // without feet nothing tells
@@ -257,8 +260,9 @@ static bool is_otherwise(struct tracker *t, const struct fit_task *task)
     if (t->frames % every == 0)
         return t->turned = is_likelier(&t->turned_evidence,
                                        turned_round_gain(task, t->room) - 0.1 * energy + backwards_odds(t), 20);
+    bool tails = task->shape.mean.hem_m > 0;
     return t->frames % every == every / 2 &&
-           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - 0.2 * energy, 20);
+           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - (tails ? 0.02 : 0.2) * energy, tails ? 10 : 20);
 }
 
 // An arm may hide before the trunk so that nothing is left unexplained: one arm a frame is thought over.
@@ -270,6 +274,34 @@ static void reconsider_arm(struct tracker *t, struct fit_task *task, int arm)
     limb_copy(arm, &t->room->trial.pose, &task->expected);
     task->expected_sigma = 2;
     body_fit(task, &task->expected, &t->room->best);
+}
+
+// The person turns out to wear a skirt or a coat, or none: what was learned so far was not their shape.
+static void dress_otherwise(struct tracker *t)
+{
+    double scale_log = t->shape.mean.log[SHAPE_SCALE];
+    t->shape = shape_belief_start();
+    t->shape.mean.log[SHAPE_SCALE] = scale_log;
+    t->learned_s = 0;
+}
+
+// What the pictures say of a hem goes into the shape, for as long as that is learned.
+static void learn_hem(struct tracker *t, const struct fit_task *task)
+{
+    const struct body_build *build = &t->room->best.build;
+    double height = exp(t->shape.mean.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    struct vec3 spine = v3(build->axes[SEG_PELVIS][0][1], build->axes[SEG_PELVIS][1][1], build->axes[SEG_PELVIS][2][1]);
+    struct hem hem;
+    if (v3_dot(spine, task->up) < 0.95 || !hem_find(task, height, &hem)) // bent, it hangs elsewhere
+        return;
+    hem_learn(&t->hem, &hem, v3_dot(task->up, build->origin[SEG_PELVIS]) + task->floor_m);
+    if (t->hem.count < HEM_PICTURES)
+        return;
+    bool wears = t->shape.mean.hem_m > 0, worn = hem_is_worn(t->hem.narrow, t->hem.wide_m, height, wears);
+    if (worn != wears)
+        dress_otherwise(t);
+    t->shape.mean.hem_m = worn ? t->hem.below_m : 0;
+    t->shape.mean.hem_radius_m = worn ? 0.5 * t->hem.wide_m : 0;
 }
 
 // Lays the body into this frame from where it is expected. False: it is not there.
@@ -321,6 +353,8 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         learn_shape(t, task, best, passed_s);
     else
         t->learned_s += passed_s;
+    if (task->learn_shape && t->frames % HEM_EVERY == 0)
+        learn_hem(t, task);
     return true;
 }
 
@@ -334,6 +368,7 @@ static bool start(struct tracker *t, struct fit_task *task)
     t->shape.mean = t->room->best.shape;
     t->taught = t->room->best.pose;
     t->learned_s = 0;
+    t->hem = (struct hem_belief){0};
     t->frames = 0;
     return true;
 }

@@ -178,10 +178,11 @@ double legs_swapped_gain(const struct fit_task *given, struct fit_room *room)
     struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]),
                 left = best->build.origin[SEG_LEFT_FOOT], right = best->build.origin[SEG_RIGHT_FOOT];
     struct body_pose one = reach_for(best, &limb[2], right, ahead), other = reach_for(best, &limb[3], left, ahead),
-                     pose = best->pose;
+                     pose = best->pose, now = best->pose;
     for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
         pose.turn[s] = s <= SEG_LEFT_FOOT ? one.turn[s] : other.turn[s];
-    return gain_of(given, &pose, 2, room);
+    double fresh = best->shape.hem_m > 0 ? gain_of(given, &now, 2, room) : 0;
+    return gain_of(given, &pose, 2, room) - fresh;
 }
 
 double limb_moved_m(int k, const struct body_build *from, const struct body_build *to)
@@ -226,12 +227,12 @@ static double other_distance(const struct fit_result *r, const struct limb *l, i
     if (r->solid[i] < l->first || r->solid[i] >= l->first + LIMB_SOLIDS)
         return (double)r->residual[i];
     double least = 1e9;
-    for (int k = 0; k < SOLID_COUNT; k++) {
+    for (int k = 0; k < r->build.solids; k++) {
         struct vec3 normal, on;
         double t, side_m;
         if (k == l->first)
             k += LIMB_SOLIDS;
-        if (k == SOLID_COUNT)
+        if (k == r->build.solids)
             break;
         double d = solid_distance(&r->build.solid[k], p, &normal, &on, &t, &side_m);
         least = fabs(d) < fabs(least) ? d : least;

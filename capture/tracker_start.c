@@ -1,10 +1,12 @@
 #include "capture/tracker_start.h"
 
+#include "capture/body_hem.h"
 #include <stdlib.h>
 #include <string.h>
 
 enum { YAWS = 8 };
 #define BACK_RATE 2.0
+#define WAIST_RATE 0.571 // the waist joint, of body height over the floor
 #define PI 3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
@@ -102,6 +104,16 @@ static double fit_start(struct fit_task *task, const struct body_pose *pose, str
     return energy;
 }
 
+// What looks like a skirt or a coat is taken for one until more pictures have been seen.
+static void put_tails_on(struct fit_task *task, double height_m)
+{
+    struct hem hem;
+    if (!hem_find(task, height_m, &hem) || !hem_is_worn(hem.narrow, hem.wide_m, height_m, false))
+        return;
+    task->shape.mean.hem_m = WAIST_RATE * height_m - hem.level_m;
+    task->shape.mean.hem_radius_m = 0.5 * hem.wide_m;
+}
+
 bool start_search(struct fit_task *task, struct fit_room *room)
 {
     struct start s;
@@ -112,6 +124,7 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     task->shape.mean.log[SHAPE_SCALE] = scale_log;
     if (!s.cut && !s.beheaded) // arms up, knees bent and shoes leave some doubt
         task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (0.06 * 0.06);
+    put_tails_on(task, s.height);
     task->learn_shape = false;
     // The waist joint: 0.571 of the height up, behind the trunk's surface.
     double waist = s.top - 0.429 * s.height - task->floor_m;

@@ -27,14 +27,6 @@ struct quat quat_multiply(struct quat a, struct quat b)
     };
 }
 
-struct vec3 quat_rotate(struct quat q, struct vec3 v)
-{
-    // v + 2 w (u x v) + 2 u x (u x v), u the vector part
-    struct vec3 u = v3(q.x, q.y, q.z);
-    struct vec3 t = v3_scale(v3_cross(u, v), 2);
-    return v3_add(v, v3_add(v3_scale(t, q.w), v3_cross(u, t)));
-}
-
 struct quat quat_from_rotation_vector(struct vec3 r)
 {
     double angle = v3_length(r);

@@ -111,11 +111,9 @@ static enum status ask_limits(struct gpu *g)
     glGetIntegerv(GL_MAJOR_VERSION, &major);
     if (major < 3)
         return fail(ERR_DEVICE, "the graphics context is OpenGL ES %d, version 3 is needed", (int)major);
-    GLint size = 0, samples = 0;
+    GLint size = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    glGetIntegerv(GL_MAX_SAMPLES, &samples);
     g->max_size = size;
-    g->max_samples = samples;
     const char *renderer = (const char *)glGetString(GL_RENDERER);
     size_t length = renderer ? strnlen(renderer, sizeof g->renderer - 1) : 0;
     if (length)
@@ -435,27 +433,17 @@ void gpu_mesh_close(struct gpu_mesh **m)
 
 // ---------------------------------------------------------------- targets
 
-static enum status make_target(struct gpu_target *t, int samples)
+static enum status make_target(struct gpu_target *t)
 {
     enum status status = make_texture(&t->texture, GPU_NEAREST, NULL);
     if (status != OK)
         return status;
-    glGenFramebuffers(1, &t->resolved);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->resolved);
+    glGenFramebuffers(1, &t->drawn);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
     glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t->texture.id, 0);
-    t->drawn = t->resolved;
-    if (t->multisampled) {
-        glGenFramebuffers(1, &t->drawn);
-        glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
-        glGenRenderbuffers(1, &t->color);
-        glBindRenderbuffer(GL_RENDERBUFFER, t->color);
-        glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, GL_RGBA8, t->width, t->height);
-        glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, t->color);
-    }
     glGenRenderbuffers(1, &t->depth);
     glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
-    glRenderbufferStorageMultisample(GL_RENDERBUFFER, t->multisampled ? samples : 0, GL_DEPTH_COMPONENT24, t->width,
-                                     t->height);
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, t->width, t->height);
     glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, t->depth);
     status = gpu_check(t->g);
     if (status == OK && glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
@@ -464,23 +452,21 @@ static enum status make_target(struct gpu_target *t, int samples)
     return status;
 }
 
-enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height, int samples)
+enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height)
 {
-    assert(width > 0 && height > 0 && samples >= 1);
+    assert(width > 0 && height > 0);
     *out = NULL;
     gpu_use(g);
     struct gpu_target *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
-    samples = samples < g->max_samples ? samples : g->max_samples;
     *t = (struct gpu_target){.g = g,
                              .width = width,
                              .height = height,
-                             .multisampled = samples > 1,
-                             .bytes = (size_t)width * (size_t)height * (samples > 1 ? 4 + 8 * (size_t)samples : 8),
+                             .bytes = (size_t)width * (size_t)height * 8,
                              .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
     count_made(g, t->bytes);
-    enum status status = make_target(t, samples);
+    enum status status = make_target(t);
     if (status != OK) {
         gpu_target_close(&t);
         return status;
@@ -496,10 +482,7 @@ void gpu_target_close(struct gpu_target **t)
         return;
     gpu_use((*t)->g);
     (*t)->g->counts.bytes_held -= (*t)->bytes;
-    if ((*t)->drawn != (*t)->resolved)
-        glDeleteFramebuffers(1, &(*t)->drawn);
-    glDeleteFramebuffers(1, &(*t)->resolved);
-    glDeleteRenderbuffers(1, &(*t)->color);
+    glDeleteFramebuffers(1, &(*t)->drawn);
     glDeleteRenderbuffers(1, &(*t)->depth);
     glDeleteTextures(1, &(*t)->texture.id);
     free(*t);
@@ -516,27 +499,12 @@ void gpu_target_clear(struct gpu_target *t)
     glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
 }
 
-static void resolve(struct gpu_target *t)
-{
-    if (!t->multisampled)
-        return;
-    glBindFramebuffer(GL_READ_FRAMEBUFFER, t->drawn);
-    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, t->resolved);
-    glBlitFramebuffer(0, 0, t->width, t->height, 0, 0, t->width, t->height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
-}
-
-const struct gpu_texture *gpu_target_texture(struct gpu_target *t)
-{
-    gpu_use(t->g);
-    resolve(t);
-    return &t->texture;
-}
+const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }
 
 enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 {
     gpu_use(t->g);
-    resolve(t);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->resolved);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
     glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
     return gpu_check(t->g);
 }
@@ -563,7 +531,7 @@ void gpu_draw(const struct gpu_job *job)
     if (job->depth_test) {
         glEnable(GL_DEPTH_TEST);
         glDepthFunc(GL_LESS);
-        glDepthMask(GL_TRUE);
+        glDepthMask(!job->hides_nothing);
     } else {
         glDisable(GL_DEPTH_TEST);
     }

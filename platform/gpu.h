@@ -86,14 +86,13 @@ void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats,
 void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count);
 
 // ---- targets: what is drawn into. RGBA, 8 bit, with a depth buffer
-// samples: 1, or how many a pixel has for smooth edges (fewer where the GPU has
-// not so many). ERR_DEVICE.
-MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height, int samples);
+// ERR_DEVICE.
+MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height);
 void gpu_target_close(struct gpu_target **t);
 void gpu_target_clear(struct gpu_target *t); // transparent black, the farthest depth
 
 // The picture so far as a texture, for a later job; belongs to the target.
-const struct gpu_texture *gpu_target_texture(struct gpu_target *t);
+const struct gpu_texture *gpu_target_texture(const struct gpu_target *t);
 
 // rgba[width * height * 4]. Waits for the GPU. ERR_DEVICE.
 MUST_CHECK enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba);
@@ -106,6 +105,7 @@ struct gpu_job {
     const struct gpu_texture *textures[4]; // as many as the program has samplers
     bool closed;                           // leave out triangles seen from behind: those that run clockwise
     bool depth_test;                       // the nearer one wins; else drawn over what is there
+    bool hides_nothing;                    // what is drawn later is not behind it
     bool blend;                            // colours are premultiplied and laid over what is there
     int first, count;                      // of the mesh's indices; count 0: all of them
 };

@@ -13,7 +13,7 @@ struct gpu {
     void *display, *context; // EGL's
     bool adopted;
     char renderer[128];
-    int max_size, max_samples;
+    int max_size;
     gpu_reset_status *reset_status; // NULL: the driver cannot say
     struct gpu_counts counts;
 };
@@ -43,11 +43,8 @@ struct gpu_mesh {
 struct gpu_target {
     struct gpu *g;
     int width, height;
-    bool multisampled;
     size_t bytes;
-    unsigned drawn;        // framebuffer drawn into
-    unsigned color, depth; // its renderbuffers; color only when multisampled
-    unsigned resolved;     // framebuffer around `texture`; the same as `drawn` without multisampling
+    unsigned drawn, depth; // framebuffer around `texture`, and its renderbuffer
     struct gpu_texture texture;
 };
 

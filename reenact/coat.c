@@ -1,9 +1,11 @@
 #include "reenact/coat.h"
 
+#include "platform/parallel.h"
+
 #include <stdlib.h>
 #include <string.h>
 
-enum { KEPT = 16, ROUNDS = 8, RIM_PX = 1 };
+enum { KEPT = 16, ROUNDS = 8, RIM_PX = 1, THREADS = 2, STRETCH = 4096 };
 
 static const double LEAST_FACING = 0.25; // cosine towards the camera
 static const double NEAR_M = 0.05;       // the reading that vouches for a place lies this near
@@ -135,28 +137,44 @@ static float lit(const struct light *light, const float n[3])
     return fminf(fmaxf(sum, LIGHT_LEAST), LIGHT_MOST);
 }
 
-// The point's own colour in the mean light; false: nobody saw it.
-static bool own_color(const struct word words[KEPT], const struct light *light, bool robust, float color[3])
+// The light on each word's side of the surface.
+static void light_words(const struct word words[KEPT], const struct light *light, float on[KEPT])
 {
+    for (int k = 0; k < KEPT; k++)
+        on[k] = words[k].weight > 0 ? lit(light, words[k].normal) : 1;
+}
+
+// The point's own colour in the mean light, each word counting `odd` of its weight; false: nobody saw it.
+static bool own_color(const struct word words[KEPT], const float on[KEPT], const float odd[KEPT], float color[3])
+{
+    float sum[3] = {0}, total = 0;
+    for (int k = 0; k < KEPT; k++) {
+        if (!(words[k].weight > 0))
+            continue;
+        float w = words[k].weight * odd[k];
+        for (int c = 0; c < 3; c++)
+            sum[c] += w * on[k] * words[k].rgb[c];
+        total += w * on[k] * on[k];
+    }
+    for (int c = 0; c < 3 && total > 0; c++)
+        color[c] = sum[c] / total;
+    return total > 0;
+}
+
+// Likewise, but words that differ from the others count less.
+static bool robust_color(const struct word words[KEPT], const float on[KEPT], float color[3])
+{
+    enum { PASSES = 4 };
     float odd[KEPT];
     for (int k = 0; k < KEPT; k++)
         odd[k] = 1;
-    for (int pass = 0; pass < (robust ? 4 : 1); pass++) {
-        float sum[3] = {0}, total[3] = {0};
-        for (int k = 0; k < KEPT; k++)
-            for (int c = 0; c < 3 && words[k].weight > 0; c++) {
-                float s = lit(light, words[k].normal), w = words[k].weight * odd[k];
-                sum[c] += w * s * words[k].rgb[c];
-                total[c] += w * s * s;
-            }
-        if (!(total[0] > 0))
+    for (int pass = 0; pass < PASSES; pass++) {
+        if (!own_color(words, on, odd, color))
             return false;
-        for (int c = 0; c < 3; c++)
-            color[c] = sum[c] / total[c];
         for (int k = 0; k < KEPT; k++) {
             float off = 0;
-            for (int c = 0; c < 3; c++)
-                off += fabsf(sqrtf(words[k].rgb[c] / lit(light, words[k].normal)) - sqrtf(color[c]));
+            for (int c = 0; c < 3 && words[k].weight > 0; c++)
+                off += fabsf(sqrtf(words[k].rgb[c] / on[k]) - sqrtf(color[c]));
             odd[k] = 1 / (1 + off * off / (ODD * ODD));
             odd[k] *= odd[k];
         }
@@ -181,33 +199,85 @@ static void solve(double a[LIGHT_TERMS][LIGHT_TERMS], double b[LIGHT_TERMS])
     }
 }
 
-static void fit_light(const struct coat_maker *m, float (*colors)[3], struct light *light)
+// What all words say of the light, in the least squares' normal equations: the lower half of the matrix.
+struct saying {
+    double a[LIGHT_TERMS][LIGHT_TERMS], b[LIGHT_TERMS], size;
+};
+
+// The points in stretches, each for itself: the same sums whoever works them out.
+struct lighting {
+    const struct coat_maker *maker;
+    struct light light;
+    struct saying *saying; // of each stretch
+};
+
+static void listen(struct saying *s, const struct word *w, float on, const float color[3])
 {
-    double a[LIGHT_TERMS][LIGHT_TERMS] = {{0}}, b[LIGHT_TERMS] = {0}, size = 0;
-    for (int i = 0; i < 3 * KEPT * m->surface->point_count; i++) {
-        int point = i / (3 * KEPT), c = i % 3;
-        const struct word *w = &m->words[point][i / 3 % KEPT];
-        if (!(w->weight > 0))
-            continue;
-        float y[LIGHT_TERMS], color = colors[point][c];
-        harmonics(w->normal, y);
-        float off = w->rgb[c] - color * lit(light, w->normal);
+    float y[LIGHT_TERMS];
+    double bright = 0, seen = 0;
+    for (int c = 0; c < 3; c++) {
+        float off = w->rgb[c] - color[c] * on;
         double weight = (double)(w->weight / (1 + off * off / (ODD * ODD)));
-        for (int r = 0; r < LIGHT_TERMS; r++) {
-            for (int q = 0; q < LIGHT_TERMS; q++)
-                a[r][q] += weight * (double)(color * color * y[r] * y[q]);
-            b[r] += weight * (double)(color * y[r] * w->rgb[c]);
-        }
-        size += weight * (double)(color * color);
+        bright += weight * (double)(color[c] * color[c]);
+        seen += weight * (double)(color[c] * w->rgb[c]);
     }
-    if (!(size > 0))
+    harmonics(w->normal, y);
+    for (int r = 0; r < LIGHT_TERMS; r++) {
+        double by = bright * (double)y[r];
+        for (int q = 0; q <= r; q++)
+            s->a[r][q] += by * (double)y[q];
+        s->b[r] += seen * (double)y[r];
+    }
+    s->size += bright;
+}
+
+static void light_stretch(void *context, int stretch)
+{
+    const struct lighting *l = context;
+    const struct coat_maker *m = l->maker;
+    struct saying *s = &l->saying[stretch];
+    float on[KEPT], odd[KEPT], color[3];
+    *s = (struct saying){0};
+    for (int k = 0; k < KEPT; k++)
+        odd[k] = 1;
+    for (int i = stretch * STRETCH; i < (stretch + 1) * STRETCH && i < m->surface->point_count; i++) {
+        const struct word *words = m->words[i];
+        light_words(words, &l->light, on);
+        if (!own_color(words, on, odd, color))
+            continue;
+        for (int k = 0; k < KEPT; k++)
+            if (words[k].weight > 0)
+                listen(s, &words[k], on[k], color);
+    }
+}
+
+static int stretches(const struct coat_maker *m) { return (m->surface->point_count + STRETCH - 1) / STRETCH; }
+
+// One round: the points' colours in the light so far, then the light by these colours.
+static void fit_light(struct lighting *l)
+{
+    struct saying all = {0};
+    int count = stretches(l->maker);
+    parallel(THREADS, count, light_stretch, l);
+    for (int i = 0; i < count; i++) {
+        for (int r = 0; r < LIGHT_TERMS; r++) {
+            for (int q = 0; q <= r; q++)
+                all.a[r][q] += l->saying[i].a[r][q];
+            all.b[r] += l->saying[i].b[r];
+        }
+        all.size += l->saying[i].size;
+    }
+    if (!(all.size > 0))
         return;
+    for (int r = 0; r < LIGHT_TERMS; r++) {
+        for (int q = 0; q < r; q++)
+            all.a[q][r] = all.a[r][q];
+        all.a[r][r] += (double)STEADY * all.size;
+    }
+    all.b[0] += (double)STEADY * all.size; // towards even light
+    solve(all.a, all.b);
     for (int r = 0; r < LIGHT_TERMS; r++)
-        a[r][r] += (double)STEADY * size;
-    b[0] += (double)STEADY * size; // towards even light
-    solve(a, b);
-    for (int r = 0; r < LIGHT_TERMS; r++)
-        light->term[r] = (float)(b[r] / b[0]);
+        l->light.term[r] = (float)(all.b[r] / all.b[0]);
 }
 
 // ---------------------------------------------------------------- what nobody saw
@@ -243,29 +313,46 @@ static void fill(const struct coat_maker *m, struct coat *c)
     }
 }
 
-enum status coat_make(struct coat_maker *m, struct coat *out)
+struct coloring {
+    const struct coat_maker *maker;
+    struct coat *coat;
+};
+
+static void color_stretch(void *context, int stretch)
 {
-    size_t count = (size_t)m->surface->point_count;
-    *out = (struct coat){.color = calloc(count, sizeof *out->color),
-                         .time_s = calloc(count, sizeof *out->time_s),
-                         .filled = calloc(count, 1)};
-    if (!out->color || !out->time_s || !out->filled) {
-        coat_free(out);
-        return fail(ERR_MEMORY, "out of memory");
-    }
-    out->light.term[0] = 1;
-    for (int round = 0; round < ROUNDS; round++) {
-        for (size_t i = 0; i < count; i++)
-            own_color(m->words[i], &out->light, false, out->color[i]);
-        fit_light(m, out->color, &out->light);
-    }
-    for (size_t i = 0; i < count; i++) {
-        out->filled[i] = !own_color(m->words[i], &out->light, true, out->color[i]);
+    const struct coloring *g = context;
+    const struct coat_maker *m = g->maker;
+    struct coat *out = g->coat;
+    float on[KEPT];
+    for (int i = stretch * STRETCH; i < (stretch + 1) * STRETCH && i < m->surface->point_count; i++) {
+        light_words(m->words[i], &out->light, on);
+        out->filled[i] = !robust_color(m->words[i], on, out->color[i]);
         float best = 0;
         for (int k = 0; k < KEPT; k++)
             if (m->words[i][k].weight > best)
                 best = m->words[i][k].weight, out->time_s[i] = m->words[i][k].time_s;
     }
+}
+
+enum status coat_make(struct coat_maker *m, struct coat *out)
+{
+    size_t count = (size_t)m->surface->point_count;
+    struct lighting lighting = {.maker = m, .light = {{1}}};
+    *out = (struct coat){.color = calloc(count, sizeof *out->color),
+                         .time_s = calloc(count, sizeof *out->time_s),
+                         .filled = calloc(count, 1)};
+    lighting.saying = malloc(sizeof *lighting.saying * (size_t)stretches(m));
+    if (!out->color || !out->time_s || !out->filled || !lighting.saying) {
+        free(lighting.saying);
+        coat_free(out);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int round = 0; round < ROUNDS; round++)
+        fit_light(&lighting);
+    free(lighting.saying);
+    out->light = lighting.light;
+    struct coloring coloring = {m, out};
+    parallel(THREADS, stretches(m), color_stretch, &coloring);
     fill(m, out);
     return OK;
 }

@@ -2,12 +2,15 @@
 
 #include "platform/parallel.h"
 #include "reenact/outline.h"
+#include "reenact/sights.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { SMOOTH_PASSES = 2, TURNS = 24 };
 static const double CARRIED = 0.85; // of a frame's adjustment goes on to the next
+static const double FIRST_STEP_M = 2 * VOLUME_STEP_M; // joints are a few centimetres off: nothing finer comes of them
 
 // Which way the trunk is turned, as one of TURNS.
 static int turn_of(const struct skeleton *s)
@@ -52,42 +55,50 @@ static enum status choose_frames(struct likeness *f, const struct take *take, in
     return OK;
 }
 
-enum pass { PASS_FIRST, PASS_SHAPE, PASS_OUTLINE, PASS_COLOR, PASSES };
-
 // False: it is not wanted any more.
 static bool went_on(const struct likeness_watch *watch, double share)
 {
     return !watch || watch->went_on(watch->self, share);
 }
 
-// A frame, read ahead.
+static void begin(const struct likeness_watch *watch, enum likeness_step step)
+{
+    if (watch && watch->began)
+        watch->began(watch->self, step);
+}
+
+// A frame on its way through a pass.
 struct reading {
     struct sight sight;
-    uint8_t *rgb; // of the colours' pass: the frame's own colours, nobody else's among them
+    struct posture posture; // the person's, as far as it is known by then
+    uint8_t *rgb;           // of the colours' pass: the frame's own colours, nobody else's among them
+    struct warp *warp;      // likewise: how the frame bends the figure
     enum status status;
-    char sentence[512]; // of an error, which is known on the thread that read it
+    char sentence[512]; // of an error, which is known on the thread that met it
 };
 
-// One pass over all frames: while one is worked on, the next one is read.
+// One pass over all frames: while some are read, those before them are worked on, each for itself, and
+// what those before these say is gathered, in the frames' order.
+enum { BATCH = 2, STAGES = 3, IN_FLIGHT = BATCH * STAGES, TASKS = 4 };
+
 struct run {
     struct likeness *likeness;
     struct take *take;
-    enum pass pass;
+    struct sights *sights;
+    enum likeness_step pass;
     struct volume *into;      // of the shape's passes
     struct outline_gaps gaps; // of the outlines' pass
     struct coat_maker *coat;  // of the colours' pass
-    struct warp *warp;        // likewise
-    struct reading reading[2];
-    int frame;          // number in the list of the one that is worked on
-    enum status status; // how that went
-    char sentence[512];
+    struct reading reading[IN_FLIGHT];
+    int batch; // that is read
 };
 
 static enum status open_run(struct run *r, struct take *take, const struct source_rays *rays)
 {
+    const struct likeness *f = r->likeness;
     const struct lens *lens = &take_calibration(take)->color;
-    enum status status = OK;
-    for (int i = 0; i < 2 && status == OK; i++) {
+    enum status status = sights_open(&r->sights, take, f->frames, f->frame_count, LIKENESS_SIGHT_BYTES);
+    for (int i = 0; i < IN_FLIGHT && status == OK; i++) {
         status = sight_open(&r->reading[i].sight, take, rays);
         r->reading[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
         if (status == OK && !r->reading[i].rgb)
@@ -99,111 +110,117 @@ static enum status open_run(struct run *r, struct take *take, const struct sourc
 
 static void close_run(struct run *r)
 {
-    for (int i = 0; i < 2; i++) {
+    sights_close(&r->sights);
+    coat_close(&r->coat);
+    for (int i = 0; i < IN_FLIGHT; i++) {
         sight_close(&r->reading[i].sight);
+        warp_close(&r->reading[i].warp);
         free(r->reading[i].rgb);
     }
 }
 
-// NOTHING: it shows nobody, or has no colours where they are wanted.
-static enum status read_frame(const struct run *r, struct reading *reading, int64_t frame)
+static struct reading *reading_of(struct run *r, int i) { return &r->reading[i % IN_FLIGHT]; }
+
+static void note(struct reading *reading, enum status status)
 {
-    enum status status = sight_read(&reading->sight, r->take, frame);
-    if (status != OK || r->pass != PASS_COLOR)
+    reading->status = status;
+    if (status < 0)
+        snprintf(reading->sentence, sizeof reading->sentence, "%s", status_sentence());
+}
+
+// NOTHING: it shows nobody, or has no colours where they are wanted.
+static enum status read_frame(struct run *r, struct reading *reading, int i)
+{
+    enum status status = sights_read(r->sights, i, &reading->sight);
+    if (status != OK || r->pass != LIKENESS_COLORS)
         return status;
     struct take_pictures seen;
-    status = take_read(r->take, frame, TAKE_COLOR, &seen);
+    status = take_read(r->take, r->likeness->frames[i], TAKE_COLOR, &seen);
     if (status == OK && !seen.color)
         return NOTHING;
-    return status == OK ? sight_colors(&reading->sight, take_calibration(r->take), seen.color, reading->rgb) : status;
+    const struct lens *lens = &take_calibration(r->take)->color;
+    if (status == OK)
+        memcpy(reading->rgb, seen.color, 3 * (size_t)lens->width * (size_t)lens->height);
+    return status;
 }
 
-static void read_ahead(struct run *r, int i)
-{
-    struct reading *reading = &r->reading[i % 2];
-    if (i >= r->likeness->frame_count)
-        return;
-    reading->status = read_frame(r, reading, r->likeness->frames[i]);
-    if (reading->status < 0)
-        strncpy(reading->sentence, status_sentence(), sizeof reading->sentence - 1);
-}
-
-// Lays a frame on what is known so far.
-static void lay(struct run *r, int i, const struct posture *joints)
+// Lays a frame on what is known so far, and sorts it by that.
+static enum status lay(struct run *r, struct reading *reading, int i)
 {
     struct likeness *f = r->likeness;
-    struct reading *reading = &r->reading[i % 2];
     struct adjustment *a = &f->adjustments[i], none = adjustment_none(), start = none;
-    if (r->pass == PASS_FIRST) { // joints are wrong, but not all the same way
-        *a = none;
-    } else if (r->pass == PASS_SHAPE) {
-        if (i > 0)
-            start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
-        *a = align(f->volume, &f->rest, &reading->sight, joints, &start);
-    }
-}
-
-// NOTHING: the frame is of no use to this pass.
-static enum status one_frame(struct run *r, int i)
-{
-    struct likeness *f = r->likeness;
-    struct reading *reading = &r->reading[i % 2];
-    const struct take_entry *e = take_entry(r->take, f->frames[i]);
     struct posture joints;
-    if (reading->status != OK)
-        return reading->status < 0 ? fail(reading->status, "%s", reading->sentence) : reading->status;
-    enum status status = posture_of(&f->rest, &e->skeleton, &joints);
+    if (r->pass == LIKENESS_FIRST) // joints are wrong, but not all the same way
+        *a = none;
+    else if (r->pass == LIKENESS_SHAPE)
+        *a = i > 0 ? f->adjustments[i - 1] : none;
+    enum status status = reading->status;
+    if (status == OK)
+        status = posture_of(&f->rest, &take_entry(r->take, f->frames[i])->skeleton, &joints);
     if (status != OK)
         return status;
-    lay(r, i, &joints);
-    struct posture posture = posture_adjusted(&joints, &f->adjustments[i]);
-    if (r->pass == PASS_OUTLINE) {
-        outline_measure(f->volume, take_calibration(r->take), &reading->sight, &posture, &r->gaps);
+    if (r->pass == LIKENESS_SHAPE) {
+        if (i > 0)
+            start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
+        *a = align(f->volume, &f->rest, &reading->sight, &joints, &start);
+    }
+    reading->posture = posture_adjusted(&joints, a);
+    if (r->pass == LIKENESS_OUTLINES)
         return OK;
-    }
-    struct skeleton better = posture_skeleton(&f->rest, &posture);
+    if (r->pass == LIKENESS_COLORS)
+        status = sight_colors(&reading->sight, take_calibration(r->take), reading->rgb, reading->rgb);
+    struct skeleton better = posture_skeleton(&f->rest, &reading->posture);
     sight_label(&reading->sight, &better);
-    if (r->pass == PASS_COLOR) {
-        const struct warp_model model = {f->volume, &f->surface, f->skins};
-        warp_fit(r->warp, &model, &reading->sight, &posture);
-        coat_add(r->coat, &reading->sight, reading->rgb, &posture, r->warp, e->world_from_camera,
-                 (double)(e->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9);
-    } else {
-        volume_add(r->into, &reading->sight, &posture);
-    }
-    return OK;
+    if (r->pass != LIKENESS_COLORS)
+        return OK;
+    const struct warp_model model = {f->volume, &f->surface, f->skins};
+    warp_fit(reading->warp, &model, &reading->sight, &reading->posture);
+    return status;
 }
 
-// The two halves of a step, side by side: they share nothing that either changes.
-static void half_step(void *context, int half)
+static void gather(struct run *r, const struct reading *reading, int i)
+{
+    const struct take_entry *e = take_entry(r->take, r->likeness->frames[i]);
+    if (r->pass == LIKENESS_OUTLINES)
+        outline_measure(r->likeness->volume, take_calibration(r->take), &reading->sight, &reading->posture, &r->gaps);
+    else if (r->pass == LIKENESS_COLORS)
+        coat_add(r->coat, &reading->sight, reading->rgb, &reading->posture, reading->warp, e->world_from_camera,
+                 (double)(e->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9);
+    else
+        volume_add(r->into, &reading->sight, &reading->posture);
+}
+
+// What goes on side by side shares nothing that any of it changes. A frame is laid starting from the one before.
+static void do_task(void *context, int task)
 {
     struct run *r = context;
-    if (half == 1) {
-        read_ahead(r, r->frame + 1);
-        return;
+    int first = (r->batch - (task == 0 ? 2 : task == 3 ? 0 : 1)) * BATCH;
+    for (int i = first; i < first + BATCH && i < r->likeness->frame_count; i++) {
+        struct reading *reading = reading_of(r, i < 0 ? 0 : i);
+        bool mine = r->pass == LIKENESS_SHAPE ? task == 1 : task == 1 + i - first;
+        if (i >= 0 && task == 0 && reading->status == OK)
+            gather(r, reading, i);
+        else if (i >= 0 && (task == 1 || task == 2) && mine)
+            note(reading, lay(r, reading, i));
+        else if (task == 3)
+            note(reading, read_frame(r, reading, i));
     }
-    r->status = one_frame(r, r->frame);
-    if (r->status < 0)
-        strncpy(r->sentence, status_sentence(), sizeof r->sentence - 1);
 }
 
 // NOTHING: it is not wanted any more.
-static enum status all_frames(struct likeness *f, struct run *r, enum pass pass, const struct likeness_watch *watch)
+static enum status all_frames(struct likeness *f, struct run *r, enum likeness_step pass,
+                              const struct likeness_watch *watch)
 {
-    r->likeness = f;
+    int batches = (f->frame_count + BATCH - 1) / BATCH;
     r->pass = pass;
-    read_ahead(r, 0);
-    for (int i = 0; i < f->frame_count; i++) {
-        if (!went_on(watch, (pass + (double)i / f->frame_count) / PASSES))
+    begin(watch, pass);
+    for (r->batch = 0; r->batch < batches + STAGES - 1; r->batch++) {
+        if (!went_on(watch, (pass + (double)r->batch / (batches + STAGES - 1)) / (LIKENESS_COLORS + 1)))
             return NOTHING;
-        if (pass == PASS_FIRST && i == f->frame_count / 2)
-            volume_leave_empty(r->into, r->into);
-        r->frame = i;
-        parallel(2, 2, half_step, r);
-        if (r->status < 0)
-            return fail(r->status, "%s", r->sentence);
-        if (r->status == NOTHING && pass == PASS_SHAPE)
-            f->adjustments[i] = i > 0 ? f->adjustments[i - 1] : adjustment_none();
+        parallel(TASKS, TASKS, do_task, r);
+        for (int i = 0; i < IN_FLIGHT; i++)
+            if (r->reading[i].status < 0)
+                return fail(r->reading[i].status, "%s", r->reading[i].sentence);
     }
     return OK;
 }
@@ -212,13 +229,14 @@ static enum status all_frames(struct likeness *f, struct run *r, enum pass pass,
 // the shape becomes as wide as the frames' outlines have it.
 static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
-    static const enum pass rounds[] = {PASS_FIRST, PASS_SHAPE};
+    static const enum likeness_step rounds[] = {LIKENESS_FIRST, LIKENESS_SHAPE};
+    static const double step_m[] = {FIRST_STEP_M, VOLUME_STEP_M};
     enum status status = OK;
     for (size_t round = 0; round < COUNT_OF(rounds) && status == OK; round++) {
         r->into = NULL;
-        status = volume_open(&r->into, &f->rest, take_calibration(r->take));
+        status = volume_open(&r->into, &f->rest, take_calibration(r->take), step_m[round]);
         if (status == OK && f->volume)
-            volume_leave_empty(r->into, f->volume);
+            status = volume_leave_empty(r->into, f->volume);
         if (status == OK)
             status = all_frames(f, r, rounds[round], watch);
         if (status == OK) {
@@ -231,9 +249,10 @@ static enum status make_shape(struct likeness *f, struct run *r, const struct li
     if (status == OK)
         status = volume_smooth(f->volume, SMOOTH_PASSES);
     if (status == OK)
-        status = all_frames(f, r, PASS_OUTLINE, watch);
+        status = all_frames(f, r, LIKENESS_OUTLINES, watch);
     if (status != OK)
         return status;
+    begin(watch, LIKENESS_SURFACE);
     outline_meet(f->volume, &r->gaps);
     return volume_surface(f->volume, &f->surface);
 }
@@ -246,22 +265,19 @@ static enum status make_coat(struct likeness *f, struct run *r, const struct lik
     for (int i = 0; i < f->surface.point_count; i++)
         f->skins[i] = rest_skin(&f->rest, f->surface.points[i]);
     enum status status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
+    for (int i = 0; i < IN_FLIGHT && status == OK; i++)
+        status = warp_open(&r->reading[i].warp, &f->rest, &f->surface, take_calibration(r->take));
     if (status == OK)
-        status = warp_open(&r->warp, &f->rest, &f->surface, take_calibration(r->take));
-    if (status == OK)
-        status = all_frames(f, r, PASS_COLOR, watch);
-    if (status == OK)
-        status = coat_make(r->coat, &f->coat);
-    coat_close(&r->coat);
-    warp_close(&r->warp);
-    return status;
+        status = all_frames(f, r, LIKENESS_COLORS, watch);
+    begin(watch, LIKENESS_COAT);
+    return status == OK ? coat_make(r->coat, &f->coat) : status;
 }
 
 enum status likeness_make(struct likeness *out, struct take *take, const struct source_rays *rays, int max_frames,
                           const struct likeness_watch *watch)
 {
     *out = (struct likeness){0};
-    struct run run = {0};
+    struct run run = {.likeness = out};
     enum status status = rest_make(&out->rest, take);
     if (status == OK)
         status = choose_frames(out, take, max_frames);
@@ -271,6 +287,7 @@ enum status likeness_make(struct likeness *out, struct take *take, const struct 
         status = make_shape(out, &run, watch);
     if (status == OK)
         status = make_coat(out, &run, watch);
+    begin(watch, LIKENESS_ATLAS);
     if (status == OK)
         status = atlas_make(&out->atlas, &out->surface, &out->coat);
     close_run(&run);

@@ -19,11 +19,27 @@ struct likeness {
 
 enum { LIKENESS_FRAMES = 120 }; // more add nothing to the shape
 
+// What is kept of these frames while a likeness is made, so that each is read once: five bytes for each pixel about
+// the person. What does not fit is read again for each pass.
+#define LIKENESS_SIGHT_BYTES ((size_t)96 << 20)
+
+enum likeness_step {
+    LIKENESS_FIRST,    // the shape by the joints alone
+    LIKENESS_SHAPE,    // frames laid on it, and what they make of it
+    LIKENESS_OUTLINES, // how the outlines lie about it
+    LIKENESS_COLORS,   // what each frame says of the colours
+    LIKENESS_SURFACE,  // between outlines and colours: the triangles
+    LIKENESS_COAT,     // colours and light
+    LIKENESS_ATLAS,    // as it is drawn
+    LIKENESS_STEPS
+};
+
 // Whoever waits for a likeness. Told now and then, several times a second, from the
 // thread that makes it, which share of the work is done; false: it is not wanted any more.
 struct likeness_watch {
     bool (*went_on)(void *self, double share);
     void *self;
+    void (*began)(void *self, enum likeness_step step); // each once, on that thread; may be NULL
 };
 
 // Reads at most `max_frames` frames, spread evenly. rays as source_rays_open made

@@ -18,7 +18,6 @@ enum uniform {
     VIEW_LENS,
     VIEW_RANGE,
     KIND,
-    ABSENT,
     VIEWER_FROM_NOW,
     SHIFT_RANGE,
     WORLD_FROM_NOW,
@@ -31,7 +30,7 @@ enum uniform {
 };
 
 // The same mesh each time.
-enum program { SHARED, OWN, SOURCE, PROGRAMS };
+enum program { FIGURE, RIBBON, SOURCE, PROGRAMS };
 struct program_plan {
     const char *fragment;
     uint32_t unused; // uniforms that it has not, a bit each
@@ -39,8 +38,8 @@ struct program_plan {
     int sampler_count;
 };
 static const struct program_plan plans[PROGRAMS] = {
-    [SHARED] = {"figure.frag", 0, {"atlas", "shifts", "now_picture", "now_depth"}, 4},
-    [OWN] = {"figure_own.frag",
+    [FIGURE] = {"figure.frag", 0, {"atlas", "shifts", "now_picture", "now_depth"}, 4},
+    [RIBBON] = {"figure_ribbon.frag",
              1U << COLOR_LENS | 1U << DEPTH_LENS | 1U << DEPTH_FROM_COLOR | 1U << NOW_WINDOWS,
              {"atlas", "shifts"},
              2},
@@ -52,7 +51,6 @@ static const char *const uniform_names[UNIFORMS] = {
     [VIEW_LENS] = "view_lens",
     [VIEW_RANGE] = "view_range",
     [KIND] = "kind",
-    [ABSENT] = "absent",
     [VIEWER_FROM_NOW] = "viewer_from_now",
     [SHIFT_RANGE] = "shift_range",
     [WORLD_FROM_NOW] = "world_from_now",
@@ -78,7 +76,6 @@ struct likeness_painter {
     struct gpu_program *programs[PROGRAMS];
     struct brought brought; // without a mesh: no likeness was given
     struct silhouette *silhouette;
-    int64_t frame; // that the silhouette has as shown; -1: none
     struct shown_frames *frames;
 };
 
@@ -129,7 +126,6 @@ static void drop_likeness(struct likeness_painter *p)
     free(b->vertices);
     *b = (struct brought){0};
     silhouette_close(&p->silhouette);
-    p->frame = -1;
     likeness_free(&p->likeness);
     if (p->frames)
         shown_frames_forget(p->frames);
@@ -174,6 +170,21 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
 }
 
 bool likeness_painter_given(const struct likeness_painter *p) { return p->brought.mesh; }
+
+const struct likeness *likeness_painter_likeness(const struct likeness_painter *p)
+{
+    return likeness_painter_given(p) ? &p->likeness : NULL;
+}
+
+enum status likeness_painter_give_frame(struct likeness_painter *p, struct loaded_frame *loaded)
+{
+    return shown_frames_give(p->frames, loaded);
+}
+
+bool likeness_painter_keeps(const struct likeness_painter *p, int64_t frame)
+{
+    return shown_frames_keeps(p->frames, frame);
+}
 
 // Of `wanted` pieces of so many bytes, those that there are bytes left for; takes these off.
 static int share_of(size_t *bytes, int wanted, size_t piece)
@@ -294,9 +305,8 @@ static void set_turn(struct likeness_painter *p, enum uniform uniform, struct po
 }
 
 // How many parts there are to draw; the others are marked as absent.
-static int set_absent(struct likeness_painter *p, const struct likeness_view *view)
+static int find_absent(const struct likeness_painter *p, const struct likeness_view *view, bool absent[PART_COUNT])
 {
-    float absent[12] = {0};
     int present = 0;
     const struct skeleton *s = &view->skeleton;
     struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
@@ -306,10 +316,9 @@ static int set_absent(struct likeness_painter *p, const struct likeness_view *vi
         for (int e = 0; e < 2 && known; e++)
             before |= pose_apply(viewer_from_world, s->joint[ends[e]]).z > (double)NEAREST_M;
         known = known && v3_distance(s->joint[ends[0]], s->joint[ends[1]]) > 1e-3;
-        absent[part] = known ? 0 : 1;
+        absent[part] = !known;
         present += known && before;
     }
-    set(p, ABSENT, absent, 3);
     return present;
 }
 
@@ -317,26 +326,27 @@ static void draw_colors(struct likeness_painter *p, const struct likeness_view *
                         const struct silhouette_corners *corners)
 {
     struct gpu_job job = {.target = view->actor,
-                          .program = p->programs[SHARED],
+                          .program = p->programs[FIGURE],
                           .mesh = p->brought.mesh,
                           .textures = {p->brought.color, now->shifts, now->color, now->depth},
                           .closed = true,
                           .depth_test = true,
-                          .count = corners->shared};
-    if (job.count)
-        gpu_draw(&job);
-    job.program = p->programs[OWN];
-    job.closed = false; // the ribbon's triangles run either way
+                          .count = corners->front};
+    gpu_draw(&job);
+    job.program = p->programs[RIBBON];
+    job.closed = false; // its triangles run either way
     job.blend = true;
-    job.first = corners->shared;
-    job.count = corners->own + corners->ribbon;
+    job.hides_nothing = true; // where two of it cross, the depth's last bit would decide which is seen
+    job.first = corners->front;
+    job.count = corners->ribbon;
     if (job.count)
         gpu_draw(&job);
 }
 
 enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts)
 {
-    *parts = set_absent(p, view);
+    bool absent[PART_COUNT];
+    *parts = find_absent(p, view, absent);
     if (!*parts)
         return NOTHING;
     const struct take_entry *e = take_entry(p->take, view->frame);
@@ -360,15 +370,12 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     set(p, NOW_WINDOWS, now->windows[0], 2);
     float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
     set(p, KIND, (const float[4]){now->seen, time_s, HALF_OUTLINE_PX, 0}, 1);
-    if (p->frame != view->frame)
-        silhouette_set_shown(p->silhouette, now_from_part, now->shift);
-    p->frame = view->frame;
-    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part, now->shift);
-    if (corners.shared + corners.own + corners.ribbon == 0)
+    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part, now->shift, absent);
+    if (corners.front == 0)
         return OK;
-    gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.shared + corners.own + corners.ribbon);
+    gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.front + corners.ribbon);
     draw_colors(p, view, now, &corners);
-    if (view->source && corners.shared + corners.own > 0) {
+    if (view->source) {
         gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
         gpu_draw(&(struct gpu_job){.target = view->source,
                                    .program = p->programs[SOURCE],
@@ -376,7 +383,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
                                    .textures = {p->brought.when, now->shifts, now->depth},
                                    .closed = true,
                                    .depth_test = true,
-                                   .count = corners.shared + corners.own});
+                                   .count = corners.front});
     }
     return gpu_check(p->gpu);
 }

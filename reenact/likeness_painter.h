@@ -4,7 +4,7 @@
 // brought to the GPU a little with each picture. One thread.
 #pragma once
 #include "platform/gpu.h"
-#include "reenact/likeness.h"
+#include "reenact/frame_loader.h"
 
 struct likeness_painter;
 
@@ -21,6 +21,14 @@ bool likeness_painter_given(const struct likeness_painter *p);
 
 // Brings at most `bytes` more of it to the GPU. True: all is there, and it can be drawn.
 bool likeness_painter_bring(struct likeness_painter *p, size_t bytes);
+
+// The one that was given, which nothing changes any more; NULL: none.
+const struct likeness *likeness_painter_likeness(const struct likeness_painter *p);
+
+// A frame that will be shown, loaded by somebody else from that very likeness. Its contents go over and *loaded is
+// zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status likeness_painter_give_frame(struct likeness_painter *p, struct loaded_frame *loaded);
+bool likeness_painter_keeps(const struct likeness_painter *p, int64_t frame); // it need not be loaded to be shown
 
 // From here on for another tablet camera.
 void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view);

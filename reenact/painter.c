@@ -119,15 +119,15 @@ static enum status open_targets(struct painter *p, bool sources, bool shadow)
     int w = p->lens.width, h = p->lens.height;
     enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
     if (status == OK && (p->detail != DETAIL_FULL || p->later))
-        status = gpu_target_open(&p->plain, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->plain, p->gpu, w, h);
     if (status == OK && p->detail != DETAIL_PAPER)
-        status = gpu_target_open(&p->smooth, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->smooth, p->gpu, w, h);
     if (status == OK)
-        status = gpu_target_open(&p->composed, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->composed, p->gpu, w, h);
     if (status == OK && sources)
-        status = gpu_target_open(&p->source, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->source, p->gpu, w, h);
     if (status == OK && shadow)
-        status = gpu_target_open(&p->shadow, p->gpu, w, h, 1);
+        status = gpu_target_open(&p->shadow, p->gpu, w, h);
     p->actor = p->plain ? p->plain : p->smooth;
     p->coding = sources;
     return status;
@@ -187,6 +187,24 @@ enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
         likeness_painter_close(&p->likeness);
     p->waiting = status == OK;
     return status;
+}
+
+const struct likeness *painter_likeness(const struct painter *p)
+{
+    return p->likeness && !p->waiting ? likeness_painter_likeness(p->likeness) : NULL;
+}
+
+enum status painter_give_frame(struct painter *p, struct loaded_frame *loaded)
+{
+    if (p->likeness)
+        return likeness_painter_give_frame(p->likeness, loaded);
+    loaded_frame_free(loaded);
+    return OK;
+}
+
+bool painter_keeps(const struct painter *p, int64_t frame)
+{
+    return p->likeness && likeness_painter_keeps(p->likeness, frame);
 }
 
 enum status painter_give_room(struct painter *p, struct room *room) { return around_painter_give(p->around, room); }
@@ -460,8 +478,10 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
 {
     struct moment moment;
     enum status status = motion_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
-    if (status != OK)
+    if (status != OK) {
+        clear(p);
         return status;
+    }
     struct scene scene = {.shown = moment.frame,
                           .in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
     result->shown = moment.frame;
@@ -522,7 +542,6 @@ enum status painter_draw(struct painter *p, const struct painter_view *view, str
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
     p->shaded = false;
-    clear(p);
     enum status status = draw_actor(p, view, result);
     if (status < 0)
         return status;

@@ -8,6 +8,7 @@
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
+#include "reenact/frame_loader.h"
 #include "reenact/room.h"
 
 enum detail {
@@ -50,6 +51,16 @@ void painter_close(struct painter **p);
 // painter and *likeness is zeroed, on failure too. ERR_INPUT: too large to be drawn.
 // ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_give_likeness(struct painter *p, struct likeness *likeness);
+
+// For whoever loads the frames that will be shown before they are, on another thread (frame_loader.h): the likeness to
+// do it with, which is the painter's and good until it is closed or given another. NULL: there is none, or not all of
+// it is on the GPU yet.
+const struct likeness *painter_likeness(const struct painter *p);
+
+// Such a frame. A picture is the same with it as without, only sooner drawn. Its contents go over to the painter and
+// *loaded is zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status painter_give_frame(struct painter *p, struct loaded_frame *loaded);
+bool painter_keeps(const struct painter *p, int64_t frame); // nothing has to be loaded to show it
 
 // The room that hides him where it stands before him (room_make); as above. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_give_room(struct painter *p, struct room *room);

@@ -70,7 +70,7 @@ enum status raw_picture_draw(struct raw_picture *r, const struct loan *what, con
         gpu_target_close(&r->target);
         r->width = what->width;
         r->height = what->height;
-        enum status status = gpu_target_open(&r->target, r->gpu, what->width, what->height, 1);
+        enum status status = gpu_target_open(&r->target, r->gpu, what->width, what->height);
         if (status != OK)
             return status;
     }

@@ -8,7 +8,7 @@
 static const double STEP_M = 0.04, COARSER = 1.3; // of the grid; coarser where there is too much for one mesh
 static const double REACH_M = 3;                  // about the actor's ways
 static const double FLOOR_M = 0.08, ABOVE_M = 0.3; // above the floor, above the highest joint
-static const double FAR_M = 5;                    // readings beyond are too coarse
+static const double NEAR_M = 0.3, FAR_M = 5;      // readings beyond are too coarse
 static const float LEAST_WEIGHT = 0.4F;           // about two views from 2 m
 static const double BODY_M = 0.35;                // a part beyond its joints, at most
 static const double BALL_M = 0.5;
@@ -32,40 +32,84 @@ struct view {
     float trust;
 };
 
+// Of a row's numbers from..to (behind the last) leaves those for which at + number * step may be at least 0.
+static void clip(double at, double step, int *from, int *to)
+{
+    if (step == 0) {
+        *to = at < 0 ? *from : *to;
+        return;
+    }
+    double zero = fmin(fmax(-at / step, *from - 2), *to + 2); // and a number more on either side, for roundings
+    if (step > 0)
+        *from = *from > (int)floor(zero) - 1 ? *from : (int)floor(zero) - 1;
+    else
+        *to = *to < (int)ceil(zero) + 2 ? *to : (int)ceil(zero) + 2;
+}
+
+// The part of a row that the camera may see. first: its first point, camera's axes.
+static void clip_row(const struct view *v, bool ideal, const float first[3], int *from, int *to)
+{
+    const struct lens *l = &v->lens;
+    const double step = v->grid->step, z = (double)first[2], dz = (double)v->camera_from_world.row[2][0] * step;
+    clip(z - NEAR_M, dz, from, to);
+    clip(FAR_M - z, -dz, from, to);
+    const double f[2] = {l->fx, l->fy}, c[2] = {l->cx, l->cy}, size[2] = {l->width, l->height};
+    for (int k = 0; k < 2 && ideal; k++) {
+        double across = (double)first[k] * f[k], more = (double)v->camera_from_world.row[k][0] * step * f[k];
+        clip(across + (c[k] + 0.5) * z, more + (c[k] + 0.5) * dz, from, to);
+        clip((size[k] - c[k] - 0.5) * z - across, (size[k] - c[k] - 0.5) * dz - more, from, to);
+    }
+}
+
+static void place_point(const struct view *v, int x, int y, int z, float p[3])
+{
+    const struct grid *g = v->grid;
+    const struct part_map *m = &v->camera_from_world;
+    const float w[3] = {(float)(g->corner.x + x * g->step), (float)(g->corner.y + y * g->step),
+                        (float)(g->corner.z + z * g->step)};
+    for (int r = 0; r < 3; r++)
+        p[r] = m->row[r][0] * w[0] + m->row[r][1] * w[1] + m->row[r][2] * w[2] + m->row[r][3];
+}
+
+static void add_row(const struct view *v, bool ideal, int y, int z)
+{
+    const struct grid *g = v->grid;
+    const float kept = (float)g->kept;
+    int from = 0, to = g->size[0];
+    float p[3];
+    place_point(v, 0, y, z, p);
+    clip_row(v, ideal, p, &from, &to);
+    for (int x = from; x < to; x++) {
+        place_point(v, x, y, z, p);
+        if (!(p[2] > (float)NEAR_M) || p[2] > (float)FAR_M)
+            continue;
+        double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx, py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
+        if (!ideal) {
+            struct pixel bent = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
+            px = bent.x, py = bent.y;
+        }
+        px += 0.5, py += 0.5;
+        if (!(px >= 0 && py >= 0 && px < v->lens.width && py < v->lens.height))
+            continue;
+        int i = (int)py * v->lens.width + (int)px;
+        if (!v->depth[i] || (v->mask && v->mask[i]))
+            continue;
+        float before = (float)v->depth[i] * 1e-3F - p[2];
+        if (before < -kept)
+            continue;
+        float weight = v->trust / (p[2] * p[2]);
+        size_t at = ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
+        g->sum[at] += weight * (before < kept ? before : kept);
+        g->weight[at] += weight;
+    }
+}
+
 static void add_slice(void *context, int z)
 {
     const struct view *v = context;
-    const struct grid *g = v->grid;
-    const struct part_map *m = &v->camera_from_world;
     const bool ideal = lens_is_ideal(&v->lens);
-    for (int y = 0; y < g->size[1]; y++)
-        for (int x = 0; x < g->size[0]; x++) {
-            const float w[3] = {(float)(g->corner.x + x * g->step), (float)(g->corner.y + y * g->step),
-                                (float)(g->corner.z + z * g->step)};
-            float p[3];
-            for (int r = 0; r < 3; r++)
-                p[r] = m->row[r][0] * w[0] + m->row[r][1] * w[1] + m->row[r][2] * w[2] + m->row[r][3];
-            if (!(p[2] > 0.3F) || p[2] > (float)FAR_M)
-                continue;
-            double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx, py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
-            if (!ideal) {
-                struct pixel bent = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
-                px = bent.x, py = bent.y;
-            }
-            px += 0.5, py += 0.5;
-            if (!(px >= 0 && py >= 0 && px < v->lens.width && py < v->lens.height))
-                continue;
-            int i = (int)py * v->lens.width + (int)px;
-            if (!v->depth[i] || (v->mask && v->mask[i]))
-                continue;
-            float before = (float)v->depth[i] * 1e-3F - p[2], kept = (float)g->kept;
-            if (before < -kept)
-                continue;
-            float weight = v->trust / (p[2] * p[2]);
-            size_t at = ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
-            g->sum[at] += weight * (before < kept ? before : kept);
-            g->weight[at] += weight;
-        }
+    for (int y = 0; y < v->grid->size[1]; y++)
+        add_row(v, ideal, y, z);
 }
 
 static void add_view(struct grid *g, const struct lens *lens, struct pose world_from_depth, const uint16_t *depth,

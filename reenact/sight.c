@@ -3,12 +3,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PERSON = 0, SAME_MM = 60 };
+enum { PERSON = 0, SAME_MM = 60, RAGGED_PX = 2 };
+
+static const double LAMP_ASIDE_M = 0.08; // of sensors that project a pattern, at most
 
 enum status sight_open(struct sight *out, const struct take *take, const struct source_rays *rays)
 {
     const struct lens *lens = &take_calibration(take)->depth;
-    *out = (struct sight){.width = lens->width, .height = lens->height, .rays = rays, .body = take_body(take)};
+    *out = (struct sight){.width = lens->width, .height = lens->height, .rays = rays, .body = take_body(take),
+                          .edge_most = SIGHT_EDGE_MOST};
     size_t pixels = (size_t)lens->width * (size_t)lens->height;
     out->depth = malloc(sizeof(uint16_t) * pixels);
     out->part = malloc(pixels);
@@ -64,12 +67,12 @@ static inline void pass_edge(struct sight *s, int i, int from)
 // A distance in two sweeps, there and back. Farther from the person than is told apart there is nothing to find.
 static void find_edges(struct sight *s)
 {
-    int w = s->width, h = s->height;
-    int left = s->left > SIGHT_EDGE_MOST ? s->left - SIGHT_EDGE_MOST : 0;
-    int top = s->top > SIGHT_EDGE_MOST ? s->top - SIGHT_EDGE_MOST : 0;
-    int right = s->right + SIGHT_EDGE_MOST < w ? s->right + SIGHT_EDGE_MOST : w - 1;
-    int bottom = s->bottom + SIGHT_EDGE_MOST < h ? s->bottom + SIGHT_EDGE_MOST : h - 1;
-    memset(s->edge, SIGHT_EDGE_MOST, (size_t)w * (size_t)h);
+    const int w = s->width, h = s->height, most = s->edge_most;
+    int left = s->left > most ? s->left - most : 0;
+    int top = s->top > most ? s->top - most : 0;
+    int right = s->right + most < w ? s->right + most : w - 1;
+    int bottom = s->bottom + most < h ? s->bottom + most : h - 1;
+    memset(s->edge, most, (size_t)w * (size_t)h);
     for (int y = top; y <= bottom; y++)
         for (int x = left; x <= right; x++) {
             if (x > left)
@@ -108,6 +111,30 @@ static void find_widths(struct sight *s)
         find_runs(s, s->top * s->width + x, s->width, s->bottom - s->top + 1);
 }
 
+// Beside its eye the sensor has a lamp, and the person keeps the light off a strip of the room along one side. What has
+// no reading there is as far away as the room beyond it.
+static void fill_shadow(struct sight *s, double fx)
+{
+    for (int y = s->top; y <= s->bottom; y++) {
+        const int row = y * s->width;
+        for (int x = 0, last = -1; x < s->width; x++) { // last: the one before that has a reading
+            if (!s->depth[row + x])
+                continue;
+            const int from = last;
+            last = x;
+            if (from < 0 || from + 1 == x || (s->part[row + from] == SIGHT_ROOM) == (s->part[row + x] == SIGHT_ROOM))
+                continue;
+            const bool room_first = s->part[row + from] == SIGHT_ROOM;
+            const uint16_t room = s->depth[row + (room_first ? from : x)];
+            const uint16_t person = s->depth[row + (room_first ? x : from)];
+            const double wide = fx * LAMP_ASIDE_M * 1000 * (1.0 / person - 1.0 / room);
+            for (int i = row + from + 1; i < row + x && x - from - 1 <= wide + RAGGED_PX; i++)
+                if (s->part[i] == SIGHT_ROOM)
+                    s->depth[i] = room;
+        }
+    }
+}
+
 enum status sight_read(struct sight *s, struct take *take, int64_t frame)
 {
     const struct take_entry *e = take_entry(take, frame);
@@ -120,15 +147,15 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
     int count = s->width * s->height;
     memcpy(s->depth, seen.depth, sizeof(uint16_t) * (size_t)count);
     s->has_mask = seen.mask != NULL;
+    memset(s->part, SIGHT_ROOM, (size_t)count);
     for (int i = 0; i < count; i++)
-        if (seen.mask && !seen.mask[i])
-            s->part[i] = SIGHT_ROOM;
-        else
+        if (!seen.mask || seen.mask[i])
             s->part[i] = part_pixel_solid(seen.depth, seen.mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
     s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
     find_bounds(s);
     sight_label(s, &e->skeleton);
     find_bounds(s);
+    fill_shadow(s, take_calibration(take)->depth.fx);
     find_edges(s);
     find_widths(s);
     return OK;
@@ -151,39 +178,75 @@ void sight_label(struct sight *s, const struct skeleton *skeleton)
 
 enum { WELL_WITHIN_PX = 2 }; // JPEG halves colour, which carries it over two pixels
 
-// Of the two, which stands nearer to pixel (x, y); -1: none.
-static int32_t nearer(int x, int y, int32_t a, int32_t b, int width)
+// A place well within a surface; x < 0: none.
+struct from {
+    int16_t x, y;
+};
+
+// Where it stands nearer to pixel (x, y), the other.
+static inline void pass_from(struct from *from, struct from other, int x, int y)
 {
-    if (a < 0 || b < 0)
-        return a < 0 ? b : a;
-    int da = abs(a % width - x) + abs(a / width - y), db = abs(b % width - x) + abs(b / width - y);
-    return db < da ? b : a;
+    if (other.x < 0)
+        return;
+    if (from->x < 0 || abs(other.x - x) + abs(other.y - y) < abs(from->x - x) + abs(from->y - y))
+        *from = other;
+}
+
+// The person's box and a pixel about it, for who looks at places between pixels.
+struct box {
+    int left, top, w, h;
+};
+
+static struct box box_about(const struct sight *s)
+{
+    int left = s->left > 0 ? s->left - 1 : 0, top = s->top > 0 ? s->top - 1 : 0;
+    int right = s->right + 1 < s->width ? s->right + 1 : s->right;
+    int bottom = s->bottom + 1 < s->height ? s->bottom + 1 : s->bottom;
+    return (struct box){left, top, right - left + 1, bottom - top + 1};
+}
+
+// Of each pixel of the box the nearest place well within a surface, in two sweeps, there and back.
+static void find_froms(const struct sight *s, const struct box *box, struct from *from)
+{
+    const int w = box->w, h = box->h;
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            int i = y * w + x, at = (box->top + y) * s->width + box->left + x;
+            bool within = s->part[at] < PART_COUNT && s->edge[at] >= WELL_WITHIN_PX;
+            from[i] = within ? (struct from){(int16_t)x, (int16_t)y} : (struct from){-1, -1};
+            if (x > 0)
+                pass_from(&from[i], from[i - 1], x, y);
+            if (y > 0)
+                pass_from(&from[i], from[i - w], x, y);
+        }
+    for (int y = h - 1; y >= 0; y--)
+        for (int x = w - 1; x >= 0; x--) {
+            int i = y * w + x;
+            if (x + 1 < w)
+                pass_from(&from[i], from[i + 1], x, y);
+            if (y + 1 < h)
+                pass_from(&from[i], from[i + w], x, y);
+        }
 }
 
 enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb, uint8_t *out)
 {
     const struct lens *color = &calibration->color;
-    memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
-    if (!calibration->registered || color->width != s->width || color->height != s->height)
+    if (out != rgb)
+        memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
+    if (!calibration->registered || color->width != s->width || color->height != s->height || s->right < s->left)
         return OK;
-    int w = s->width, h = s->height, count = w * h;
-    int32_t *from = malloc(sizeof *from * (size_t)count);
+    const struct box box = box_about(s);
+    struct from *from = malloc(sizeof *from * (size_t)box.w * (size_t)box.h);
     if (!from)
         return fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < count; i++)
-        from[i] = s->part[i] < PART_COUNT && s->edge[i] >= WELL_WITHIN_PX ? i : -1;
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < count; k++) {
-            int i = pass ? count - 1 - k : k, x = i % w, y = i / w;
-            bool beside = pass ? x + 1 < w : x > 0, above = pass ? y + 1 < h : y > 0;
-            if (beside)
-                from[i] = nearer(x, y, from[i], from[pass ? i + 1 : i - 1], w);
-            if (above)
-                from[i] = nearer(x, y, from[i], from[pass ? i + w : i - w], w);
-        }
-    for (int i = 0; i < count; i++)
-        if (from[i] >= 0)
-            memcpy(out + 3 * (size_t)i, rgb + 3 * (size_t)from[i], 3);
+    find_froms(s, &box, from);
+    for (int i = 0; i < box.w * box.h; i++) {
+        const int at = (box.top + i / box.w) * s->width + box.left + i % box.w;
+        const int of = (box.top + from[i].y) * s->width + box.left + from[i].x;
+        if (from[i].x >= 0 && of != at)
+            memcpy(out + 3 * (size_t)at, rgb + 3 * (size_t)of, 3);
+    }
     free(from);
     return OK;
 }

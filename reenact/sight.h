@@ -15,10 +15,11 @@ struct sight {
     int width, height;
     const struct source_rays *rays;
     const struct body *body;
-    uint16_t *depth; // millimetres
+    uint16_t *depth; // millimetres; where the person keeps the sensor's light off the room, the room's
     uint8_t *part;   // of each pixel: a part, or one of the above
-    uint8_t *edge;   // of each pixel: how far the nearest edge between two surfaces is, pixels, at most SIGHT_EDGE_MOST
+    uint8_t *edge;   // of each pixel: how far the nearest edge between two surfaces is, pixels, at most edge_most
     uint8_t *half;   // of the person's: half of how wide the surface about each is, in the narrower of two directions
+    int edge_most;   // how far an edge is looked for: at first SIGHT_EDGE_MOST; whoever needs less sets less
     bool has_mask;
     int left, top, right, bottom; // of the person's pixels; right < left: there are none
 };
@@ -35,7 +36,8 @@ MUST_CHECK enum status sight_read(struct sight *s, struct take *take, int64_t fr
 void sight_label(struct sight *s, const struct skeleton *skeleton);
 
 // The frame's colours with nobody else's among them: what lies at an edge or off the
-// person takes the colour of the nearest place well within a surface. Both are RGB of
-// the colour picture. Where colour and depth are not the same pixels, a copy. ERR_MEMORY.
+// person takes the colour of the nearest place well within a surface, within a
+// pixel of the person's box. Both are RGB of the colour picture, and may be the same.
+// Where colour and depth are not the same pixels, a copy. ERR_MEMORY.
 MUST_CHECK enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb,
                                     uint8_t *out);

@@ -10,18 +10,14 @@ struct silhouette;
 MUST_CHECK enum status silhouette_open(struct silhouette **out, const struct likeness *likeness);
 void silhouette_close(struct silhouette **s);
 
-// From here on that is the shown frame: where each part was in its camera's axes, which
-// tells what of the person may have faced it. PART_COUNT. shift: of each of the mesh's points
-// in the rest pose, metres.
-void silhouette_set_shown(struct silhouette *s, const struct part_map *now_from_part, float (*shift)[3]);
-
 // Corners of triangles: point i of the atlas's mesh is i, and its double farther out is
-// point_count + i. First come those that face the viewer and the shown frame's camera, then
-// the others that face the viewer, at last the ribbon's.
+// point_count + i. First come those that face the viewer, then the ribbon's. None goes for the
+// most part with absent parts of the body. viewer_from_part, absent: of each part, PART_COUNT.
+// shift: of each of the mesh's points in the rest pose, metres.
 struct silhouette_corners {
     const uint16_t *corners; // valid until the next call
-    int shared, own, ribbon; // how many of each
+    int front, ribbon;       // how many of each
 };
 struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
-                                          float (*shift)[3]);
-int silhouette_most(const struct silhouette *s); // corners, of all three together
+                                          float (*shift)[3], const bool *absent);
+int silhouette_most(const struct silhouette *s); // corners, of both together

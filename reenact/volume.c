@@ -15,13 +15,24 @@ static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
 static const float NOWHERE_NEAR = 0.6F;  // of the largest distance
 static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
-enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2 };
+enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2, STRETCH = 8192 };
 
 struct cell {
-    int32_t at;     // in the grid
+    int32_t at; // in the grid
     uint16_t x, y, z;
-    float cylinder; // distance from the parts' cylinders
     struct skin skin;
+};
+
+// A pixel of a sight, side by side, for it is asked for together.
+struct witness {
+    uint16_t depth;
+    uint8_t part, edge, half;
+};
+
+// What is known at a point of the grid, side by side, for it is asked for together.
+struct point {
+    float distance, trust; // trust 0: not kept
+    float seen;            // the part of its trust that readings of a surface near it gave
 };
 
 struct volume {
@@ -29,18 +40,19 @@ struct volume {
     struct calibration calibration;
     struct pose depth_from_color;
     struct vec3 corner;
+    double step; // between neighbouring points of the grid, metres
     int size[3];
     struct cell *cells;
     int cell_count;
-    int32_t *heeding; // the cells that readings still go into: numbers in `cells`, rising
+    struct cell *heeding; // copies of those that readings still go into, in their order; NULL: all
     int heeding_count;
-    float *distance, *trust; // of every point of the grid; trust 0: not kept
-    float *seen;             // the part of its trust that readings of a surface near it gave
+    struct point *points; // of the grid
+    struct witness *witnesses; // of the frame that is added
 };
 
 static struct vec3 place_of(const struct volume *v, int x, int y, int z)
 {
-    return v3_add(v->corner, v3(x * VOLUME_STEP_M, y * VOLUME_STEP_M, z * VOLUME_STEP_M));
+    return v3_add(v->corner, v3(x * v->step, y * v->step, z * v->step));
 }
 
 static struct vec3 point_at(const struct volume *v, int at)
@@ -63,9 +75,9 @@ static void find_size(struct volume *v)
         margin = v->rest.known[p] ? fmax(margin, v->rest.radius[p] + REACH_M) : margin;
     v->corner = v3_sub(low, v3(margin, margin, margin));
     struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
-    v->size[0] = (int)ceil(extent.x / VOLUME_STEP_M) + 1;
-    v->size[1] = (int)ceil(extent.y / VOLUME_STEP_M) + 1;
-    v->size[2] = (int)ceil(extent.z / VOLUME_STEP_M) + 1;
+    v->size[0] = (int)ceil(extent.x / v->step) + 1;
+    v->size[1] = (int)ceil(extent.y / v->step) + 1;
+    v->size[2] = (int)ceil(extent.z / v->step) + 1;
 }
 
 static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (int)g; }
@@ -80,8 +92,8 @@ static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, d
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
     for (int i = 0; i < 3; i++) {
-        from[i] = within(floor((lows[i] - wide) / VOLUME_STEP_M), v->size[i]);
-        to[i] = within(ceil((highs[i] + wide) / VOLUME_STEP_M) + 1, v->size[i]);
+        from[i] = within(floor((lows[i] - wide) / v->step), v->size[i]);
+        to[i] = within(ceil((highs[i] + wide) / v->step) + 1, v->size[i]);
     }
     for (int z = from[2]; z < to[2]; z++)
         for (int y = from[1]; y < to[1]; y++)
@@ -91,7 +103,7 @@ static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, d
                 double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
                 t = t < 0 ? 0 : t > 1 ? 1 : t;
                 double gap = v3_length(v3_sub(p, v3_scale(along, t))) - radius;
-                v->distance[at] = fminf(v->distance[at], (float)gap);
+                v->points[at].distance = fminf(v->points[at].distance, (float)gap);
                 keep[at] |= gap < reach;
             }
 }
@@ -115,42 +127,29 @@ static enum status open_cells(struct volume *v, int64_t count)
     if (!keep)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < count; i++)
-        v->distance[i] = OUTSIDE_M;
+        v->points[i].distance = OUTSIDE_M;
     lay_body(v, keep);
     for (int i = 0; i < count; i++)
         v->cell_count += keep[i];
     v->cells = malloc(sizeof *v->cells * (size_t)(v->cell_count ? v->cell_count : 1));
-    v->heeding = malloc(sizeof *v->heeding * (size_t)(v->cell_count ? v->cell_count : 1));
-    for (int i = 0; i < v->cell_count && v->heeding; i++)
-        v->heeding[v->heeding_count++] = i;
     int c = 0;
     for (int i = 0; i < count && v->cells; i++)
-        if (keep[i])
-            v->cells[c++] = (struct cell){i,
-                                          (uint16_t)(i % v->size[0]),
-                                          (uint16_t)(i / v->size[0] % v->size[1]),
-                                          (uint16_t)(i / v->size[0] / v->size[1]),
-                                          fmaxf(-OUTSIDE_M, v->distance[i]),
-                                          rest_skin(&v->rest, point_at(v, i))};
+        if (keep[i]) {
+            v->cells[c++] = (struct cell){i, (uint16_t)(i % v->size[0]), (uint16_t)(i / v->size[0] % v->size[1]),
+                                          (uint16_t)(i / v->size[0] / v->size[1]), rest_skin(&v->rest, point_at(v, i))};
+            v->points[i] = (struct point){fmaxf(-OUTSIDE_M, v->points[i].distance), CYLINDER_TRUST, 0};
+        }
     free(keep);
-    return v->cells && v->heeding ? OK : fail(ERR_MEMORY, "out of memory");
+    return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
-static void start_with_cylinders(struct volume *v)
-{
-    for (int c = 0; c < v->cell_count; c++) {
-        v->distance[v->cells[c].at] = v->cells[c].cylinder;
-        v->trust[v->cells[c].at] = CYLINDER_TRUST;
-        v->seen[v->cells[c].at] = 0;
-    }
-}
-
-enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration)
+enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration, double step_m)
 {
     *out = NULL;
     struct volume *v = calloc(1, sizeof *v);
     if (!v)
         return fail(ERR_MEMORY, "out of memory");
+    v->step = step_m;
     v->rest = *rest;
     v->calibration = *calibration;
     v->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
@@ -160,16 +159,15 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
     if (count > MOST_POINTS || v->size[0] > UINT16_MAX || v->size[1] > UINT16_MAX || v->size[2] > UINT16_MAX)
         status = fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
     if (status == OK) {
-        v->distance = malloc(sizeof *v->distance * (size_t)count);
-        v->trust = calloc((size_t)count, sizeof *v->trust);
-        v->seen = calloc((size_t)count, sizeof *v->seen);
-        status = v->distance && v->trust && v->seen ? open_cells(v, count) : fail(ERR_MEMORY, "out of memory");
+        const struct lens *lens = &calibration->depth;
+        v->points = calloc((size_t)count, sizeof *v->points);
+        v->witnesses = malloc(sizeof *v->witnesses * (size_t)lens->width * (size_t)lens->height);
+        status = v->points && v->witnesses ? open_cells(v, count) : fail(ERR_MEMORY, "out of memory");
     }
     if (status != OK) {
         volume_close(&v);
         return status;
     }
-    start_with_cylinders(v);
     *out = v;
     return OK;
 }
@@ -180,22 +178,32 @@ void volume_close(struct volume **v)
         return;
     free((*v)->cells);
     free((*v)->heeding);
-    free((*v)->distance);
-    free((*v)->trust);
-    free((*v)->seen);
+    free((*v)->points);
+    free((*v)->witnesses);
     free(*v);
     *v = NULL;
 }
 
 // ---------------------------------------------------------------- gathering
 
-// Where a place is seen; ideal lenses without lens_project's way round, for speed.
-static bool find_pixel(const struct lens *lens, bool ideal, const float p[3], int *x, int *y)
+// What one frame says of the cells.
+struct addition {
+    struct volume *volume;
+    const struct cell *cells;
+    int cell_count;
+    struct part_map maps[PART_COUNT];
+    bool ideal; // lens: without lens_project's way round, for speed
+    int left, top, width, height; // of the window that the volume's witnesses speak for
+};
+
+// The witness for a place, in the depth camera's axes; NULL: none.
+static inline const struct witness *find_witness(const struct addition *a, const float p[3])
 {
+    const struct lens *lens = &a->volume->calibration.depth;
     if (!(p[2] > 0.05F))
-        return false;
+        return NULL;
     float px, py;
-    if (ideal) {
+    if (a->ideal) {
         float scale = 1 / p[2];
         px = p[0] * scale * (float)lens->fx + (float)lens->cx;
         py = p[1] * scale * (float)lens->fy + (float)lens->cy;
@@ -205,96 +213,86 @@ static bool find_pixel(const struct lens *lens, bool ideal, const float p[3], in
     }
     px += 0.5F, py += 0.5F;
     if (!(px >= 0 && py >= 0 && px < (float)lens->width && py < (float)lens->height))
-        return false;
-    *x = (int)px; // rounded down, for it is not negative
-    *y = (int)py;
-    return true;
+        return NULL;
+    int x = (int)px - a->left, y = (int)py - a->top; // rounded down, for it is not negative
+    return x < 0 || y < 0 || x >= a->width || y >= a->height ? NULL : &a->volume->witnesses[y * a->width + x];
 }
 
-static void blend(const struct part_map maps[PART_COUNT], const struct skin *skin, struct part_map *out)
+static inline float least(float a, float b) { return a < b ? a : b; }
+
+// Where a cell is in the depth camera's axes.
+static inline void place_cell(const struct addition *a, const struct cell *cell, float p[3])
 {
-    const float *a = maps[skin->part[0]].row[0];
-    float *sum = out->row[0];
-    if (skin->weight[0] >= 1) {
-        *out = maps[skin->part[0]];
-        return;
+    const struct skin *skin = &cell->skin;
+    struct vec3 at = place_of(a->volume, cell->x, cell->y, cell->z);
+    const float h[3] = {(float)at.x, (float)at.y, (float)at.z};
+    const struct part_map *m = &a->maps[skin->part[0]];
+    struct part_map blend;
+    if (skin->weight[0] < 1) {
+        for (int r = 0; r < 3; r++)
+            for (int k = 0; k < 4; k++)
+                blend.row[r][k] = skin->weight[0] * m->row[r][k];
+        for (int i = 1; i < SKIN_PARTS; i++) {
+            const struct part_map *b = &a->maps[skin->part[i]];
+            if (skin->weight[i] > 0)
+                for (int r = 0; r < 3; r++)
+                    for (int k = 0; k < 4; k++)
+                        blend.row[r][k] += skin->weight[i] * b->row[r][k];
+        }
+        m = &blend;
     }
-    for (int k = 0; k < 12; k++)
-        sum[k] = skin->weight[0] * a[k];
-    for (int i = 1; i < SKIN_PARTS; i++) {
-        const float *b = maps[skin->part[i]].row[0], weight = skin->weight[i];
-        for (int k = 0; k < 12 && weight > 0; k++)
-            sum[k] += weight * b[k];
-    }
+    for (int r = 0; r < 3; r++)
+        p[r] = m->row[r][0] * h[0] + m->row[r][1] * h[1] + m->row[r][2] * h[2] + m->row[r][3];
 }
 
-// How far a place of `part`, which is `thick`, at depth z is before (+) what pixel i shows (*reading: that very
+// How far a place of `part`, which is `thick`, at depth z is before (+) what a pixel shows (*reading: that very
 // surface); false: it says nothing of this place.
-static bool witness(const struct sight *s, double fx, int i, float z, enum part part, float thick, float *distance,
-                    float *trust, bool *reading)
+static inline bool ask(const struct witness *w, float fx, float z, enum part part, float thick, float *distance,
+                       float *trust, bool *reading)
 {
     *reading = false;
-    float d = (float)s->depth[i] * 1e-3F;
-    if (!s->depth[i] || s->part[i] == SIGHT_RIM)
+    float d = (float)w->depth * 1e-3F;
+    if (!w->depth || w->part == SIGHT_RIM)
         return false;
     float before = d - z;
     // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
-    float beyond = s->part[i] == SIGHT_ROOM ? 0.5F - (float)SIGHT_RIM_PX
-                                            : 0.5F + (float)SIGHT_RIM_PX; // half of the rim is still the person
-    float aside = ((float)s->edge[i] + beyond) * z / (float)fx;
-    aside = aside < OUTSIDE_M ? aside : OUTSIDE_M;
+    float beyond = w->part == SIGHT_ROOM ? 0.5F - (float)SIGHT_RIM_PX
+                                         : 0.5F + (float)SIGHT_RIM_PX; // half of the rim is still the person
+    float aside = least(((float)w->edge + beyond) * z / fx, OUTSIDE_M);
     *trust = EMPTY_TRUST;
-    if (s->part[i] == SIGHT_ROOM) {
+    if (w->part == SIGHT_ROOM) {
         *distance = aside;
         return before > ROOM_SLACK_M;
     }
     if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
-        *distance = -fminf(aside, INSIDE_M);
-        return before > -THICK * fminf(thick, (float)s->half[i] * z / (float)fx) && s->part[i] == part;
+        *distance = -least(aside, INSIDE_M);
+        return before > -THICK * least(thick, (float)w->half * z / fx) && w->part == part;
     }
     *reading = before < OUTSIDE_M;
     *distance = *reading ? before : aside;
-    *trust = *reading ? fminf(1, 0.1F + 0.3F * (float)s->edge[i]) : EMPTY_TRUST;
-    return !*reading || parts_meet(part, (enum part)s->part[i]);
+    *trust = *reading ? least(1, 0.1F + 0.3F * (float)w->edge) : EMPTY_TRUST;
+    return !*reading || parts_meet(part, (enum part)w->part);
 }
-
-// What one frame says, to one stretch of the cells after the other.
-struct addition {
-    struct volume *volume;
-    const struct sight *sight;
-    struct part_map maps[PART_COUNT];
-};
 
 static void add_stretch(void *context, int stretch)
 {
     const struct addition *a = context;
     struct volume *v = a->volume;
-    const struct sight *sight = a->sight;
-    const struct part_map *maps = a->maps;
-    const struct lens *lens = &v->calibration.depth;
-    bool ideal = lens_is_ideal(lens);
-    int from = (int)((int64_t)v->heeding_count * stretch / THREADS);
-    int to = (int)((int64_t)v->heeding_count * (stretch + 1) / THREADS);
+    const float fx = (float)v->calibration.depth.fx;
+    int from = stretch * STRETCH, to = from + STRETCH < a->cell_count ? from + STRETCH : a->cell_count;
     for (int c = from; c < to; c++) {
-        const struct cell *cell = &v->cells[v->heeding[c]];
-        struct vec3 at = place_of(v, cell->x, cell->y, cell->z);
-        const float h[3] = {(float)at.x, (float)at.y, (float)at.z};
-        struct part_map m;
-        float p[3];
-        int x, y;
-        blend(maps, &cell->skin, &m);
-        for (int r = 0; r < 3; r++)
-            p[r] = m.row[r][0] * h[0] + m.row[r][1] * h[1] + m.row[r][2] * h[2] + m.row[r][3];
-        float *d = &v->distance[cell->at], *t = &v->trust[cell->at], distance, trust;
+        const struct cell *cell = &a->cells[c];
+        const enum part part = (enum part)cell->skin.part[0];
+        float p[3], distance, trust;
         bool reading;
-        if (!find_pixel(lens, ideal, p, &x, &y) ||
-            !witness(sight, lens->fx, y * sight->width + x, p[2], (enum part)cell->skin.part[0],
-                     (float)v->rest.radius[cell->skin.part[0]], &distance, &trust, &reading))
+        place_cell(a, cell, p);
+        const struct witness *w = find_witness(a, p);
+        if (!w || !ask(w, fx, p[2], part, (float)v->rest.radius[part], &distance, &trust, &reading))
             continue;
-        *d = (*d * *t + distance * trust) / (*t + trust);
-        *t += trust;
-        if (reading)
-            v->seen[cell->at] += trust;
+        struct point *known = &v->points[cell->at];
+        known->distance = (known->distance * known->trust + distance * trust) / (known->trust + trust);
+        known->trust += trust;
+        known->seen += reading ? trust : 0;
     }
 }
 
@@ -303,50 +301,91 @@ void volume_grow(struct volume *v, const double out_m[PART_COUNT])
     for (int c = 0; c < v->cell_count; c++) {
         const struct skin *skin = &v->cells[c].skin;
         for (int i = 0; i < SKIN_PARTS; i++)
-            v->distance[v->cells[c].at] -= skin->weight[i] * (float)out_m[skin->part[i]];
+            v->points[v->cells[c].at].distance -= skin->weight[i] * (float)out_m[skin->part[i]];
     }
+}
+
+// Who speaks: all pixels as far about the person as edges are told.
+static void call_witnesses(struct addition *a, const struct sight *s)
+{
+    int right = s->right + SIGHT_EDGE_MOST, bottom = s->bottom + SIGHT_EDGE_MOST;
+    a->left = s->left > SIGHT_EDGE_MOST ? s->left - SIGHT_EDGE_MOST : 0;
+    a->top = s->top > SIGHT_EDGE_MOST ? s->top - SIGHT_EDGE_MOST : 0;
+    a->width = (right < s->width ? right + 1 : s->width) - a->left;
+    a->height = (bottom < s->height ? bottom + 1 : s->height) - a->top;
+    struct witness *w = a->volume->witnesses;
+    for (int y = a->top; y < a->top + a->height; y++)
+        for (int i = y * s->width + a->left; i < y * s->width + a->left + a->width; i++)
+            *w++ = (struct witness){s->depth[i], s->part[i], s->edge[i], s->half[i]};
 }
 
 void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
 {
-    struct addition a = {.volume = v, .sight = sight};
+    struct addition a = {.volume = v, .cells = v->heeding ? v->heeding : v->cells};
+    if (sight->right < sight->left)
+        return;
+    a.cell_count = v->heeding ? v->heeding_count : v->cell_count;
+    a.ideal = lens_is_ideal(&v->calibration.depth);
     for (int p = 0; p < PART_COUNT; p++)
         a.maps[p] = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
-    parallel(THREADS, THREADS, add_stretch, &a); // each cell is one thread's, so it does not matter how many there are
+    call_witnesses(&a, sight);
+    // Each cell is one thread's, so it does not matter how many there are.
+    parallel(THREADS, (a.cell_count + STRETCH - 1) / STRETCH, add_stretch, &a);
 }
 
-void volume_leave_empty(struct volume *v, const struct volume *known)
+// Both grids begin at the same corner.
+static const struct point *nearest_known(const struct volume *v, const struct volume *known, const struct cell *cell)
 {
-    int left = 0;
-    for (int c = 0; c < v->heeding_count; c++) {
-        int at = v->cells[v->heeding[c]].at;
-        if (known->trust[at] > CYLINDER_TRUST && known->distance[at] >= NOWHERE_NEAR * OUTSIDE_M) {
-            v->distance[at] = known->distance[at];
-            v->trust[at] = known->trust[at];
+    const int at[3] = {cell->x, cell->y, cell->z};
+    int near[3];
+    for (int i = 0; i < 3; i++) {
+        near[i] = (int)(at[i] * v->step / known->step + 0.5);
+        near[i] = near[i] < known->size[i] ? near[i] : known->size[i] - 1;
+    }
+    return &known->points[(near[2] * known->size[1] + near[1]) * known->size[0] + near[0]];
+}
+
+enum status volume_leave_empty(struct volume *v, const struct volume *known)
+{
+    const struct cell *cells = v->heeding ? v->heeding : v->cells;
+    int count = v->heeding ? v->heeding_count : v->cell_count, left = 0;
+    struct cell *still = malloc(sizeof *still * (size_t)(count ? count : 1));
+    if (!still)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int c = 0; c < count; c++) {
+        const struct point *point = nearest_known(v, known, &cells[c]);
+        if (point->trust > CYLINDER_TRUST && point->distance >= NOWHERE_NEAR * OUTSIDE_M) {
+            v->points[cells[c].at].distance = point->distance;
+            v->points[cells[c].at].trust = point->trust;
         } else {
-            v->heeding[left++] = v->heeding[c];
+            still[left++] = cells[c];
         }
     }
+    free(v->heeding);
+    v->heeding = still;
     v->heeding_count = left;
+    return OK;
 }
 
 // ---------------------------------------------------------------- looking up
 
 bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen)
 {
-    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / VOLUME_STEP_M);
+    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / v->step);
     int x = (int)floor(g.x), y = (int)floor(g.y), z = (int)floor(g.z);
     if (x < 0 || y < 0 || z < 0 || x + 1 >= v->size[0] || y + 1 >= v->size[1] || z + 1 >= v->size[2])
         return false;
-    double f[2][2][2], least = INFINITY, u = g.x - x, w = g.y - y, t = g.z - z;
+    double f[2][2][2], u = g.x - x, w = g.y - y, t = g.z - z;
+    float least_seen = INFINITY;
     for (int i = 0; i < 8; i++) {
         int at = ((z + (i >> 2)) * v->size[1] + y + (i >> 1 & 1)) * v->size[0] + x + (i & 1);
-        if (!(v->trust[at] > 0))
+        const struct point *p = &v->points[at];
+        if (!(p->trust > 0))
             return false;
-        f[i >> 2][i >> 1 & 1][i & 1] = (double)v->distance[at];
-        least = fmin(least, (double)v->seen[at]);
+        f[i >> 2][i >> 1 & 1][i & 1] = (double)p->distance;
+        least_seen = least(least_seen, p->seen);
     }
-    *seen = least;
+    *seen = (double)least_seen;
     double c[2][2], cx[2][2];
     for (int k = 0; k < 2; k++)
         for (int j = 0; j < 2; j++) {
@@ -358,7 +397,7 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
     gradient->x = (cx[0][0] * (1 - w) + cx[0][1] * w) * (1 - t) + (cx[1][0] * (1 - w) + cx[1][1] * w) * t;
     gradient->y = (c[0][1] - c[0][0]) * (1 - t) + (c[1][1] - c[1][0]) * t;
     gradient->z = high - low;
-    *gradient = v3_scale(*gradient, 1 / VOLUME_STEP_M);
+    *gradient = v3_scale(*gradient, 1 / v->step);
     return fabs(*distance) < (double)OUTSIDE_M * 0.98;
 }
 
@@ -371,11 +410,12 @@ enum status volume_smooth(struct volume *v, int passes)
     const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
     for (int pass = 0; pass < passes; pass++)
         for (int axis = 0; axis < 3; axis++) {
-            memcpy(from, v->distance, sizeof *from * count);
+            for (size_t i = 0; i < count; i++)
+                from[i] = v->points[i].distance;
             for (int c = 0; c < v->cell_count; c++) {
                 int at = v->cells[c].at, a = at - step[axis], b = at + step[axis];
-                if (v->trust[a] > 0 && v->trust[b] > 0) // (a cell is never at the grid's border)
-                    v->distance[at] = (from[a] + 2 * from[at] + from[b]) / 4;
+                if (v->points[a].trust > 0 && v->points[b].trust > 0) // (a cell is never at the grid's border)
+                    v->points[at].distance = (from[a] + 2 * from[at] + from[b]) / 4;
             }
         }
     free(from);
@@ -400,9 +440,9 @@ static bool cube_point(const struct volume *v, int at, struct vec3 *out)
     int inside = 0;
     for (int i = 0; i < 8; i++) {
         int corner = at + (i & 1) * dx + (i >> 1 & 1) * dy + (i >> 2) * dz;
-        if (!(v->trust[corner] > 0))
+        if (!(v->points[corner].trust > 0))
             return false;
-        d[i] = v->distance[corner];
+        d[i] = v->points[corner].distance;
         inside += d[i] < 0;
     }
     if (inside == 0 || inside == 8)
@@ -419,7 +459,7 @@ static bool cube_point(const struct volume *v, int at, struct vec3 *out)
                                  (i >> 2) + (axis == 4 ? t : 0)));
             crossings++;
         }
-    *out = v3_add(point_at(v, at), v3_scale(sum, VOLUME_STEP_M / crossings));
+    *out = v3_add(point_at(v, at), v3_scale(sum, v->step / crossings));
     return true;
 }
 
@@ -487,10 +527,11 @@ enum status volume_surface(const struct volume *v, struct surface *out)
     for (int c = 0; c < v->cell_count; c++)
         for (int axis = 0; axis < 3; axis++) { // each edge that crosses joins the four cubes about it
             int at = v->cells[c].at, to = at + step[axis], b = step[(axis + 1) % 3], d = step[(axis + 2) % 3];
-            if (to >= count || at < b + d || !(v->trust[to] > 0) || (v->distance[at] < 0) == (v->distance[to] < 0))
+            if (to >= count || at < b + d || !(v->points[to].trust > 0) ||
+                (v->points[at].distance < 0) == (v->points[to].distance < 0))
                 continue;
             const int32_t quad[4] = {number[at], number[at - b], number[at - b - d], number[at - d]};
-            add_quad(out, quad, v->distance[at] >= 0);
+            add_quad(out, quad, v->points[at].distance >= 0);
         }
     free(number);
     if (!out->corner_count) {

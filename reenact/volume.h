@@ -10,19 +10,20 @@
 
 struct volume;
 
-// Between neighbouring points of its grid; what is finer is not kept.
+// Between neighbouring points of the likeness's grid; what is finer is not kept.
 #define VOLUME_STEP_M 0.009
 
-// Rest pose and lens are copied. ERR_MEMORY.
-MUST_CHECK enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration);
+// step_m: between neighbouring points of this one's grid. Rest pose and lens are copied. ERR_MEMORY.
+MUST_CHECK enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration,
+                                   double step_m);
 void volume_close(struct volume **v);
 
 // Adds what one frame saw, the person being in `posture` (colour camera's axes).
 void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture);
 
-// From here on leaves alone what `known` (v itself, or another of the same rest pose) has
-// found to be empty, well away from the surface: there v is as `known`. For speed.
-void volume_leave_empty(struct volume *v, const struct volume *known);
+// From here on leaves alone what `known`, another of the same rest pose, perhaps of a coarser grid, has
+// found to be empty, well away from the surface: there v is as `known`. For speed. ERR_MEMORY.
+MUST_CHECK enum status volume_leave_empty(struct volume *v, const struct volume *known);
 
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);

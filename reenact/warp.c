@@ -22,14 +22,26 @@ struct warp_grid {
     int size[3];
 };
 
+// x, y, z and a fourth that is nothing, for which processors have instructions.
+typedef float four __attribute__((vector_size(16)));
+typedef double four_doubles __attribute__((vector_size(32)));
+
 struct row { // share . shift along n = value
+    four n;
     int32_t node[8];
-    float share[8], n[3], value, weight;
+    float share[8], value, weight;
 };
 
 // A pixel of the person, and where in the rest pose its part has it.
 struct reading {
     struct vec3 rest, ray; // ray: the direction in which the camera saw it, unit
+};
+
+// A place of the outline that the person has in the picture.
+struct edge {
+    struct pixel px;
+    double nx, ny; // outwards, unit
+    int part;
 };
 
 // A place of the surface that may be at the outline.
@@ -49,12 +61,14 @@ struct warp {
     int32_t *node;      // of each point of the grid; -1: none
     int32_t (*beside)[3]; // of each node: the nodes that follow in x, y, z; -1: none
     int node_count;
-    float (*shift)[3];  // of each node
-    float (*right)[3], (*residual)[3], (*along)[3], (*image)[3], (*scale)[3]; // the solver's
+    four *shift;        // of each node
+    four *right, *residual, *along, *image, *scale; // the solver's
     struct row *rows;
     int row_count, row_most;
     struct reading *readings;
     int reading_count;
+    struct edge *edges;
+    int edge_count;
     struct brink *brinks;
     int brink_count;
     int32_t *tile;    // of the depth picture: the first of its brinks; -1: none
@@ -169,13 +183,13 @@ enum status warp_open(struct warp **out, const struct rest *rest, const struct s
     w->row_most = 3 * POINTS; // readings and outline
     w->rows = malloc(sizeof *w->rows * (size_t)w->row_most);
     w->readings = malloc(sizeof *w->readings * 2 * POINTS);
+    w->edges = malloc(sizeof *w->edges * POINTS);
     w->brinks = malloc(sizeof *w->brinks * (size_t)surface->point_count);
     w->across = (calibration->depth.width + TILE_PX - 1) / TILE_PX;
     w->down = (calibration->depth.height + TILE_PX - 1) / TILE_PX;
     w->tile = malloc(sizeof *w->tile * (size_t)w->across * (size_t)w->down);
     if (!w->node || !w->picture || !w->beside || !w->shift || !w->right || !w->residual || !w->along || !w->image ||
-        !w->scale || !w->rows || !w->readings || !w->brinks ||
-        !w->tile) {
+        !w->scale || !w->rows || !w->readings || !w->edges || !w->brinks || !w->tile) {
         warp_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -190,7 +204,7 @@ void warp_close(struct warp **out)
     if (!w)
         return;
     void *const all[] = {w->node,  w->beside, w->shift, w->right, w->residual, w->along,
-                         w->image, w->scale,  w->rows,  w->readings, w->brinks, w->tile, w->picture};
+                         w->image, w->scale,  w->rows,  w->readings, w->edges, w->brinks, w->tile, w->picture};
     for (size_t i = 0; i < COUNT_OF(all); i++)
         free(all[i]);
     free(w);
@@ -243,7 +257,7 @@ static struct vec3 shift_now(const struct warp *w, struct vec3 rest)
         int node = w->node[corner_at(&w->grid, at, c)];
         if (node < 0)
             continue;
-        const float *s = w->shift[node];
+        const four s = w->shift[node];
         sum = v3_add(sum, v3_scale(v3((double)s[0], (double)s[1], (double)s[2]), corner_share(in, c)));
     }
     return sum;
@@ -263,7 +277,7 @@ static void add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more
         if (r->node[c] < 0)
             return;
     }
-    r->n[0] = (float)n.x, r->n[1] = (float)n.y, r->n[2] = (float)n.z;
+    r->n = (four){(float)n.x, (float)n.y, (float)n.z, 0};
     r->value = (float)(v3_dot(n, shift_now(w, rest)) + more);
     r->weight = (float)weight;
     w->row_count++;
@@ -333,17 +347,45 @@ static void add_readings(struct warp *w, const struct volume *volume, double out
 
 // ---- the outline
 
-// Where a place of the surface is now; false: it is not at the outline, or not in the picture.
-static bool place_brink(const struct warp *w, const struct warp_model *m, const struct posture *posture, int point,
-                        struct brink *out)
+// Where a part is, in the depth camera's axes.
+struct placed {
+    double turn[3][3];
+    struct vec3 at;
+};
+
+static void place_parts(const struct warp *w, const struct posture *posture, struct placed out[PART_COUNT])
 {
-    struct vec3 p, n, rest = m->surface->points[point];
+    for (int p = 0; p < PART_COUNT; p++) {
+        struct pose pose = pose_multiply(w->depth_from_color, posture->part[p]);
+        quat_to_matrix(pose.rotation, out[p].turn);
+        out[p].at = pose.translation;
+    }
+}
+
+static struct vec3 turned(const struct placed *by, struct vec3 v)
+{
+    const double (*m)[3] = by->turn;
+    return v3(m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
+              m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
+}
+
+// Where a place of the surface is now; false: it is not at the outline, or not in the picture.
+static bool place_brink(const struct warp *w, const struct warp_model *m, const struct placed placed[PART_COUNT],
+                        int point, struct brink *out)
+{
+    const struct skin *skin = &m->skins[point];
+    struct vec3 p = v3(0, 0, 0), n = p, rest = m->surface->points[point];
     rest = v3_add(rest, shift_now(w, rest));
-    skin_place(&m->skins[point], posture, rest, m->surface->normals[point], &p, &n);
-    p = pose_apply(w->depth_from_color, p);
-    n = quat_rotate(w->depth_from_color.rotation, n);
-    double flat = hypot(n.x, n.y);
-    if (!(p.z > 0.05) || fabs(v3_dot(n, v3_unit(p))) > GRAZING || !(flat > 0.1))
+    for (int i = 0; i < SKIN_PARTS; i++) {
+        const struct placed *by = &placed[skin->part[i]];
+        const double weight = (double)skin->weight[i];
+        if (!(weight > 0))
+            continue;
+        p = v3_add(p, v3_scale(v3_add(turned(by, rest), by->at), weight));
+        n = v3_add(n, v3_scale(turned(by, m->surface->normals[point]), weight));
+    }
+    const double along = v3_dot(n, p), n2 = v3_dot(n, n), flat = sqrt(n.x * n.x + n.y * n.y);
+    if (!(p.z > 0.05) || along * along > GRAZING * GRAZING * n2 * v3_dot(p, p) || !(flat > 0.1 * sqrt(n2)))
         return false;
     *out = (struct brink){lens_project(&w->depth_lens, p), n.x / flat, n.y / flat, p.z, point, -1};
     return out->px.x >= 0 && out->px.y >= 0 && out->px.x < w->depth_lens.width && out->px.y < w->depth_lens.height;
@@ -353,12 +395,14 @@ static bool place_brink(const struct warp *w, const struct warp_model *m, const 
 // shifts turn nothing.
 static void find_brinks(struct warp *w, const struct warp_model *m, const struct posture *posture, bool first_round)
 {
-    int asked = first_round ? m->surface->point_count : w->brink_count;
+    const int asked = first_round ? m->surface->point_count : w->brink_count;
+    struct placed placed[PART_COUNT];
+    place_parts(w, posture, placed);
     memset(w->tile, -1, sizeof *w->tile * (size_t)w->across * (size_t)w->down);
     w->brink_count = 0;
     for (int i = 0; i < asked; i++) {
         struct brink b;
-        if (!place_brink(w, m, posture, first_round ? i : w->brinks[i].point, &b))
+        if (!place_brink(w, m, placed, first_round ? i : w->brinks[i].point, &b))
             continue;
         int32_t *tile = &w->tile[(int)b.px.y / TILE_PX * w->across + (int)b.px.x / TILE_PX];
         b.next = *tile;
@@ -373,9 +417,10 @@ static const struct brink *nearest_brink(const struct warp *w, const struct warp
 {
     const struct brink *best = NULL;
     double least = ASIDE_PX * ASIDE_PX;
-    int tx = (int)px.x / TILE_PX, ty = (int)px.y / TILE_PX;
-    for (int y = ty > 0 ? ty - 1 : 0; y <= ty + 1 && y < w->down; y++)
-        for (int x = tx > 0 ? tx - 1 : 0; x <= tx + 1 && x < w->across; x++)
+    const int left = (int)fmax(px.x - ASIDE_PX, 0) / TILE_PX, right = (int)(px.x + ASIDE_PX) / TILE_PX;
+    const int top = (int)fmax(px.y - ASIDE_PX, 0) / TILE_PX, bottom = (int)(px.y + ASIDE_PX) / TILE_PX;
+    for (int y = top; y <= bottom && y < w->down; y++)
+        for (int x = left; x <= right && x < w->across; x++)
             for (int b = w->tile[y * w->across + x]; b >= 0; b = w->brinks[b].next) {
                 const struct brink *k = &w->brinks[b];
                 double dx = k->px.x - px.x, dy = k->px.y - px.y, far = dx * dx + dy * dy;
@@ -390,10 +435,12 @@ static const struct brink *nearest_brink(const struct warp *w, const struct warp
 
 static bool of_person(const struct sight *s, int i) { return s->part[i] != SIGHT_ROOM; }
 
-static void add_outline_at(struct warp *w, const struct warp_model *m, const struct sight *s, int i)
+// Whether the room's pixel i is at the person's outline, and which way that faces there.
+static bool find_edge(const struct sight *s, int i, struct edge *out)
 {
     static const int steps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
-    int x = i % s->width, y = i / s->width;
+    if (!of_person(s, i + 1) && !of_person(s, i - 1) && !of_person(s, i + s->width) && !of_person(s, i - s->width))
+        return false;
     double nx = 0, ny = 0; // out of the person: where fewer pixels about are theirs
     for (int v = -2; v <= 2; v++)
         for (int u = -2; u <= 2; u++)
@@ -401,7 +448,7 @@ static void add_outline_at(struct warp *w, const struct warp_model *m, const str
                 nx -= u, ny -= v;
     double length = hypot(nx, ny);
     if (!(length > 4))
-        return;
+        return false;
     nx /= length, ny /= length;
     for (int k = 0; k < 4; k++) {
         int step = steps[k][1] * s->width + steps[k][0], inside = i + step;
@@ -412,62 +459,70 @@ static void add_outline_at(struct warp *w, const struct warp_model *m, const str
         int part = s->part[inside];
         if (part >= PART_COUNT || s->depth[i] < s->depth[inside] + ROOM_MM)
             continue;
-        double out = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
-        struct pixel px = {x + out * steps[k][0], y + out * steps[k][1]};
-        const struct brink *b = nearest_brink(w, m, px, nx, ny, part);
+        double in = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
+        struct pixel px = {i % s->width + in * steps[k][0], i / s->width + in * steps[k][1]};
+        *out = (struct edge){px, nx, ny, part};
+        return true;
+    }
+    return false;
+}
+
+// The person's outline in the picture; it does not change from round to round.
+static void find_edges(struct warp *w, const struct sight *s)
+{
+    enum { MARGIN = INWARD_PX + 1 };
+    w->edge_count = 0;
+    int top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN, left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN;
+    for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)
+        for (int x = left + (y - top) % OUTLINE_EVERY_PX; x <= s->right + 1 && x < s->width - MARGIN;
+             x += OUTLINE_EVERY_PX) {
+            int i = y * s->width + x;
+            if (!of_person(s, i) && w->edge_count < POINTS && find_edge(s, i, &w->edges[w->edge_count]))
+                w->edge_count++;
+        }
+}
+
+static void add_outline(struct warp *w, const struct warp_model *m)
+{
+    for (int i = 0; i < w->edge_count; i++) {
+        const struct edge *e = &w->edges[i];
+        const struct brink *b = nearest_brink(w, m, e->px, e->nx, e->ny, e->part);
         if (!b)
-            return;
-        double gap = ((px.x - b->px.x) * b->nx + (px.y - b->px.y) * b->ny) * b->z / w->depth_lens.fx;
+            continue;
+        double gap = ((e->px.x - b->px.x) * b->nx + (e->px.y - b->px.y) * b->ny) * b->z / w->depth_lens.fx;
         double outlier = ASIDE_PX / 2 * b->z / w->depth_lens.fx;
         double robust = outlier * outlier / (outlier * outlier + gap * gap);
         add_row(w, m->surface->points[b->point], m->surface->normals[b->point], gap,
                 robust * robust / (double)(OUTLINE_M * OUTLINE_M));
-        return;
     }
-}
-
-static void add_outline(struct warp *w, const struct warp_model *m, const struct sight *s,
-                        const struct posture *posture, bool first_round)
-{
-    enum { MARGIN = INWARD_PX + 1 };
-    find_brinks(w, m, posture, first_round);
-    int top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN, left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN;
-    for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)
-        for (int x = left + (y - top) % OUTLINE_EVERY_PX; x <= s->right + 1 && x < s->width - MARGIN;
-             x += OUTLINE_EVERY_PX)
-            if (!of_person(s, y * s->width + x))
-                add_outline_at(w, m, s, y * s->width + x);
 }
 
 // ---------------------------------------------------------------- least squares
 
 // out = A x, A from the rows, the bends and the shifts' own smallness.
-static void multiply(const struct warp *w, float (*x)[3], float (*out)[3])
+static void multiply(const struct warp *w, const four *x, four *out)
 {
     const float still = 1 / (SHIFT_M * SHIFT_M), bend = 1 / (BEND_M * BEND_M);
     for (int i = 0; i < w->node_count; i++)
-        for (int a = 0; a < 3; a++)
-            out[i][a] = still * x[i][a];
+        out[i] = still * x[i];
     for (int i = 0; i < w->node_count; i++)
         for (int k = 0; k < 3; k++) {
             int j = w->beside[i][k];
-            for (int a = 0; a < 3 && j >= 0; a++) {
-                float apart = bend * (x[i][a] - x[j][a]);
-                out[i][a] += apart;
-                out[j][a] -= apart;
-            }
+            if (j < 0)
+                continue;
+            four apart = bend * (x[i] - x[j]);
+            out[i] += apart;
+            out[j] -= apart;
         }
     for (int r = 0; r < w->row_count; r++) {
         const struct row *row = &w->rows[r];
-        float sum = 0;
-        for (int c = 0; c < 8; c++) {
-            const float *v = x[row->node[c]];
-            sum += row->share[c] * (row->n[0] * v[0] + row->n[1] * v[1] + row->n[2] * v[2]);
-        }
-        sum *= row->weight;
+        four shift = {0};
         for (int c = 0; c < 8; c++)
-            for (int a = 0; a < 3; a++)
-                out[row->node[c]][a] += sum * row->share[c] * row->n[a];
+            shift += row->share[c] * x[row->node[c]];
+        shift *= row->n;
+        four back = row->weight * (shift[0] + shift[1] + shift[2]) * row->n;
+        for (int c = 0; c < 8; c++)
+            out[row->node[c]] += row->share[c] * back;
     }
 }
 
@@ -476,44 +531,45 @@ static void prepare(struct warp *w)
     const float still = 1 / (SHIFT_M * SHIFT_M), bend = 1 / (BEND_M * BEND_M);
     memset(w->right, 0, sizeof *w->right * (size_t)w->node_count);
     for (int i = 0; i < w->node_count; i++)
-        for (int a = 0; a < 3; a++)
-            w->scale[i][a] = still + 6 * bend;
+        w->scale[i] = (four){0} + (still + 6 * bend);
     for (int r = 0; r < w->row_count; r++) {
         const struct row *row = &w->rows[r];
-        for (int c = 0; c < 8; c++)
-            for (int a = 0; a < 3; a++) {
-                float j = row->share[c] * row->n[a];
-                w->right[row->node[c]][a] += row->weight * j * row->value;
-                w->scale[row->node[c]][a] += row->weight * j * j;
-            }
+        for (int c = 0; c < 8; c++) {
+            four j = row->share[c] * row->n;
+            w->right[row->node[c]] += row->weight * row->value * j;
+            w->scale[row->node[c]] += row->weight * j * j;
+        }
     }
 }
+
+static double total(const four_doubles *s) { return (*s)[0] + (*s)[1] + (*s)[2] + (*s)[3]; }
 
 // Conjugate gradients, scaled by the diagonal, from the shifts as they are.
 static void solve(struct warp *w)
 {
-    const int count = 3 * w->node_count;
-    float *x = w->shift[0], *b = w->right[0], *r = w->residual[0], *d = w->along[0], *q = w->image[0],
-          *scale = w->scale[0];
+    const int count = w->node_count;
+    four *x = w->shift, *r = w->residual, *d = w->along, *q = w->image, *scale = w->scale;
     prepare(w);
-    multiply(w, w->shift, w->image);
-    double size = 0;
+    multiply(w, x, q);
+    four_doubles sizes = {0};
     for (int i = 0; i < count; i++) {
-        r[i] = b[i] - q[i];
+        r[i] = w->right[i] - q[i];
         d[i] = r[i] / scale[i];
-        size += (double)(r[i] * d[i]);
+        sizes += __builtin_convertvector(r[i] * d[i], four_doubles);
     }
+    double size = total(&sizes);
     for (int step = 0; step < STEPS && size > 0; step++) {
-        multiply(w, w->along, w->image);
-        double curve = 0, next = 0;
+        multiply(w, d, q);
+        four_doubles curves = {0}, nexts = {0};
         for (int i = 0; i < count; i++)
-            curve += (double)(d[i] * q[i]);
-        float go = (float)(size / curve);
+            curves += __builtin_convertvector(d[i] * q[i], four_doubles);
+        float go = (float)(size / total(&curves));
         for (int i = 0; i < count; i++) {
             x[i] += go * d[i];
             r[i] -= go * q[i];
-            next += (double)(r[i] * r[i] / scale[i]);
+            nexts += __builtin_convertvector(r[i] * r[i] / scale[i], four_doubles);
         }
+        double next = total(&nexts);
         float back = (float)(next / size);
         for (int i = 0; i < count; i++)
             d[i] = r[i] / scale[i] + back * d[i];
@@ -526,10 +582,12 @@ void warp_fit(struct warp *w, const struct warp_model *model, const struct sight
 {
     memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
     find_readings(w, sight, posture);
+    find_edges(w, sight);
     for (int round = 0; round < ROUNDS; round++) {
         w->row_count = 0;
         add_readings(w, model->volume, OUTLIER_M[round]);
-        add_outline(w, model, sight, posture, round == 0);
+        find_brinks(w, model, posture, round == 0);
+        add_outline(w, model);
         solve(w);
     }
     write_picture(w);

@@ -6,21 +6,19 @@ precision highp float;
 
 in vec4 place;
 in vec4 seen;
-in vec3 lighting;
+in vec2 lighting;
 
 uniform highp sampler2D atlas;       // colours in the mean light
 uniform highp sampler2D now_picture;
 uniform highp sampler2D now_depth;   // millimetres (high, low byte); blue: 0 at the person's edge and elsewhere, 1 well within
 
-out vec4 color; // premultiplied
+out vec4 color;
 
 void main()
 {
-    if (lighting.y > 0.5)
-        discard;
     vec3 own = texture(atlas, place.xy).rgb * lighting.x;
     vec4 there = texture(now_depth, seen.xy);
     float off = abs((there.r * 256.0 + there.g) * 0.255 - seen.z);
     float now = seen.w * there.b * (1.0 - smoothstep(0.05, 0.09, off));
-    color = lighting.z * vec4(mix(own, texture(now_picture, place.zw).rgb, now), 1.0);
+    color = vec4(mix(own, texture(now_picture, place.zw).rgb, now), 1.0);
 }

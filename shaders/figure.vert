@@ -13,7 +13,6 @@ uniform vec4 now_from_part[33];    // the same into the colour camera's axes of 
 uniform vec4 world_from_now[3];    // rows of the turn from those into the world's
 uniform vec4 viewer_from_now[3];   // and into the tablet camera's
 uniform vec4 depth_from_color[3];  // rows, metres
-uniform vec4 absent[3];            // of each part: 1 if it is not to be drawn
 uniform vec4 light[9];             // spherical harmonics of the room's light, in x
 uniform vec4 view_lens[3];         // (fx, fy, cx, cy), (k1, k2, p1, p2), (k3, largest r2, width, height)
 uniform vec4 view_range;           // nearest and farthest z that are drawn, metres
@@ -28,7 +27,7 @@ uniform highp sampler2D shifts;    // each point's in the rest pose, for the sho
 
 out vec4 place;    // in the atlas, and in the frame's colours; of their sizes
 out vec4 seen;     // in the frame's depth, likewise; z: how far it should be there, metres; w: how squarely it is seen
-out vec3 lighting; // root of the room's light; how much it goes with absent parts; how opaque it is
+out vec2 lighting; // root of the room's light; how opaque it is
 
 // Where (x, y) / z falls, times z: Brown-Conrady. Beyond the picture's corners the
 // polynomial may fold back, so the factor is held there.
@@ -71,11 +70,9 @@ vec3 shifted(vec3 p)
 void main()
 {
     vec4 h = vec4(shifted(point.xyz), 1.0), f = vec4(facing.xyz, 0.0);
-    float missing = 0.0;
     vec3 p = vec3(0.0), now = vec3(0.0), turned = vec3(0.0);
     for (int i = 0; i < 3; i++) {
         int number = int(part[i] + 0.5), row = 3 * number;
-        missing += share[i] * absent[number / 4][number % 4];
         p += share[i] * vec3(dot(viewer_from_part[row], h), dot(viewer_from_part[row + 1], h),
                              dot(viewer_from_part[row + 2], h));
         now += share[i] * vec3(dot(now_from_part[row], h), dot(now_from_part[row + 1], h),
@@ -86,7 +83,7 @@ void main()
     turned = normalize(turned);
     vec3 world = vec3(dot(world_from_now[0].xyz, turned), dot(world_from_now[1].xyz, turned),
                       dot(world_from_now[2].xyz, turned));
-    lighting = vec3(sqrt(lit(world)), missing, 1.0 - part.w);
+    lighting = vec2(sqrt(lit(world)), 1.0 - part.w);
 
     vec4 now1 = vec4(now, 1.0);
     vec3 d = vec3(dot(depth_from_color[0], now1), dot(depth_from_color[1], now1), dot(depth_from_color[2], now1));

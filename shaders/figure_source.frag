@@ -4,7 +4,6 @@ precision highp float;
 
 in vec4 place;
 in vec4 seen;
-in vec3 lighting;
 
 uniform vec4 kind;                 // y: the shown frame's time, seconds of the take
 uniform highp sampler2D atlas_when; // hundredths of a second (high, low byte); blue: 1 if nobody saw it
@@ -14,8 +13,6 @@ out vec4 color;
 
 void main()
 {
-    if (lighting.y > 0.5)
-        discard;
     vec4 there = texture(now_depth, seen.xy);
     float off = abs((there.r * 256.0 + there.g) * 0.255 - seen.z);
     float now = seen.w * there.b * (1.0 - smoothstep(0.05, 0.09, off)); // as figure.frag has it

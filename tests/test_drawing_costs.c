@@ -82,6 +82,46 @@ static void few_calls_and_nothing_anew(void **state)
     free(grey);
 }
 
+// The actor at that frame, and how many uploads it took.
+static int64_t draw_frame(struct painter *p, int64_t frame, uint8_t *actor)
+{
+    int64_t before = gpu_count(gpu).uploads;
+    draw(p, take_entry(take, frame)->time_ns - take_entry(take, 0)->time_ns, 0.4, NULL);
+    int64_t uploads = gpu_count(gpu).uploads - before;
+    EXPECT_STATUS(painter_read_actor(p, actor), OK);
+    return uploads;
+}
+
+// A frame that was loaded before it was wanted is only drawn, and the picture is the same byte for byte.
+static void loaded_ahead_is_the_same_picture(void **state)
+{
+    (void)state;
+    const size_t bytes = (size_t)lens.width * (size_t)lens.height * 4;
+    uint8_t *ours = malloc(bytes), *other = malloc(bytes), *theirs = malloc(bytes);
+    struct painter *p = painter_at(DETAIL_FULL, 0); // which keeps one frame
+    struct source_rays *rays;
+    struct frame_loader *loader;
+    struct loaded_frame loaded;
+    int64_t loading = draw_frame(p, 3, ours);
+    draw_frame(p, 2, other);
+    EXPECT_TRUE(!painter_keeps(p, 3) && painter_keeps(p, 2));
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
+    EXPECT_STATUS(frame_loader_open(&loader, take, rays, painter_likeness(p)), OK);
+    EXPECT_STATUS(frame_loader_load(loader, 3, &loaded), OK);
+    EXPECT_STATUS(painter_give_frame(p, &loaded), OK);
+    EXPECT_TRUE(!loaded.shift); // its contents went over
+    EXPECT_TRUE(painter_keeps(p, 3));
+    EXPECT_INT(loading - draw_frame(p, 3, theirs), 3); // colours, depth and shifts are there
+    EXPECT_TRUE(memcmp(ours, other, bytes));
+    EXPECT_TRUE(!memcmp(ours, theirs, bytes));
+    frame_loader_close(&loader);
+    source_rays_close(&rays);
+    painter_close(&p);
+    free(ours);
+    free(other);
+    free(theirs);
+}
+
 static void memory_is_bounded(void **state)
 {
     (void)state;
@@ -165,6 +205,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(few_calls_and_nothing_anew),
+        cmocka_unit_test(loaded_ahead_is_the_same_picture),
         cmocka_unit_test(memory_is_bounded),
         cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
     };

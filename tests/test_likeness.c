@@ -121,7 +121,8 @@ static void the_likeness_may_come_later(void **state)
     struct source_rays *rays;
     struct likeness likeness;
     struct patience calm = {.most = INT32_MAX}, impatient = {.most = 2};
-    const struct likeness_watch watch = {be_patient, &calm}, hasty = {be_patient, &impatient};
+    const struct likeness_watch watch = {.went_on = be_patient, .self = &calm},
+                                hasty = {.went_on = be_patient, .self = &impatient};
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
     EXPECT_STATUS(likeness_make(&likeness, stage.take, rays, LIKENESS_FRAMES, &hasty), NOTHING);
     EXPECT_INT(impatient.told, 2);

@@ -121,7 +121,7 @@ static void draw_turned(struct glass *g, int quarter_turns)
 {
     const bool across = quarter_turns & 1;
     gpu_target_close(&g->target);
-    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height, 1), OK);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height), OK);
     const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, glass_scale(g)};
     EXPECT_STATUS(tablet_draw(&g->tablet, &glass, clock_now_ns()), OK);
     glass_read(g);

@@ -84,7 +84,7 @@ static void sizes_beyond_the_driver_are_refused(void **state)
     EXPECT_STATUS(gpu_texture_open(&t, g, GPU_R8, gpu_max_size(g) + 1, 1, GPU_NEAREST, NULL), ERR_DEVICE);
     EXPECT_TRUE(t == NULL);
     struct gpu_target *target;
-    EXPECT_STATUS(gpu_target_open(&target, g, 1, gpu_max_size(g) + 1, 1), ERR_DEVICE);
+    EXPECT_STATUS(gpu_target_open(&target, g, 1, gpu_max_size(g) + 1), ERR_DEVICE);
     EXPECT_TRUE(target == NULL);
     EXPECT_STATUS(gpu_check(g), OK); // and nothing of it lingers
     gpu_close(&g);
@@ -115,8 +115,8 @@ static void pixels_survive(void **state)
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
     EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
     EXPECT_STATUS(gpu_texture_open(&texture, g, GPU_RGB8, W, H, GPU_NEAREST, rgb), OK);
-    EXPECT_STATUS(gpu_target_open(&target, g, W, H, 1), OK);
-    EXPECT_STATUS(gpu_target_open(&empty, g, W, H, 4), OK);
+    EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
+    EXPECT_STATUS(gpu_target_open(&empty, g, W, H), OK);
     gpu_draw(&(struct gpu_job){.target = target,
                                .program = program,
                                .mesh = mesh,

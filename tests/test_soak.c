@@ -158,7 +158,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
     struct soak s = {0};
     assert_non_null(b.ways);
     EXPECT_STATUS(gpu_open(&b.gpu), OK);
-    EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT, 1), OK);
+    EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT), OK);
     EXPECT_STATUS(tablet_open(&b.tablet, b.gpu, &how), OK);
     b.glass = (struct tablet_glass){b.target, WIDTH, HEIGHT, 0, tablet_px_per_dp(149)};
     show_choose(&b.tablet.show, 0);

@@ -21,7 +21,7 @@ static struct body_pose trembling(const struct body_pose *pose, struct dice *dic
 static void a_still_body_is_told_still(void **state)
 {
     (void)state;
-    const struct body_shape shape = {{0}};
+    const struct body_shape shape = {.log = {0}};
     struct body_pose pose = standing();
     struct dice dice = {7};
     struct body_steady s;
@@ -48,7 +48,7 @@ static void a_still_body_is_told_still(void **state)
 static void a_sudden_start_is_told_at_once(void **state)
 {
     (void)state;
-    const struct body_shape shape = {{0}};
+    const struct body_shape shape = {.log = {0}};
     struct dice dice = {8};
     for (int whole = 0; whole < 2; whole++) {
         struct body_pose pose = standing();

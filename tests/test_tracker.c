@@ -320,7 +320,7 @@ static void limbs_without_length_and_straight_ones(void **state)
     EXPECT_NEAR(solid_distance(&nothing, v3(0, 0, 1.9), &n, &on, &t, &side), 0.05, 1e-9);
     EXPECT_TRUE(isfinite(solid_distance(&nothing, v3(0, 0, 2), &n, &on, &t, &side)) && v3_finite(n));
     // A body shrunk to a millimetre and one with arms as straight as can be still build.
-    struct body_shape shape = {{-7}};
+    struct body_shape shape = {.log = {-7}};
     struct body_pose pose = body_rest_pose(v3(0, 0, 2), v3(0, -1, 0), 0);
     struct body_build build;
     body_build(&shape, &pose, &build);

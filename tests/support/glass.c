@@ -11,7 +11,7 @@ void glass_open(struct glass *g, int width, int height, const struct tablet_opti
 {
     *g = (struct glass){.width = width, .height = height, .rgba = malloc((size_t)width * (size_t)height * 4)};
     EXPECT_STATUS(gpu_open(&g->gpu), OK);
-    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height, 1), OK);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height), OK);
     EXPECT_STATUS(tablet_open(&g->tablet, g->gpu, options), OK);
 }
 

@@ -1,0 +1,164 @@
+// Frames are loaded beside the drawing, on a thread of their own: the same, byte for byte, as if whoever shows
+// them had loaded them, only those that are wanted, and it can be given up at any moment.
+#include "tests/test.h"
+
+#include "app/ahead.h"
+#include "platform/clock.h"
+#include "tests/support/rehearsal.h"
+
+#include <string.h>
+
+enum { FRAMES_FOR_LIKENESS = 1 };
+
+static struct rehearsal rehearsal;
+static struct recording *recording;
+static struct take *take;
+static struct source_rays *rays;
+static struct likeness likeness;
+
+static struct ahead *start(const char *take_name)
+{
+    struct ahead *a;
+    const struct ahead_options how = {rehearsal.file, take_name, &likeness};
+    EXPECT_STATUS(ahead_start(&a, &how), OK);
+    return a;
+}
+
+// Waits for it as somebody who shows a frame now and then does.
+static bool take_in_time(struct ahead *a, int64_t frame, struct loaded_frame *out)
+{
+    const int64_t until = clock_now_ns() + 60000000000;
+    while (clock_now_ns() < until) {
+        if (ahead_take(a, frame, out))
+            return true;
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    }
+    return false;
+}
+
+static void expect_same_picture(const struct loaded_picture *a, const struct loaded_picture *b, size_t bytes_a_pixel)
+{
+    EXPECT_INT(a->width, b->width);
+    EXPECT_INT(a->height, b->height);
+    EXPECT_TRUE(!memcmp(a->pixels, b->pixels, bytes_a_pixel * (size_t)a->width * (size_t)a->height));
+}
+
+static void expect_same(const struct loaded_frame *a, const struct loaded_frame *b)
+{
+    EXPECT_INT(a->frame, b->frame);
+    EXPECT_INT(a->seen, b->seen);
+    expect_same_picture(&a->color, &b->color, 3);
+    expect_same_picture(&a->depth, &b->depth, 4);
+    expect_same_picture(&a->shifts, &b->shifts, 4);
+    EXPECT_TRUE(!memcmp(a->windows, b->windows, sizeof a->windows));
+    EXPECT_TRUE(!memcmp(&a->adjustment, &b->adjustment, sizeof a->adjustment));
+    EXPECT_TRUE(!memcmp(a->shift, b->shift, sizeof *a->shift * (size_t)likeness.atlas.mesh.point_count));
+}
+
+// In whatever order frames are shown: what was loaded before leaves no trace.
+static void the_same_as_loaded_by_oneself(void **state)
+{
+    (void)state;
+    static const int64_t shown[] = {0, 1, 6, 0};
+    struct ahead *a = start("turn");
+    struct frame_loader *own;
+    struct loaded_frame before = {0};
+    EXPECT_STATUS(frame_loader_open(&own, take, rays, &likeness), OK);
+    for (size_t i = 0; i < COUNT_OF(shown); i++) {
+        struct loaded_frame theirs, ours;
+        ahead_want(a, &shown[i], i + 1 < COUNT_OF(shown) ? 2 : 1);
+        EXPECT_TRUE(take_in_time(a, shown[i], &theirs));
+        EXPECT_STATUS(frame_loader_load(own, shown[i], &ours), OK);
+        EXPECT_TRUE(ours.seen);
+        EXPECT_AT_LEAST(ours.color.width, 10);
+        expect_same(&theirs, &ours);
+        EXPECT_TRUE(i == 0 || memcmp(before.shift, ours.shift,
+                                     sizeof *ours.shift * (size_t)likeness.atlas.mesh.point_count));
+        loaded_frame_free(&before);
+        loaded_frame_free(&theirs);
+        before = ours;
+    }
+    loaded_frame_free(&before);
+    frame_loader_close(&own);
+    ahead_close(&a);
+}
+
+static void only_what_is_wanted(void **state)
+{
+    (void)state;
+    struct ahead *a = start("turn");
+    struct loaded_frame frame;
+    const int64_t first[] = {1, 2}, then[] = {5};
+    ahead_want(a, first, 2);
+    EXPECT_TRUE(take_in_time(a, 1, &frame));
+    loaded_frame_free(&frame);
+    ahead_want(a, then, 1); // he was moved along the timeline
+    EXPECT_TRUE(take_in_time(a, 5, &frame));
+    EXPECT_INT(frame.frame, 5);
+    EXPECT_AT_LEAST((double)ahead_takes_ns(a), 1e5);
+    loaded_frame_free(&frame);
+    for (int64_t i = 0; i < 8; i++)
+        EXPECT_TRUE(!ahead_take(a, i, &frame)); // 1 and 5 are gone, 2 is not wanted any more
+    ahead_close(&a);
+    EXPECT_TRUE(!a);
+}
+
+static void given_up_at_any_moment(void **state)
+{
+    (void)state;
+    for (int ms = 0; ms < 50; ms = 2 * ms + 1) {
+        const int64_t wanted[] = {0, 1, 2, 3, 4, 5};
+        struct ahead *a = start("turn");
+        ahead_want(a, wanted, AHEAD_MOST);
+        clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
+        ahead_close(&a);
+    }
+}
+
+// Whoever shows a frame is then left to load it, and to say why it cannot be.
+static void what_cannot_be_loaded_is_not_waited_for(void **state)
+{
+    (void)state;
+    struct ahead *a = start("nobody");
+    struct loaded_frame frame;
+    const int64_t wanted[] = {0};
+    ahead_want(a, wanted, 1);
+    for (int i = 0; i < 20; i++) {
+        EXPECT_TRUE(!ahead_take(a, 0, &frame));
+        clock_sleep_until_ns(clock_now_ns() + 1000000);
+    }
+    ahead_close(&a);
+}
+
+static int make(void **state)
+{
+    (void)state;
+    rehearsal = rehearsal_make();
+    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
+    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
+    EXPECT_STATUS(likeness_make(&likeness, take, rays, FRAMES_FOR_LIKENESS, NULL), OK);
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    likeness_free(&likeness);
+    source_rays_close(&rays);
+    take_close(&take);
+    recording_free(&recording);
+    rehearsal_end(&rehearsal);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_same_as_loaded_by_oneself),
+        cmocka_unit_test(only_what_is_wanted),
+        cmocka_unit_test(given_up_at_any_moment),
+        cmocka_unit_test(what_cannot_be_loaded_is_not_waited_for),
+    };
+    return cmocka_run_group_tests(tests, make, end);
+}
