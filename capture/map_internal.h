@@ -98,6 +98,10 @@ MUST_CHECK enum status map_add_points(struct map *m);
 // best new points stay, with their most typical descriptors.
 MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
 
+// ---- map_sure.c
+// The covariance of each new point. Once the map is where it stays. ERR_MEMORY.
+MUST_CHECK enum status map_weigh_points(struct map *m);
+
 // ---- map_follow.c: frames placed by points
 // Places frames of two possible poses by the points they show. How many.
 MUST_CHECK enum status map_place_by_points(struct map *m, int *placed);

@@ -33,7 +33,7 @@ void map_add_new_points(struct map *m, struct map_frame *f)
             continue;
         struct vec3 ray = lens_ray(&m->calibration.color, s->feature.at);
         struct place_point *p = &m->points[m->point_count];
-        p->world = pose_apply(world_from_camera, v3_scale(ray, s->depth));
+        *p = (struct place_point){.world = pose_apply(world_from_camera, v3_scale(ray, s->depth))};
         memcpy(p->descriptor, s->feature.descriptor, sizeof p->descriptor);
         s->point = m->point_count++;
     }
@@ -126,7 +126,7 @@ static void forget_bad(struct map *m)
                 continue;
             struct vec3 ray = lens_ray(lens, s->feature.at);
             struct fit_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
-            feature_covariance(&s->feature, p.own);
+            points_covariance(&m->points[s->point], &s->feature, lens, &f->camera_from_world, p.own);
             if (!f->placed || fit_point_error(&p, NULL, &f->camera_from_world, lens->fx, lens->fy) > 4)
                 s->point = -1;
         }

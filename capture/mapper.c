@@ -396,6 +396,8 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
         status = map_level(&m->map, &report->floor_from_depth);
     }
     if (status == OK)
+        status = map_weigh_points(&m->map);
+    if (status == OK)
         status = hand_over(m, out);
     report_tags(m, report);
     report_lost(&m->map, report);

@@ -224,7 +224,7 @@ static double add_point(struct normal *n, const struct fit_point *point, double 
     by_speed(row1, point->time_s);
     double bound = ROBUST * ROBUST, chi2 = ex * ex + ey * ey, ez = 0, depth = 0;
     if (point->z > 0) {
-        depth = 1 / (depth_sigma(point->z) + extra_px * p.z / fx);
+        depth = 1 / (sqrt(pow(depth_sigma(point->z), 2) + point->z_variance) + extra_px * p.z / fx);
         ez = (p.z - point->z) * depth;
         chi2 += ez * ez;
     }

@@ -48,6 +48,7 @@ struct fit_point {
     double z;        // depth read there, metres; 0: none
     double own[3];   // covariance beside sigma_px: xx, xy, yy, pixels^2
     double time_s;   // when its row was read, as shutter_time
+    double z_variance; // of the place's own distance, m^2
 };
 
 struct camera_fit {

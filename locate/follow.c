@@ -186,8 +186,11 @@ static int gather(const struct locator *l, const uint16_t *depth, enum what what
         if ((t->point < 0 && !(what & CORNERS)) || ((what & WEIGHED) && !t->weighed))
             continue;
         struct fit_point *p = &out[count++];
-        *p = (struct fit_point){t->world, t->ray.x, t->ray.y, 0,
-                                depth && t->point >= 0 ? feature_depth(&l->lens, depth, t->at) : 0, {0}, t->time_s};
+        *p = (struct fit_point){.world = t->world, .x = t->ray.x, .y = t->ray.y, .time_s = t->time_s};
+        if (depth && t->point >= 0) {
+            p->z = feature_depth(&l->lens, depth, t->at);
+            p->z_variance = points_depth_variance(&l->points[t->point], camera_from_world);
+        }
         memcpy(p->own, t->seen, sizeof p->own);
         if (what & LEARNT) {
             p->x -= t->off[0] / l->lens.fx;
@@ -214,7 +217,11 @@ static int drop_bad(struct locator *l, const struct pose *camera_from_world)
     int points = 0;
     for (int i = 0; i < l->track_count;) {
         const struct point_track *t = &l->tracks[i];
-        struct fit_point p = {t->world, t->ray.x, t->ray.y, 0, 0, {t->seen[0], t->seen[1], t->seen[2]}, t->time_s};
+        struct fit_point p = {.world = t->world,
+                              .x = t->ray.x,
+                              .y = t->ray.y,
+                              .own = {t->seen[0], t->seen[1], t->seen[2]},
+                              .time_s = t->time_s};
         if (!(fit_point_error(&p, l->motion, camera_from_world, l->lens.fx, l->lens.fy) < FAR_SIGMA)) {
             drop_track(l, i);
             continue;

@@ -456,7 +456,8 @@ static enum status find(struct locator *l, const uint8_t *color, const uint16_t 
     int agree, apart = 0;
     enum status status = find_anew(l, color, depth, tags, &found, &agree);
     if (status == OK || status == AMBIGUOUS) {
-        points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, l->matches, agree, points);
+        points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, &found.camera_from_world, l->matches,
+                      agree, points);
         apart = each_once(l, points, agree);
         if (!fit_covariance(tags, l->count, points, apart, lens->fx, lens->fy, l->motion, &found.camera_from_world,
                             covariance) ||

@@ -32,7 +32,7 @@ void locator_add_points(struct locator *l, int found, const struct pose *camera_
         double seen[3];
         if (crowded(l, f->at))
             continue;
-        feature_covariance(f, seen);
+        points_covariance(&l->points[l->matches[i].point], f, &l->lens, camera_from_world, seen);
         locator_add_track(l, l->matches[i].point, l->points[l->matches[i].point].world, seen, f->at, camera_from_world);
     }
 }

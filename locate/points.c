@@ -44,20 +44,55 @@ void feature_index_build(struct feature_index *index, const struct feature *feat
 
 void feature_covariance(const struct feature *f, double out[3])
 {
-    // Measured in the small world, where features are that truly show one point: the standard deviation in pixels of
-    // the feature's copy, by the ratio of the slope's two main values. What is followed by brightness slides no further
-    // along an edge than it is looked for.
-    static const double CORNER = 0.5, ACROSS = -0.25, LEAST = 0.24, ALONG = 0.4, MOST = 1.3;
+    // Measured in the small world, between two features that truly show one point: the standard deviation in pixels of
+    // the feature's copy, by the ratio of the slope's two main values. Along an edge it slides no further than it is
+    // looked for. Each of the two has half of the variance.
+    static const double CORNER = 0.5, ACROSS = -0.25, LEAST = 0.24, ALONG = 0.4, MOST = 1.3, EACH = 0.5;
     double middle = (f->slope[0] + f->slope[2]) / 2.0, turn_x = (f->slope[0] - f->slope[2]) / 2.0, turn_y = f->slope[1];
     double apart = hypot(turn_x, turn_y), ratio = (middle + apart) / fmax(middle - apart, 1e-6 * (middle + 1e-6));
     ratio = fmax(ratio, 1);
     double across = fmax(LEAST, CORNER * pow(ratio, ACROSS)) * f->scale;
     double along = fmin(MOST, CORNER * pow(ratio, ALONG)) * f->scale;
     // Half of the two variances' sum, and what the direction of the slope takes from it or adds.
-    double mean = (across * across + along * along) / 2, change = apart > 0 ? (across * across - mean) / apart : 0;
+    double mean = EACH * (across * across + along * along) / 2;
+    double change = apart > 0 ? (EACH * across * across - mean) / apart : 0;
     out[0] = mean + change * turn_x;
     out[1] = change * turn_y;
     out[2] = mean - change * turn_x;
+}
+
+// r^T C q.
+static double between(const float c[6], struct vec3 r, struct vec3 q)
+{
+    struct vec3 cq = {(double)c[0] * q.x + (double)c[1] * q.y + (double)c[2] * q.z,
+                      (double)c[1] * q.x + (double)c[3] * q.y + (double)c[4] * q.z,
+                      (double)c[2] * q.x + (double)c[4] * q.y + (double)c[5] * q.z};
+    return v3_dot(r, cq);
+}
+
+void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
+                       const struct pose *camera_from_world, double out[3])
+{
+    struct vec3 p = pose_apply(*camera_from_world, point->world);
+    feature_covariance(f, out);
+    // The sweep's pictures showed it no better, and an edge leads all of them astray alike.
+    for (int i = 0; i < 3; i++)
+        out[i] *= 2;
+    if (!(p.z > 0.1))
+        return;
+    // How far the picture of the point moves with it, world axes.
+    struct quat back = quat_conjugate(camera_from_world->rotation);
+    struct vec3 x = quat_rotate(back, v3(lens->fx / p.z, 0, -lens->fx * p.x / (p.z * p.z)));
+    struct vec3 y = quat_rotate(back, v3(0, lens->fy / p.z, -lens->fy * p.y / (p.z * p.z)));
+    out[0] += between(point->covariance, x, x);
+    out[1] += between(point->covariance, x, y);
+    out[2] += between(point->covariance, y, y);
+}
+
+double points_depth_variance(const struct place_point *point, const struct pose *camera_from_world)
+{
+    struct vec3 z = quat_rotate(quat_conjugate(camera_from_world->rotation), v3(0, 0, 1));
+    return between(point->covariance, z, z);
 }
 
 double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at)
@@ -154,14 +189,20 @@ int points_match(const struct place_point *points, int32_t point_count, const st
 }
 
 int points_gather(const struct place_point *points, const struct feature_index *index, const double *depth,
-                  const struct lens *lens, const struct point_match *matches, int count, struct fit_point *out)
+                  const struct lens *lens, const struct pose *camera_from_world, const struct point_match *matches,
+                  int count, struct fit_point *out)
 {
     for (int i = 0; i < count; i++) {
         const struct feature *f = &index->features[matches[i].feature];
+        const struct place_point *point = &points[matches[i].point];
         struct vec3 ray = lens_ray(lens, f->at);
-        out[i] = (struct fit_point){points[matches[i].point].world, ray.x, ray.y, 0,
-                                    depth ? depth[matches[i].feature] : 0, {0}, shutter_time(lens, f->at.y)};
-        feature_covariance(f, out[i].own);
+        out[i] = (struct fit_point){.world = point->world,
+                                    .x = ray.x,
+                                    .y = ray.y,
+                                    .z = depth ? depth[matches[i].feature] : 0,
+                                    .z_variance = points_depth_variance(point, camera_from_world),
+                                    .time_s = shutter_time(lens, f->at.y)};
+        points_covariance(point, f, lens, camera_from_world, out[i].own);
     }
     return count;
 }
@@ -232,7 +273,7 @@ static int search(const struct place_point *points, int32_t point_count, const s
         *first = *first ? *first : count;
         if (count < LEAST_POINTS)
             return 0;
-        points_gather(points, index, depth, lens, matches, count, seen);
+        points_gather(points, index, depth, lens, pose, matches, count, seen);
         for (double loose = radius / 3; loose > 0.5; loose /= 3)
             fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, motion, pose);
         if (radius <= POINTS_NEAR_PX)

@@ -40,9 +40,10 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
                    struct shutter_motion *motion, struct pose *camera_from_world, struct point_match *matches,
                    int capacity, int *match_count);
 
-// What matches say, for a fit: out has room for `count`, which is returned.
+// What matches say, for a fit: out has room for `count`, which is returned. camera_from_world: about.
 int points_gather(const struct place_point *points, const struct feature_index *index, const double *depth,
-                  const struct lens *lens, const struct point_match *matches, int count, struct fit_point *out);
+                  const struct lens *lens, const struct pose *camera_from_world, const struct point_match *matches,
+                  int count, struct fit_point *out);
 
 // The mean depth around a pixel where the surface is smooth, metres; 0 elsewhere.
 // depth: millimetres, of the same pixels as `lens`.
@@ -50,6 +51,14 @@ double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixe
 
 // The covariance of a feature's place, pixels^2: xx, xy, yy. Across an edge it is known well, along it badly.
 void feature_covariance(const struct feature *f, double out[3]);
+
+// The same of where it is from where the place has its point: the feature errs, so did those of the sweep, and the point
+// may lie elsewhere along their lines of sight.
+void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
+                       const struct pose *camera_from_world, double out[3]);
+
+// The variance of the point's distance along z, m^2; 0: not known.
+double points_depth_variance(const struct place_point *point, const struct pose *camera_from_world);
 
 // About the same whichever way, for a pose that is only roughly right: standard deviation, pixels.
 static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }

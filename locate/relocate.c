@@ -223,8 +223,11 @@ bool relocate(const struct place_point *points, const struct feature_index *inde
     for (int i = 0; i < count; i++) {
         const struct feature *f = &index->features[matches[i].feature];
         struct vec3 r = lens_ray(lens, f->at);
-        seen[i] = (struct fit_point){points[matches[i].point].world, r.x, r.y, feature_sigma(f), 0, {0},
-                                     shutter_time(lens, f->at.y)};
+        seen[i] = (struct fit_point){.world = points[matches[i].point].world,
+                                     .x = r.x,
+                                     .y = r.y,
+                                     .sigma_px = feature_sigma(f),
+                                     .time_s = shutter_time(lens, f->at.y)};
         ray[i] = v3_unit(r);
     }
     for (int round = 0; round < rounds; round++) {

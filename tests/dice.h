@@ -35,3 +35,10 @@ static inline struct vec3 dice_normal3(struct dice *dice, double sigma) // each 
     double x = dice_normal(dice), y = dice_normal(dice), z = dice_normal(dice);
     return v3_scale(v3(x, y, z), sigma);
 }
+
+static inline struct vec3 dice_within(struct dice *dice, struct vec3 most) // each coordinate within as much of 0
+{
+    double x = dice_between(dice, -most.x, most.x), y = dice_between(dice, -most.y, most.y),
+           z = dice_between(dice, -most.z, most.z);
+    return v3(x, y, z);
+}

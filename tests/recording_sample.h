@@ -93,6 +93,8 @@ static inline struct place some_place(struct dice *dice)
         p.tags[i] = (struct place_tag){7 * i, 0.16, some_pose(dice), number(dice), 5 + i};
     for (int i = 0; i < p.point_count; i++) {
         p.points[i].world = v3(number(dice), number(dice), number(dice));
+        for (int k = 0; k < 6; k++)
+            p.points[i].covariance[k] = (float)(i + k) * 1e-6F;
         for (int k = 0; k < 32; k++)
             p.points[i].descriptor[k] = (uint8_t)(256 * dice_uniform(dice));
     }

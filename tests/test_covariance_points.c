@@ -19,14 +19,6 @@ static struct world *world;
 static int pictures = 12;
 static uint64_t throw = 31;
 
-// Each within as much of the middle.
-static struct vec3 about(struct dice *dice, struct vec3 middle, struct vec3 most)
-{
-    double x = dice_between(dice, -most.x, most.x), y = dice_between(dice, -most.y, most.y),
-           z = dice_between(dice, -most.z, most.z);
-    return v3_add(middle, v3(x, y, z));
-}
-
 static void film(struct lens lens, struct pose world_from_camera, uint64_t seed)
 {
     struct world_shot shot = {lens, world_from_camera, 0, false};
@@ -64,14 +56,14 @@ static struct pose any_view(struct dice *dice)
 {
     struct quat level = {-0.7071067811865476, 0, 0, 0.7071067811865476}; // z forward along the world's y, y down
     struct quat turn = quat_multiply(quat_from_rotation_vector(v3(0, 0, dice_between(dice, -3.14, 3.14))), level);
-    turn = quat_multiply(turn, quat_from_rotation_vector(about(dice, v3(-0.1, 0, 0), v3(0.2, 0, 0.2))));
-    return (struct pose){quat_unit(turn), about(dice, v3(0, 0, 1.45), v3(1, 1, 0.25))};
+    turn = quat_multiply(turn, quat_from_rotation_vector(v3_add(v3(-0.1, 0, 0), dice_within(dice, v3(0.2, 0, 0.2)))));
+    return (struct pose){quat_unit(turn), v3_add(v3(0, 0, 1.45), dice_within(dice, v3(1, 1, 0.25)))};
 }
 
 static struct pose near_by(struct pose view, struct dice *dice)
 {
-    struct vec3 turn = about(dice, v3(0, 0, 0), v3(0.1, 0.1, 0.1));
-    struct vec3 shift = about(dice, v3(0, 0, 0), v3(0.2, 0.2, 0.2));
+    struct vec3 turn = dice_within(dice, v3(0.1, 0.1, 0.1));
+    struct vec3 shift = dice_within(dice, v3(0.2, 0.2, 0.2));
     return pose_multiply(view, (struct pose){quat_from_rotation_vector(turn), shift});
 }
 

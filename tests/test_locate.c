@@ -132,10 +132,10 @@ static void square_poses_hold_the_truth(void **state)
     struct dice dice = {11};
     for (int i = 0; i < 500; i++) {
         // every seventh exactly head-on and on the axis, where careless formulas divide by zero
-        double yaw = i % 7 ? 2.6 * (dice_uniform(&dice) - 0.5) : 0,
-               pitch = i % 7 ? 2.6 * (dice_uniform(&dice) - 0.5) : 0;
-        struct pose world_from_camera =
-            tag_picture_view(0.3 + 5 * dice_uniform(&dice), yaw, pitch, 6 * dice_uniform(&dice));
+        double yaw = i % 7 ? dice_between(&dice, -1.3, 1.3) : 0;
+        double pitch = i % 7 ? dice_between(&dice, -1.3, 1.3) : 0;
+        double distance = dice_between(&dice, 0.3, 5.3);
+        struct pose world_from_camera = tag_picture_view(distance, yaw, pitch, dice_between(&dice, 0, 6));
         struct pose truth = pose_inverse(world_from_camera), found[2];
         if (i % 3)
             truth.translation = v3_add(truth.translation, v3(0.3 * (dice_uniform(&dice) - 0.5), 0.1, 0));
@@ -275,7 +275,8 @@ static void a_mirrored_pose_is_said(void **state)
     struct dice dice = {9};
     int ambiguous = 0, wrong = 0, resolved = 0;
     for (int i = 0; i < 50; i++) {
-        struct pose truth = tag_picture_view(8, 0.25 * dice_normal(&dice), 0.25 * dice_normal(&dice), 0);
+        struct vec3 off = dice_normal3(&dice, 0.25);
+        struct pose truth = tag_picture_view(8, off.x, off.y, 0);
         struct place_tag tag = {.id = 0, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
         struct sighting s = tag_sight(&tag, &truth, 0.1, &dice);
         struct fit_tag fit_one = tag_sight_for_fit(&tag, &s);

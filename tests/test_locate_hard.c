@@ -137,8 +137,9 @@ static int sight_points(const struct vec3 *world, int count, const struct pose *
 {
     for (int i = 0; i < count; i++) {
         struct vec3 p = pose_apply(pose_inverse(*world_from_camera), world[i]);
-        out[i] = (struct fit_point){world[i], p.x / p.z + 0.5 * dice_normal(dice) / F_PX,
-                                    p.y / p.z + 0.5 * dice_normal(dice) / F_PX, 0.5, 0, {0}, 0};
+        out[i] = (struct fit_point){.world = world[i], .x = p.x / p.z, .y = p.y / p.z, .sigma_px = 0.5};
+        out[i].x += 0.5 * dice_normal(dice) / F_PX;
+        out[i].y += 0.5 * dice_normal(dice) / F_PX;
     }
     return count;
 }
@@ -151,7 +152,7 @@ static void all_points_on_one_plane(void **state)
     struct fit_point seen[60];
     struct pose truth = tag_picture_view(2.5, 0.3, 0.1, 0), found = pose_inverse(tag_picture_view(2.8, 0.1, 0.2, 0.1));
     for (int i = 0; i < 60; i++)
-        wall[i] = v3(2 * dice_uniform(&dice) - 1, 1.5 * dice_uniform(&dice) - 0.75, 0);
+        wall[i] = dice_within(&dice, v3(1, 0.75, 0));
     sight_points(wall, 60, &truth, &dice, seen);
     for (double loose = 30; loose > 0.5; loose /= 3)
         fit_refine(NULL, 0, 0, seen, 60, loose, F_PX, F_PX, NULL, &found);
@@ -170,8 +171,8 @@ static void points_behind_the_camera(void **state)
     struct fit_point seen[80];
     struct pose truth = tag_picture_view(2, 0.2, 0, 0), found = pose_inverse(tag_picture_view(2.05, 0.22, 0.02, 0));
     for (int i = 0; i < 80; i++) { // the last 30 are behind, and mirrored through the lens they fit a pixel
-        double z = i < 50 ? -0.6 * dice_uniform(&dice) : 3 + dice_uniform(&dice);
-        world[i] = v3(1.6 * dice_uniform(&dice) - 0.8, 1.2 * dice_uniform(&dice) - 0.6, z);
+        double z = i < 50 ? dice_between(&dice, -0.6, 0) : dice_between(&dice, 3, 4);
+        world[i] = v3_add(v3(0, 0, z), dice_within(&dice, v3(0.8, 0.6, 0)));
     }
     sight_points(world, 80, &truth, &dice, seen);
     fit_refine(NULL, 0, 0, seen, 80, 0, F_PX, F_PX, NULL, &found);

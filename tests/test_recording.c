@@ -24,6 +24,8 @@ static void same_place(const struct place *a, const struct place *b)
     EXPECT_INT(a->tag_count, b->tag_count);
     EXPECT_INT(a->point_count, b->point_count);
     EXPECT_INT(a->view_count, b->view_count);
+    for (int i = 0; i < a->point_count; i++)
+        same_bytes(a->points[i].covariance, b->points[i].covariance, sizeof a->points[i].covariance);
     for (int i = 0; i < a->tag_count; i++) {
         EXPECT_INT(a->tags[i].id, b->tags[i].id);
         EXPECT_INT(a->tags[i].sightings, b->tags[i].sightings);
@@ -396,6 +398,39 @@ static void test_reading_while_writing(void **state)
     EXPECT_INT(frames_seen(path), FRAMES);
 }
 
+// Files made before points had an uncertainty are read as ever, and get one with their next place.
+static void test_points_of_unknown_uncertainty(void **state)
+{
+    (void)state;
+    struct dice dice = {SAMPLE_SEED};
+    struct place place = some_place(&dice), got;
+    struct database *db;
+    struct recording *r;
+    struct recording_writer *w;
+    place.rms_px = 0.25; // as it was written
+    write_recording(path_of("older"));
+    EXPECT_STATUS(database_open(&db, path_of("older"), DATABASE_WRITE), OK);
+    EXPECT_STATUS(database_run(db, "DROP TABLE point_error"), OK);
+    database_close(&db);
+    EXPECT_STATUS(recording_open(&r, path_of("older")), OK);
+    EXPECT_STATUS(recording_read_place(r, &got), OK);
+    recording_free(&r);
+    EXPECT_INT(got.point_count, place.point_count);
+    for (int i = 0; i < got.point_count; i++)
+        for (int k = 0; k < 6; k++)
+            EXPECT_NEAR(got.points[i].covariance[k], 0, 0);
+    place_free(&got);
+    EXPECT_STATUS(recording_append(&w, path_of("older")), OK);
+    EXPECT_STATUS(recording_put_place(w, &place), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_STATUS(recording_open(&r, path_of("older")), OK);
+    EXPECT_STATUS(recording_read_place(r, &got), OK);
+    recording_free(&r);
+    same_place(&place, &got);
+    place_free(&got);
+    place_free(&place);
+}
+
 int main(void)
 {
     printf("seed %d\n", SAMPLE_SEED);
@@ -405,6 +440,7 @@ int main(void)
         cmocka_unit_test(test_unknown_joints_do_not_spoil_the_file),
         cmocka_unit_test(test_names_of_takes),
         cmocka_unit_test(test_wrong_files),
+        cmocka_unit_test(test_points_of_unknown_uncertainty),
         cmocka_unit_test(test_never_overwrites),
         cmocka_unit_test(test_read_only_folder),
         cmocka_unit_test(test_reading_while_writing),

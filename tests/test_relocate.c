@@ -24,11 +24,7 @@ static uint8_t rgb[BYTES];
 static int enter(void **state)
 {
     (void)state;
-    struct world_options o = world_default_options();
-    o.motion = "still";
-    o.threads = 2;
-    EXPECT_STATUS(world_open(&room.world, &o), OK);
-    room.place = film_mapped_place(room.world, SWEEP, &room.world_from_place);
+    room.place = film_mapped_place(&room.world, SWEEP, &room.world_from_place);
     room.lens = world_viewer_calibration(1).color;
     for (int i = 0; i < VIEWS; i++) {
         room.truth[i] = world_viewer_pose(room.world, world_seconds(room.world) * (i + 0.4) / VIEWS);
@@ -244,19 +240,20 @@ static void one_wall_alone(void **state)
     struct dice dice = {17};
     double worst_m = 0, worst_rad = 0;
     for (int trial = 0; trial < 20; trial++) {
-        struct pose truth = {quat_from_rotation_vector(v3(0.6 * (dice_uniform(&dice) - 0.5),
-                                                          0.6 * (dice_uniform(&dice) - 0.5), dice_uniform(&dice))),
-                             {0.3, -0.2, 2.5 + dice_uniform(&dice)}}; // camera_from_world
+        struct vec3 turn = v3_add(v3(0, 0, 0.5), dice_within(&dice, v3(0.3, 0.3, 0.5)));
+        struct pose truth = {quat_from_rotation_vector(turn), {0.3, -0.2, 2.5}}; // camera_from_world
+        truth.translation.z += dice_uniform(&dice);
         for (int i = 0; i < POINTS; i++) {
-            points[i].world = v3(3 * (dice_uniform(&dice) - 0.5), 2 * (dice_uniform(&dice) - 0.5), 0);
+            points[i].world = dice_within(&dice, v3(1.5, 1, 0));
             if (i >= POINTS - BEHIND)
                 points[i].world.z = -6;
             struct vec3 p = pose_apply(truth, points[i].world);
             struct pixel at = lens_project(&room.lens, v3_scale(p, p.z > 0 ? 1 : -1));
+            struct vec3 anywhere = dice_within(&dice, v3(WIDTH / 2.0, HEIGHT / 2.0, 0));
             if (i < WRONG)
-                at = (struct pixel){WIDTH * dice_uniform(&dice), HEIGHT * dice_uniform(&dice)};
-            features[i] =
-                (struct feature){.at = {at.x + 0.5 * dice_normal(&dice), at.y + 0.5 * dice_normal(&dice)}, .scale = 1};
+                at = (struct pixel){(WIDTH - 1) / 2.0 + anywhere.x, (HEIGHT - 1) / 2.0 + anywhere.y};
+            struct vec3 noise = dice_normal3(&dice, 0.5);
+            features[i] = (struct feature){.at = {at.x + noise.x, at.y + noise.y}, .scale = 1};
             matches[i] = (struct point_match){i, i};
         }
         feature_index_build(&index, features, POINTS, &room.lens);

@@ -148,10 +148,8 @@ static void the_motion_is_filtered_honestly(void **state)
     for (int i = 0; i < 300; i++) {
         // stands for five seconds, then walks off at a metre a second
         struct pose truth = {{0, 0, 0, 1}, {i < 150 ? 0 : (i - 150) / HZ, 0, 0}};
-        struct pose noise = {
-            quat_from_rotation_vector(
-                v3(turn_sigma * dice_normal(&dice), turn_sigma * dice_normal(&dice), turn_sigma * dice_normal(&dice))),
-            {shift_sigma * dice_normal(&dice), shift_sigma * dice_normal(&dice), shift_sigma * dice_normal(&dice)}};
+        struct vec3 turn = dice_normal3(&dice, turn_sigma);
+        struct pose noise = {quat_from_rotation_vector(turn), dice_normal3(&dice, shift_sigma)};
         struct pose seen = pose_multiply(truth, noise);
         if (i)
             kalman_move(&k, 1 / HZ);

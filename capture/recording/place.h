@@ -22,6 +22,7 @@ void place_tag_corners(const struct place_tag *tag, struct vec3 world[4]);
 // A natural point with its ORB descriptor, kept for locating without tags.
 struct place_point {
     struct vec3 world;
+    float covariance[6]; // of `world`, m^2: xx, xy, xz, yy, yz, zz; all 0: not known
     uint8_t descriptor[32];
 };
 

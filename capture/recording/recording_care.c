@@ -41,7 +41,7 @@ static enum status check_place(struct recording *r)
         finite = finite && isfinite(place.tags[i].side_m) && isfinite(place.tags[i].rms_px) &&
                  pose_finite(place.tags[i].world_from_tag);
     for (int32_t i = 0; i < place.point_count; i++)
-        finite = finite && v3_finite(place.points[i].world);
+        finite = finite && point_is_finite(&place.points[i]);
     uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
     if (!rgb)
         status = fail(ERR_MEMORY, "no memory for a picture");

@@ -163,6 +163,28 @@ static enum status read_place_row(struct recording *r, struct place *p)
     return status;
 }
 
+// Older files have none.
+static enum status read_point_errors(struct recording *r, struct place *p)
+{
+    struct statement *s = NULL;
+    int64_t tables = 0;
+    enum status status = database_number(
+        r->db, "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'point_error'",
+        &tables);
+    if (status == OK && tables)
+        status = statement_open(&s, r->db, "SELECT covariances, crc FROM point_error");
+    if (status == OK && tables && (status = statement_step(s)) == OK) {
+        size_t bytes;
+        const uint8_t *errors = statement_blob(s, 0, &bytes);
+        if (bytes != (size_t)p->point_count * POINT_ERROR_BYTES || crc32_of(0, errors, bytes) != statement_number(s, 1))
+            status = damaged(r, "the uncertainty of the place's points cannot be read");
+        for (int32_t i = 0; i < p->point_count && status == OK; i++)
+            get_point_error(errors + (size_t)i * POINT_ERROR_BYTES, &p->points[i]);
+    }
+    statement_close(&s);
+    return status == NOTHING ? OK : status;
+}
+
 static enum status read_view(struct recording *r, struct statement *s, struct depth_coder *coder, struct place *p)
 {
     size_t depth_bytes, color_bytes;
@@ -200,6 +222,8 @@ enum status recording_read_place(struct recording *r, struct place *out)
     struct statement *s = NULL;
     struct depth_coder *coder = NULL;
     enum status status = read_place_row(r, &place);
+    if (status == OK)
+        status = read_point_errors(r, &place);
     if (status == OK)
         status = depth_coder_open(&coder);
     if (status == OK)

@@ -13,7 +13,7 @@ const char *const recording_tables =
     "CREATE TABLE frame(id INTEGER PRIMARY KEY, time_ns INTEGER, located INTEGER, world_from_camera BLOB,"
     " skeleton BLOB, pictures INTEGER, crc INTEGER);"
     "CREATE TABLE picture(id INTEGER PRIMARY KEY, mask_crc INTEGER, depth_crc INTEGER, color_crc INTEGER,"
-    " mask BLOB, depth BLOB, color BLOB);";
+    " mask BLOB, depth BLOB, color BLOB);" POINT_ERROR_TABLE;
 
 // ------------------------------------------------------------- checksums
 
@@ -208,7 +208,28 @@ void get_point(const uint8_t in[POINT_BYTES], struct place_point *out)
     memcpy(out->descriptor, in, sizeof out->descriptor);
 }
 
+void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_point *point)
+{
+    for (size_t i = 0; i < COUNT_OF(point->covariance); i++)
+        out = put_f32(out, point->covariance[i]);
+}
+
+void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *out)
+{
+    for (size_t i = 0; i < COUNT_OF(out->covariance); i++)
+        out->covariance[i] = get_f32(&in);
+}
+
 // ------------------------------------------------------------- senses
+
+bool point_is_finite(const struct place_point *point)
+{
+    const float *c = point->covariance;
+    bool finite = v3_finite(point->world) && c[0] >= 0 && c[3] >= 0 && c[5] >= 0;
+    for (size_t i = 0; i < COUNT_OF(point->covariance); i++)
+        finite = finite && isfinite(c[i]);
+    return finite;
+}
 
 enum status calibration_check(const struct calibration *c)
 {

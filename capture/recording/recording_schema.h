@@ -13,6 +13,7 @@ enum {
     RESIDUAL_BYTES = 2 * 8,
     TAG_BYTES = 4 + 8 + POSE_BYTES + 8 + 4,
     POINT_BYTES = 3 * 8 + 32,
+    POINT_ERROR_BYTES = 6 * 4,
     TAKE_NAME_BYTES = 200,
     PLACE_ITEMS_MOST = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
 };
@@ -22,6 +23,9 @@ static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((
 enum { FRAME_NUMBER_MOST = 0x7fffffff };
 
 extern const char *const recording_tables; // CREATE TABLE ...
+// Files made before there was this one get it with their next place.
+#define POINT_ERROR_TABLE                                                                                              \
+    "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
 
 // How the statements of writer, reader and care order the columns.
 #define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
@@ -65,9 +69,12 @@ void put_tag(uint8_t out[TAG_BYTES], const struct place_tag *tag);
 void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out);
 void put_point(uint8_t out[POINT_BYTES], const struct place_point *point);
 void get_point(const uint8_t in[POINT_BYTES], struct place_point *out);
+void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_point *point);
+void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *out);
 
 // Finite, and of senses that any reader can rely on. ERR_INPUT with a sentence.
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
+bool point_is_finite(const struct place_point *point); // and no variance below 0
 bool skeleton_is_finite(const struct skeleton *skeleton);
 bool body_is_finite(const struct body *body);
 

@@ -108,7 +108,7 @@ static enum status check_place(const struct place *p)
         finite = finite && pose_finite(p->tags[i].world_from_tag) && isfinite(p->tags[i].side_m) &&
                  isfinite(p->tags[i].rms_px);
     for (int32_t i = 0; i < p->point_count; i++)
-        finite = finite && v3_finite(p->points[i].world);
+        finite = finite && point_is_finite(&p->points[i]);
     for (int32_t i = 0; i < p->view_count; i++)
         finite = finite && pose_finite(p->views[i].world_from_camera);
     return finite ? OK : fail(ERR_INPUT, "the place holds a number that is not finite");
@@ -146,6 +146,26 @@ static enum status put_place_row(struct database *db, const struct place *p)
     return status;
 }
 
+static enum status put_point_errors(struct database *db, const struct place *p)
+{
+    size_t bytes = (size_t)p->point_count * POINT_ERROR_BYTES;
+    uint8_t *errors = malloc(bytes + 1);
+    struct statement *s = NULL;
+    enum status status = errors ? OK : fail(ERR_MEMORY, "no memory to write the place");
+    if (status == OK)
+        status = statement_open(&s, db, "INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)");
+    if (status == OK) {
+        for (int32_t i = 0; i < p->point_count; i++)
+            put_point_error(errors + (size_t)i * POINT_ERROR_BYTES, &p->points[i]);
+        statement_bind_blob(s, 1, errors, bytes);
+        statement_bind_number(s, 2, crc32_of(0, errors, bytes));
+        status = statement_run(s);
+    }
+    statement_close(&s);
+    free(errors);
+    return status;
+}
+
 static enum status put_views(struct database *db, struct depth_coder *coder, const struct place *p)
 {
     struct statement *s;
@@ -179,9 +199,12 @@ enum status recording_put_place(struct recording_writer *w, const struct place *
         return status;
     status = scribe_stop(w->scribe);
     if (status == OK)
-        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view");
+        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" POINT_ERROR_TABLE
+                                     "DELETE FROM point_error");
     if (status == OK)
         status = put_place_row(w->db, place);
+    if (status == OK)
+        status = put_point_errors(w->db, place);
     if (status == OK)
         status = put_views(w->db, w->coder, place);
     if (status == OK)

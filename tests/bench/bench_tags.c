@@ -46,7 +46,8 @@ static enum status make(struct pictures *p)
             .rgb = p->rgb + (size_t)i * PIXELS * 3,
         };
         // anywhere in the picture
-        struct vec3 aside = v3(0.8 * (tag_picture_uniform(&dice) - 0.5), 0.6 * (tag_picture_uniform(&dice) - 0.5), 0);
+        double up = 0.6 * (tag_picture_uniform(&dice) - 0.5), right = 0.8 * (tag_picture_uniform(&dice) - 0.5);
+        struct vec3 aside = v3(right, up, 0);
         picture.world_from_camera.translation =
             v3_add(picture.world_from_camera.translation,
                    v3_scale(quat_rotate(picture.world_from_camera.rotation, aside), distance));

@@ -80,8 +80,13 @@ struct place film_true_place(const struct world *w, double scale)
     return place;
 }
 
-struct place film_mapped_place(const struct world *w, int pictures, struct pose *world_from_place)
+struct place film_mapped_place(struct world **world, int pictures, struct pose *world_from_place)
 {
+    struct world_options still = world_default_options();
+    still.motion = "still";
+    still.threads = 2;
+    check(world_open(world, &still));
+    const struct world *w = *world;
     struct calibration sensor = world_calibration(1);
     size_t pixels = (size_t)sensor.color.width * (size_t)sensor.color.height;
     uint8_t *color = malloc(pixels * 3);

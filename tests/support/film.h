@@ -13,7 +13,7 @@ void film_sensor(const struct world *w, const struct scratch *scratch, const cha
 // caller frees it with place_free.
 struct place film_true_place(const struct world *w, double scale);
 
-// The world's tags and points as they are mapped from a sweep of so many pictures, 640 x 480, by a sensor that
-// reads depth with a Kinect's errors. *world_from_place: by the corners of its tags. The caller frees it with
-// place_free.
-struct place film_mapped_place(const struct world *w, int pictures, struct pose *world_from_place);
+// Opens the world, nobody moving in it; its tags and points as they are mapped from a sweep of so many pictures,
+// 640 x 480, by a sensor that reads depth with a Kinect's errors. *world_from_place: by the corners of its tags. The
+// caller frees it with place_free, and closes the world.
+struct place film_mapped_place(struct world **world, int pictures, struct pose *world_from_place);
