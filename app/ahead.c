@@ -20,7 +20,7 @@ struct ahead {
     int wanted_count;
     struct loaded_frame ready[AHEAD_MOST];
     int ready_count;
-    int64_t loading, failed; // NO_FRAME
+    int64_t loading; // NO_FRAME
     int64_t takes_ns;
     bool closing;
 };
@@ -41,9 +41,18 @@ static int find_ready(const struct ahead *a, int64_t frame)
     return i;
 }
 
+static void want_no_more(struct ahead *a, int64_t frame)
+{
+    int kept = 0;
+    for (int i = 0; i < a->wanted_count; i++)
+        if (a->wanted[i] != frame)
+            a->wanted[kept++] = a->wanted[i];
+    a->wanted_count = kept;
+}
+
 static void remove_ready(struct ahead *a, int i) { a->ready[i] = a->ready[--a->ready_count]; }
 
-// The first that is wanted and neither ready nor known to fail; NO_FRAME: there is none, or enough is ready.
+// The first that is wanted and not ready; NO_FRAME: there is none, or enough is ready.
 static int64_t next_wanted(const struct ahead *a)
 {
     size_t bytes = 0;
@@ -52,7 +61,7 @@ static int64_t next_wanted(const struct ahead *a)
     if (a->ready_count == AHEAD_MOST || bytes >= AHEAD_BYTES)
         return NO_FRAME;
     for (int i = 0; i < a->wanted_count; i++)
-        if (a->wanted[i] != a->failed && find_ready(a, a->wanted[i]) == a->ready_count)
+        if (find_ready(a, a->wanted[i]) == a->ready_count)
             return a->wanted[i];
     return NO_FRAME;
 }
@@ -71,7 +80,7 @@ static void load_one(struct ahead *a, struct frame_loader *loader)
     a->takes_ns = ended_ns - began_ns;
     a->loading = NO_FRAME;
     if (status != OK)
-        a->failed = frame; // whoever shows it loads it, and says why it cannot be
+        want_no_more(a, frame); // whoever shows it loads it, and says why it cannot be
     else if (is_wanted(a, frame) && a->ready_count < AHEAD_MOST)
         a->ready[a->ready_count++] = loaded;
     else
@@ -126,7 +135,7 @@ enum status ahead_start(struct ahead **out, const struct ahead_options *options)
     pthread_mutex_init(&a->lock, NULL);
     pthread_cond_init(&a->changed, NULL);
     a->likeness = options->likeness;
-    a->loading = a->failed = NO_FRAME;
+    a->loading = NO_FRAME;
     a->path = strdup(options->path);
     a->take = strdup(options->take);
     a->runs = a->path && a->take && pthread_create(&a->thread, NULL, run, a) == 0;

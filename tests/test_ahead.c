@@ -4,9 +4,11 @@
 
 #include "app/ahead.h"
 #include "platform/clock.h"
+#include "platform/database.h"
 #include "tests/support/rehearsal.h"
 
 #include <string.h>
+#include <time.h>
 
 enum { FRAMES_FOR_LIKENESS = 1 };
 
@@ -130,6 +132,27 @@ static void what_cannot_be_loaded_is_not_waited_for(void **state)
     ahead_close(&a);
 }
 
+// Several in a row, as a damaged file has them: each is tried, none again and again.
+static void what_is_damaged_costs_nothing(void **state)
+{
+    (void)state;
+    struct database *db;
+    EXPECT_STATUS(database_open(&db, rehearsal.file, DATABASE_WRITE), OK);
+    EXPECT_STATUS(database_run(db, "UPDATE picture SET depth = x'00'"), OK);
+    database_close(&db);
+    struct ahead *a = start("turn");
+    struct loaded_frame frame;
+    const int64_t wanted[] = {3, 4, 5};
+    ahead_want(a, wanted, 3);
+    clock_sleep_until_ns(clock_now_ns() + 300000000);
+    const clock_t before = clock(); // processor time of all threads
+    clock_sleep_until_ns(clock_now_ns() + 300000000);
+    EXPECT_AT_MOST((double)(clock() - before) / CLOCKS_PER_SEC, 0.1);
+    for (int i = 0; i < 3; i++)
+        EXPECT_TRUE(!ahead_take(a, wanted[i], &frame));
+    ahead_close(&a);
+}
+
 static int make(void **state)
 {
     (void)state;
@@ -159,6 +182,7 @@ int main(void)
         cmocka_unit_test(only_what_is_wanted),
         cmocka_unit_test(given_up_at_any_moment),
         cmocka_unit_test(what_cannot_be_loaded_is_not_waited_for),
+        cmocka_unit_test(what_is_damaged_costs_nothing), // last: it damages the recording
     };
     return cmocka_run_group_tests(tests, make, end);
 }
