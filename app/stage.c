@@ -21,6 +21,8 @@ struct stage {
     struct painter *painter; // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
     struct ahead *ahead;             // NULL: the painter has no likeness yet
+    int64_t next[AHEAD_MOST];        // that the pictures to come show
+    int next_count;
     struct foresight foresight;
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
@@ -334,13 +336,12 @@ static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t 
     return count;
 }
 
-// What was loaded for this picture goes to the painter, and what is to come is asked for.
+// What was loaded for this picture goes to the painter.
 static enum status use_ahead(struct stage *s, const struct stage_look *look, int64_t frame)
 {
     const struct likeness *likeness = painter_likeness(s->painter);
     const struct ahead_options how = {s->path, s->take_name, likeness};
     struct loaded_frame loaded;
-    int64_t next[AHEAD_MOST];
     enum status status = OK;
     if (!likeness)
         return OK;
@@ -353,8 +354,16 @@ static enum status use_ahead(struct stage *s, const struct stage_look *look, int
     }
     if (status != OK)
         return status;
-    ahead_want(s->ahead, next, frames_ahead(s, look, next));
+    s->next_count = frames_ahead(s, look, s->next);
+    if (s->foresight.missed) // there is no time between pictures: beside the drawing, which it slows
+        ahead_want(s->ahead, s->next, s->next_count);
     return OK;
+}
+
+void stage_shown(struct stage *s)
+{
+    if (s->ahead)
+        ahead_want(s->ahead, s->next, s->next_count);
 }
 
 static enum status draw_actor(struct stage *s, const struct stage_look *look, int64_t frame, struct stage_picture *out)

@@ -63,5 +63,8 @@ struct stage_picture {
 };
 MUST_CHECK enum status stage_draw(struct stage *s, const struct stage_look *look, struct stage_picture *out);
 
+// The picture has been handed to the display: now there is time to load what the next ones show.
+void stage_shown(struct stage *s);
+
 // The lens an orbit looks through, for a picture of that size.
 struct lens stage_orbit_lens(int width, int height);

@@ -347,6 +347,8 @@ void tablet_shown(struct tablet *t, int64_t now_ns)
 {
     const struct sight *sight = t->show.orbiting ? NULL : t->sight;
     double ms[FRAME_STAGES] = {0};
+    if (t->stage)
+        stage_shown(t->stage);
     if (t->show.page != PAGE_WATCH || (sight && sight->number == t->timed_sight))
         return;
     if (sight) {
