@@ -12,6 +12,7 @@
 #include <string.h>
 
 enum { SIDES = 4, ALONG = 24, BROUGHT_BYTES = 512 << 10 };
+enum { SHADOW_PX = 2 }; // pixels of the picture along one of the shadow's: it is soft, and each looks at the whole body
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
@@ -127,7 +128,7 @@ static enum status open_targets(struct painter *p, bool sources, bool shadow)
     if (status == OK && sources)
         status = gpu_target_open(&p->source, p->gpu, w, h);
     if (status == OK && shadow)
-        status = gpu_target_open(&p->shadow, p->gpu, w, h);
+        status = gpu_target_open(&p->shadow, p->gpu, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
     p->actor = p->plain ? p->plain : p->smooth;
     p->coding = sources;
     return status;
