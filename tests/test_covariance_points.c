@@ -17,13 +17,13 @@ static uint8_t rgb[PIXELS * 3], gray[PIXELS];
 static uint16_t depth[PIXELS];
 static struct world *world;
 static int pictures = 12;
-static uint64_t throw = 31;
+static uint64_t seed = 31;
 
-static void film(struct lens lens, struct pose world_from_camera, uint64_t seed)
+static void film(struct lens lens, struct pose world_from_camera, uint64_t noise)
 {
     struct world_shot shot = {lens, world_from_camera, 0, false};
     EXPECT_STATUS(world_render(world, &shot, &(struct world_picture){.color = rgb, .depth = depth}), OK);
-    world_color_noise(rgb, WIDTH, HEIGHT, seed);
+    world_color_noise(rgb, WIDTH, HEIGHT, noise);
 }
 
 // The features of the picture in hand, where they truly are; none at the edge of something.
@@ -85,7 +85,7 @@ static void points_are_as_sure_as_they_say(void **state)
     static struct place_point points[FEATURES_MAX];
     struct world_options o = world_default_options();
     struct lens lens = world_viewer_calibration(0.75).color;
-    struct dice dice = {throw};
+    struct dice dice = {seed};
     struct tally alone = {0}, with_tags = {0};
     int32_t tag_count;
     o.motion = "still";
@@ -118,6 +118,6 @@ int main(int argc, char **argv)
     if (argc > 1)
         pictures = atoi(argv[1]);
     if (argc > 2)
-        throw = (uint64_t)atoi(argv[2]);
+        seed = (uint64_t)atoi(argv[2]);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
