@@ -22,7 +22,7 @@ enum detail {
 // What a painter holds on the GPU is bounded, however long the take: options.texture_bytes
 // of recorded frames (beyond paper half of them for those that were shown, half for those
 // that colours were borrowed from), 8 bytes a pixel of the take's pictures for the shown one,
-// 48 bytes a pixel of the tablet's (with everything that can be asked for), and 16 MiB for
+// 42 bytes a pixel of the tablet's (with everything that can be asked for), and 16 MiB for
 // meshes and the person's colours.
 struct painter;
 

@@ -138,7 +138,7 @@ static void memory_is_bounded(void **state)
                 size_t held = gpu_count(gpu).bytes_held - before;
                 most = held > most ? held : most;
             }
-        size_t bound = kept + 8 * picture + 48 * tablet + ((size_t)(detail == DETAIL_PAPER ? 1 : 16) << 20);
+        size_t bound = kept + 8 * picture + 42 * tablet + ((size_t)(detail == DETAIL_PAPER ? 1 : 16) << 20);
         print_message("%zu bytes at most, %zu promised\n", most, bound);
         EXPECT_AT_MOST((double)most, (double)bound);
         painter_close(&p);

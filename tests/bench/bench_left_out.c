@@ -4,12 +4,12 @@
 // is asked only where the sensor has a reading of depth, for it can know nothing elsewhere.
 #include "tests/bench/bench.h"
 
-#include "capture/recorder.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
 #include "reenact/motion.h"
 #include "reenact/painter.h"
+#include "tests/bench/bench_record.h"
 #include "tests/support/film.h"
 
 #include <stdio.h>
@@ -83,10 +83,6 @@ static enum status link_to(const struct left_out *data, const char *name)
 static enum status record(struct left_out *data)
 {
     static const char *const links[] = {"rgb", "depth", "calibration.json"};
-    struct recording_writer *writer = NULL;
-    struct source *source = NULL;
-    const struct recorder_options options = {0};
-    struct recorder_result result;
     char uri[300], file[300];
     enum status status = thin_out(data, "rgb.txt", data);
     if (status == OK)
@@ -96,14 +92,7 @@ static enum status record(struct left_out *data)
     snprintf(uri, sizeof uri, "folder:%s", data->scratch.path);
     snprintf(file, sizeof file, "%s", scratch_file(&data->scratch, "left_out.reenact"));
     if (status == OK)
-        status = recording_create(&writer, file);
-    if (status == OK)
-        status = source_open(&source, uri, SOURCE_SENSOR);
-    if (status == OK)
-        status = recorder_run(source, writer, "take", NULL, &options, &result);
-    source_close(&source);
-    enum status closed = recording_close(&writer);
-    status = status == OK ? closed : status;
+        status = bench_record(uri, file);
     if (status == OK)
         status = recording_open(&data->recording, file);
     if (status == OK)

@@ -3,9 +3,9 @@
 // recorded without a place. Made twice, it has to be the same.
 #include "tests/bench/bench.h"
 
-#include "capture/recorder.h"
 #include "platform/clock.h"
 #include "reenact/likeness.h"
+#include "tests/bench/bench_record.h"
 #include "tests/support/film.h"
 
 #include <stdio.h>
@@ -96,22 +96,10 @@ static enum status stretch(const struct scratch *scratch, const char *folder)
 
 static enum status record(const struct scratch *scratch, const char *folder, const char *file)
 {
-    struct recording_writer *writer = NULL;
-    struct source *source = NULL;
-    const struct recorder_options options = {0};
-    struct recorder_result result;
     char uri[300];
     enum status status = stretch(scratch, folder);
     snprintf(uri, sizeof uri, "folder:%s", scratch->path);
-    if (status == OK)
-        status = recording_create(&writer, file);
-    if (status == OK)
-        status = source_open(&source, uri, SOURCE_SENSOR);
-    if (status == OK)
-        status = recorder_run(source, writer, "take", NULL, &options, &result);
-    source_close(&source);
-    enum status closed = recording_close(&writer);
-    return status == OK ? closed : status;
+    return status == OK ? bench_record(uri, file) : status;
 }
 
 // ------------------------------------------------------------- measuring

@@ -1,0 +1,7 @@
+// A take made for a stage to work on.
+#pragma once
+#include "platform/base.h"
+
+// Records the source `uri` as "take" into `file`, which is new, with no place. As
+// recording_create, source_open and recorder_run.
+MUST_CHECK enum status bench_record(const char *uri, const char *file);
