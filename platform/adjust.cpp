@@ -2,14 +2,10 @@
 
 #include <algorithm>
 #include <ceres/ceres.h>
-#include <cstddef>
 #include <memory>
 #include <new>
 #include <vector>
 
-// Ceres sees a pose as seven doubles: x, y, z, w of the rotation, then the shift.
-static_assert(sizeof(struct pose) == 7 * sizeof(double) && offsetof(struct pose, translation) == 4 * sizeof(double),
-              "struct pose is not seven doubles");
 static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not three doubles");
 
 namespace
@@ -18,72 +14,158 @@ namespace
 constexpr double ROBUST = 3; // standard deviations
 constexpr double NEAREST_M = 1e-3;
 
-template <typename T> void turn(const T *q, const T *p, T *out) // q: x, y, z, w
+using Vector3 = Eigen::Vector3d;
+using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using Read3 = Eigen::Map<const Vector3>;
+
+// As Ceres wants a derivative. NULL: it wants none.
+template <int Rows> void hand_out(const Eigen::Matrix<double, Rows, 3> &derivative, double *out)
 {
-    T tx = T(2) * (q[1] * p[2] - q[2] * p[1]);
-    T ty = T(2) * (q[2] * p[0] - q[0] * p[2]);
-    T tz = T(2) * (q[0] * p[1] - q[1] * p[0]);
-    out[0] = p[0] + q[3] * tx + q[1] * tz - q[2] * ty;
-    out[1] = p[1] + q[3] * ty + q[2] * tx - q[0] * tz;
-    out[2] = p[2] + q[3] * tz + q[0] * ty - q[1] * tx;
+    for (int i = 0; out && i < 3 * Rows; i++)
+        out[i] = derivative(i / 3, i % 3);
 }
 
-template <typename T> void move(const T *pose, const T *p, T *out)
+// A pose as Ceres moves it: turned upon where it began, and shifted. Two blocks of three numbers and points of three:
+// for errors of three rows Ceres has code of just these sizes, and no block needs a manifold.
+struct moving {
+    Matrix3 start;
+    double turn[3]; // twice the Gibbs vector: the axis by 2 tan(angle / 2)
+    double shift[3];
+};
+
+Matrix3 cross(const Vector3 &v)
 {
-    turn(pose, p, out);
-    for (int i = 0; i < 3; i++)
-        out[i] += pose[4 + i];
+    Matrix3 m;
+    m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+    return m;
 }
 
-struct corner_error {
-    const adjust_corners *seen;
-    double half, fx, fy;
+// The same with turn and shift as Ceres hands them over.
+struct placed {
+    Matrix3 rotation;
+    Matrix3 spin; // what a change of `turn` turns about, seen from outside
+    Vector3 shift;
 
-    template <typename T> bool operator()(const T *camera, const T *square, T *residual) const
+    placed(const Matrix3 &start, const double *turn, const double *by) : shift(Read3(by))
     {
-        T e[8];
+        Vector3 g = Read3(turn) / 2;
+        double square = g.squaredNorm();
+        Matrix3 aside = cross(g);
+        rotation = ((1 - square) * Matrix3::Identity() + 2 * (g * g.transpose() + aside)) / (1 + square) * start;
+        spin = (Matrix3::Identity() + aside) / (1 + square);
+    }
+
+    // Of rotation * p by the turn.
+    Matrix3 by_turn(const Vector3 &p) const { return -cross(rotation * p) * spin; }
+};
+
+Eigen::Quaterniond rotation_of(const pose &p)
+{
+    return {p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z};
+}
+
+moving moving_from(const pose &p)
+{
+    return {rotation_of(p).toRotationMatrix(),
+            {0, 0, 0},
+            {p.translation.x, p.translation.y, p.translation.z}};
+}
+
+pose pose_from(const pose &start, const moving &m)
+{
+    const Eigen::Quaterniond turned =
+        (Eigen::Quaterniond(1, m.turn[0] / 2, m.turn[1] / 2, m.turn[2] / 2) * rotation_of(start)).normalized();
+    return {{turned.x(), turned.y(), turned.z(), turned.w()}, {m.shift[0], m.shift[1], m.shift[2]}};
+}
+
+// Blocks: the camera's turn and shift, the square's.
+class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
+{
+  public:
+    corner_error(const adjust_corners *c, const moving *of_camera, const moving *of_square, double side_m, double x,
+                 double y)
+        : seen(c), camera_start(of_camera), square_start(of_square), half(side_m / 2), fx(x), fy(y)
+    {
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        using Rows = Eigen::Matrix<double, 8, 3>;
+        const placed camera(camera_start->start, blocks[0], blocks[1]), square(square_start->start, blocks[2], blocks[3]);
+        Eigen::Matrix<double, 8, 1> e;
+        Rows by_block[4];
         for (int k = 0; k < 4; k++) {
-            T own[3] = {T(k == 1 || k == 2 ? half : -half), T(k >= 2 ? half : -half), T(0)}, world[3], p[3];
-            move(square, own, world);
-            move(camera, world, p);
+            const Vector3 own(k == 1 || k == 2 ? half : -half, k >= 2 ? half : -half, 0);
+            const Vector3 world = square.rotation * own + square.shift, p = camera.rotation * world + camera.shift;
             if (!(p[2] > NEAREST_M))
                 return false;
             e[2 * k] = fx * p[0] / p[2] - seen->observed[2 * k];
             e[2 * k + 1] = fy * p[1] / p[2] - seen->observed[2 * k + 1];
+            if (!by)
+                continue;
+            Eigen::Matrix<double, 2, 3> by_p;
+            by_p << fx / p[2], 0, -fx * p[0] / (p[2] * p[2]), 0, fy / p[2], -fy * p[1] / (p[2] * p[2]);
+            const Eigen::Matrix<double, 2, 3> by_world = by_p * camera.rotation;
+            by_block[0].middleRows<2>(2 * k) = by_p * camera.by_turn(world);
+            by_block[1].middleRows<2>(2 * k) = by_p;
+            by_block[2].middleRows<2>(2 * k) = by_world * square.by_turn(own);
+            by_block[3].middleRows<2>(2 * k) = by_world;
         }
-        for (int i = 0; i < 8; i++) {
-            residual[i] = T(0);
-            for (int j = 0; j < 8; j++)
-                residual[i] += seen->whiten[i][j] * e[j];
-        }
+        const Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>> whiten(&seen->whiten[0][0]);
+        Eigen::Map<Eigen::Matrix<double, 8, 1>> out(residual);
+        out = whiten * e;
+        for (int b = 0; by && b < 4; b++)
+            hand_out<8>(whiten * by_block[b], by[b]);
         return true;
     }
+
+  private:
+    const adjust_corners *seen;
+    const moving *camera_start, *square_start;
+    double half, fx, fy;
 };
 
-struct plane_error {
-    const adjust_plane_depth *seen;
-
-    template <typename T> bool operator()(const T *camera, const T *square, T *residual) const
+// Blocks as above. Along the ray r the plane with normal n through c is met at z = n.c / n.r.
+class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
+{
+  public:
+    plane_error(const adjust_plane_depth *d, const moving *of_camera, const moving *of_square)
+        : seen(d), camera_start(of_camera), square_start(of_square)
     {
-        T up[3] = {T(0), T(0), T(1)}, across[3], normal[3], centre[3];
-        turn(square, up, across);
-        turn(camera, across, normal);
-        move(camera, square + 4, centre);
-        T slant = normal[0] * seen->x + normal[1] * seen->y + normal[2];
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        const placed camera(camera_start->start, blocks[0], blocks[1]), square(square_start->start, blocks[2], blocks[3]);
+        const Vector3 ray(seen->x, seen->y, 1), across = square.rotation.col(2), normal = camera.rotation * across;
+        const Vector3 centre = camera.rotation * square.shift + camera.shift;
+        double slant = normal.dot(ray);
         if (!(slant * slant > 1e-6))
             return false;
-        T z = (normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2]) / slant;
+        double z = normal.dot(centre) / slant, scale = 1 / (slant * seen->sigma_m);
         residual[0] = (z - seen->z) / seen->sigma_m;
+        if (!by)
+            return true;
+        const Vector3 off = centre - z * ray;
+        hand_out<1>(scale * normal.cross(camera.shift - z * ray).transpose() * camera.spin, by[0]);
+        hand_out<1>(scale * normal.transpose(), by[1]);
+        hand_out<1>(scale * across.cross(camera.rotation.transpose() * off).transpose() * square.spin, by[2]);
+        hand_out<1>(scale * across.transpose(), by[3]);
         return true;
     }
+
+  private:
+    const adjust_plane_depth *seen;
+    const moving *camera_start, *square_start;
 };
 
-// By far the most frequent error, so its derivatives are written out.
-class point_error : public ceres::SizedCostFunction<3, 7, 3>
+// Blocks: the camera's turn and shift, the point.
+class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
 {
   public:
     // What makes an error on the plane z = 1 one of unit covariance: [of_x 0; of_both of_y].
-    point_error(const adjust_sighting *s, double fx, double fy) : seen(s)
+    point_error(const adjust_sighting *s, const moving *of_camera, double fx, double fy)
+        : seen(s), camera_start(of_camera)
     {
         double xx = s->covariance[0], xy = s->covariance[1], yy = s->covariance[2];
         of_x = fx / std::sqrt(xx);
@@ -91,11 +173,10 @@ class point_error : public ceres::SizedCostFunction<3, 7, 3>
         of_both = -of_y * xy / xx * fx / fy;
     }
 
-    bool Evaluate(double const *const *parameters, double *residual, double **by) const override
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
     {
-        const double *camera = parameters[0], *point = parameters[1];
-        double p[3];
-        move(camera, point, p);
+        const placed camera(camera_start->start, blocks[0], blocks[1]);
+        const Vector3 turned = camera.rotation * Read3(blocks[2]), p = turned + camera.shift;
         if (!(p[2] > NEAREST_M))
             return false;
         double uz = seen->z > 0 ? 1 / seen->sigma_m : 0;
@@ -105,53 +186,46 @@ class point_error : public ceres::SizedCostFunction<3, 7, 3>
         residual[2] = (p[2] - seen->z) * uz;
         if (!by)
             return true;
-        const double by_p[3][3] = {
-            {of_x / p[2], 0, -of_x * x / p[2]},
-            {of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2]},
-            {0, 0, uz}};
-        if (by[0]) {
-            double turned[3][4]; // derivative of turn() by x, y, z, w
-            turn_by_rotation(camera, point, turned);
-            for (int r = 0; r < 3; r++) {
-                for (int c = 0; c < 4; c++)
-                    by[0][7 * r + c] =
-                        by_p[r][0] * turned[0][c] + by_p[r][1] * turned[1][c] + by_p[r][2] * turned[2][c];
-                for (int c = 0; c < 3; c++)
-                    by[0][7 * r + 4 + c] = by_p[r][c];
-            }
-        }
-        for (int c = 0; by[1] && c < 3; c++) {
-            const double axis[3] = {c == 0 ? 1.0 : 0, c == 1 ? 1.0 : 0, c == 2 ? 1.0 : 0};
-            double column[3];
-            turn(camera, axis, column);
-            for (int r = 0; r < 3; r++)
-                by[1][3 * r + c] = by_p[r][0] * column[0] + by_p[r][1] * column[1] + by_p[r][2] * column[2];
-        }
+        Matrix3 by_p;
+        by_p << of_x / p[2], 0, -of_x * x / p[2], of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2], 0, 0, uz;
+        hand_out<3>(by_p * (-cross(turned) * camera.spin), by[0]);
+        hand_out<3>(by_p, by[1]);
+        hand_out<3>(by_p * camera.rotation, by[2]);
         return true;
     }
 
   private:
-    // p + 2 w (u x p) + 2 (u (u.p) - p (u.u)), u = (x, y, z)
-    static void turn_by_rotation(const double *q, const double *p, double out[3][4])
-    {
-        double dot = q[0] * p[0] + q[1] * p[1] + q[2] * p[2];
-        const double cross[3][3] = {{0, p[2], -p[1]}, {-p[2], 0, p[0]}, {p[1], -p[0], 0}}; // of u x p by u
-        for (int r = 0; r < 3; r++) {
-            for (int c = 0; c < 3; c++)
-                out[r][c] = 2 * (q[3] * cross[r][c] + q[r] * p[c] - 2 * p[r] * q[c] + (r == c ? dot : 0));
-            out[r][3] = 2 * (cross[r][0] * q[0] + cross[r][1] * q[1] + cross[r][2] * q[2]);
-        }
-    }
-
     const adjust_sighting *seen;
+    const moving *camera_start;
     double of_x, of_both, of_y;
 };
 
-void add_errors(const adjust_problem &in, std::vector<adjust_camera> &cameras, std::vector<adjust_square> &squares,
-                std::vector<vec3> &points, ceres::Problem &problem)
+// What Ceres works on: copies, for a failed solution must not reach the caller's numbers.
+struct copies {
+    std::vector<moving> cameras, squares;
+    std::vector<vec3> points;
+
+    explicit copies(const adjust_problem &in) : points(in.points, in.points + in.point_count)
+    {
+        for (int32_t i = 0; i < in.camera_count; i++)
+            cameras.push_back(moving_from(in.cameras[i].camera_from_world));
+        for (int32_t i = 0; i < in.square_count; i++)
+            squares.push_back(moving_from(in.squares[i].world_from_square));
+    }
+
+    void take_over(const adjust_problem &in) const
+    {
+        for (int32_t i = 0; i < in.camera_count; i++)
+            in.cameras[i].camera_from_world = pose_from(in.cameras[i].camera_from_world, cameras[(size_t)i]);
+        for (int32_t i = 0; i < in.square_count; i++)
+            in.squares[i].world_from_square = pose_from(in.squares[i].world_from_square, squares[(size_t)i]);
+        for (int32_t i = 0; i < in.point_count; i++)
+            in.points[i] = points[(size_t)i];
+    }
+};
+
+void add_errors(const adjust_problem &in, copies &c, ceres::Problem &problem)
 {
-    auto pose_of_camera = [&](int32_t i) { return &cameras[(size_t)i].camera_from_world.rotation.x; };
-    auto pose_of_square = [&](int32_t i) { return &squares[(size_t)i].world_from_square.rotation.x; };
     auto *corner_loss = new ceres::CauchyLoss(ROBUST * std::sqrt(8.0)); // of all eight numbers
     auto *depth_loss = new ceres::CauchyLoss(ROBUST);
     auto *point_loss = new ceres::CauchyLoss(ROBUST);
@@ -163,85 +237,80 @@ void add_errors(const adjust_problem &in, std::vector<adjust_camera> &cameras, s
     if (!in.sighting_count)
         owner.emplace_back(point_loss);
     for (int32_t i = 0; i < in.corner_count; i++) {
-        const adjust_corners &c = in.corners[i];
-        auto *error = new corner_error{&c, squares[(size_t)c.square].side_m / 2, in.fx, in.fy};
-        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<corner_error, 8, 7, 7>(error), corner_loss,
-                                 pose_of_camera(c.camera), pose_of_square(c.square));
+        const adjust_corners &seen = in.corners[i];
+        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        problem.AddResidualBlock(
+            new corner_error(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), corner_loss,
+            camera.turn, camera.shift, square.turn, square.shift);
     }
     for (int32_t i = 0; i < in.plane_depth_count; i++) {
-        const adjust_plane_depth &d = in.plane_depths[i];
-        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<plane_error, 1, 7, 7>(new plane_error{&d}), depth_loss,
-                                 pose_of_camera(d.camera), pose_of_square(d.square));
+        const adjust_plane_depth &seen = in.plane_depths[i];
+        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        problem.AddResidualBlock(new plane_error(&seen, &camera, &square), depth_loss, camera.turn, camera.shift,
+                                 square.turn, square.shift);
     }
     for (int32_t i = 0; i < in.sighting_count; i++) {
-        const adjust_sighting &s = in.sightings[i];
-        problem.AddResidualBlock(new point_error(&s, in.fx, in.fy), point_loss, pose_of_camera(s.camera),
-                                 &points[(size_t)s.point].x);
+        const adjust_sighting &seen = in.sightings[i];
+        moving &camera = c.cameras[(size_t)seen.camera];
+        problem.AddResidualBlock(new point_error(&seen, &camera, in.fx, in.fy), point_loss, camera.turn, camera.shift,
+                                 &c.points[(size_t)seen.point].x);
     }
+}
+
+// Holds what stays where it is. Points are to be eliminated before poses; none to be: false.
+bool order_blocks(const adjust_problem &in, copies &c, ceres::Problem &problem, ceres::ParameterBlockOrdering &order)
+{
+    bool any = false;
+    auto add_pose = [&](moving &m, bool held) {
+        for (double *block : {m.turn, m.shift}) {
+            if (!problem.HasParameterBlock(block))
+                continue;
+            order.AddElementToGroup(block, 1);
+            if (held)
+                problem.SetParameterBlockConstant(block);
+        }
+    };
+    for (int32_t i = 0; i < in.camera_count; i++)
+        add_pose(c.cameras[(size_t)i], in.hold_cameras || i == in.held_camera);
+    for (int32_t i = 0; i < in.square_count; i++)
+        add_pose(c.squares[(size_t)i], in.squares[i].held);
+    for (int32_t i = 0; i < in.point_count; i++) {
+        double *block = &c.points[(size_t)i].x;
+        if (!problem.HasParameterBlock(block))
+            continue;
+        order.AddElementToGroup(block, 0);
+        if (i < in.held_points)
+            problem.SetParameterBlockConstant(block);
+        any = any || i >= in.held_points;
+    }
+    return any;
 }
 
 enum status solve(const adjust_problem &in)
 {
-    // A failed solution must not reach the caller's numbers, so Ceres works on copies.
-    std::vector<adjust_camera> cameras(in.cameras, in.cameras + in.camera_count);
-    std::vector<adjust_square> squares(in.squares, in.squares + in.square_count);
-    std::vector<vec3> points(in.points, in.points + in.point_count);
+    copies c(in);
     ceres::Problem problem;
-    add_errors(in, cameras, squares, points, problem);
-
-    auto *order = new ceres::ParameterBlockOrdering;
-    auto *manifold = new ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>;
-    bool manifold_used = false;
-    auto add_pose = [&](double *block, int group) {
-        if (!problem.HasParameterBlock(block))
-            return false;
-        problem.SetManifold(block, manifold);
-        manifold_used = true;
-        order->AddElementToGroup(block, group);
-        return true;
-    };
-    // The group with most blocks is eliminated first; its blocks never meet in one error.
-    // What is held is in no equation, so held points are no such group.
-    int camera_group = std::any_of(in.sightings, in.sightings + in.sighting_count,
-                                   [&](const adjust_sighting &s) { return s.point >= in.held_points; })
-                           ? 1
-                           : 0;
-    for (size_t i = 0; i < cameras.size(); i++)
-        if (add_pose(&cameras[i].camera_from_world.rotation.x, camera_group) &&
-            (in.hold_cameras || (int32_t)i == in.held_camera))
-            problem.SetParameterBlockConstant(&cameras[i].camera_from_world.rotation.x);
-    for (size_t i = 0; i < squares.size(); i++)
-        if (add_pose(&squares[i].world_from_square.rotation.x, 1) && squares[i].held)
-            problem.SetParameterBlockConstant(&squares[i].world_from_square.rotation.x);
-    for (size_t i = 0; i < points.size(); i++) {
-        if (!problem.HasParameterBlock(&points[i].x))
-            continue;
-        order->AddElementToGroup(&points[i].x, 0);
-        if ((int32_t)i < in.held_points)
-            problem.SetParameterBlockConstant(&points[i].x);
-    }
-
+    auto order = std::make_shared<ceres::ParameterBlockOrdering>();
     ceres::Solver::Options options;
-    options.linear_solver_ordering.reset(order);
-    options.linear_solver_type = ceres::DENSE_SCHUR;
+    ceres::Solver::Summary summary;
+    add_errors(in, c, problem);
+    if (order_blocks(in, c, problem, *order)) {
+        options.linear_solver_type = ceres::DENSE_SCHUR;
+        options.linear_solver_ordering = order;
+    } else { // each camera meets a few squares
+        options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+        options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+    }
     options.num_threads = 1;
     options.max_num_iterations = in.most_rounds;
     options.function_tolerance = 1e-6;
     options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
-    if (!manifold_used)
-        delete manifold;
     if (!summary.IsSolutionUsable())
         return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
     if (in.cost)
         *in.cost = summary.final_cost;
-    for (int32_t i = 0; i < in.camera_count; i++)
-        in.cameras[i] = cameras[(size_t)i];
-    for (int32_t i = 0; i < in.square_count; i++)
-        in.squares[i] = squares[(size_t)i];
-    for (int32_t i = 0; i < in.point_count; i++)
-        in.points[i] = points[(size_t)i];
+    c.take_over(in);
     return OK;
 }
 
