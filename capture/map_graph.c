@@ -253,6 +253,6 @@ enum status map_grow(struct map *m, bool use_points)
             return status;
         // The better of two mirrored poses is taken only when there is no other way on.
         if (!placed && !place_frames(m, true))
-            return map_adjust(m, ROUNDS, false, NULL);
+            return use_points ? OK : map_adjust(m, ROUNDS, false, NULL); // points are polished, and all with them
     }
 }

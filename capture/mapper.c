@@ -1,4 +1,4 @@
-#include "capture/map_internal.h"
+#include "capture/map_look.h"
 
 #include "platform/jpeg.h"
 
@@ -8,9 +8,7 @@
 struct mapper {
     struct map map;
     struct mapper_options options;
-    struct tag_finder *finder;
-    struct refiner *refiner;
-    uint8_t *gray;
+    struct map_look *look;
     int32_t frames_seen, stride, picture_stride;
     int32_t seen_in[TAG_NUMBERS]; // frames that show the tag, listed or not
 };
@@ -18,12 +16,6 @@ struct mapper {
 struct mapper_options mapper_default_options(void)
 {
     return (struct mapper_options){.quad_decimate = 1, .most_points = 4000, .most_views = 40};
-}
-
-// Depth of the colour's own pixels.
-static bool depth_usable(const struct calibration *c)
-{
-    return c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
 }
 
 static enum status check(const struct calibration *calibration, const struct mapper_tag *tags, int32_t tag_count,
@@ -38,7 +30,7 @@ static enum status check(const struct calibration *calibration, const struct map
     if (tag_count < 0 || tag_count > MAPPER_MAX_TAGS)
         return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
     if (!tag_count && !(options->before && options->before->tag_count) &&
-        (!depth_usable(calibration) || !options->most_points))
+        (!map_depth_usable(calibration) || !options->most_points))
         return fail(ERR_INPUT, "without tags only depth that belongs to the colour's pixels says how large a place "
                                "is, and this sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
@@ -54,15 +46,11 @@ static enum status check(const struct calibration *calibration, const struct map
 static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t tag_count)
 {
     struct map *map = &m->map;
-    size_t pixels = (size_t)map->calibration.color.width * (size_t)map->calibration.color.height;
     map->frames = calloc(MAP_MOST_FRAMES, sizeof *map->frames);
-    m->gray = malloc(pixels);
-    if (!map->frames || !m->gray)
+    if (!map->frames)
         return fail(ERR_MEMORY, "no memory to map a place");
     enum status status = map_take_in(map, m->options.before, tags, tag_count);
-    if (status == OK)
-        status = refiner_open(&m->refiner, &map->calibration.color);
-    return status == OK ? tag_finder_open(&m->finder, m->options.quad_decimate) : status;
+    return status == OK ? map_look_open(&m->look, map, &m->options) : status;
 }
 
 enum status mapper_open(struct mapper **out, const struct calibration *calibration, const struct mapper_tag *tags,
@@ -94,30 +82,18 @@ static void drop_picture(struct map_frame *f)
     f->depth = NULL;
 }
 
-static void drop_frame(struct map_frame *f)
-{
-    drop_picture(f);
-    free(f->seen);
-    free(f->depths);
-    free(f->which);
-    free(f->features);
-    *f = (struct map_frame){0};
-}
-
 void mapper_close(struct mapper **out)
 {
     struct mapper *m = *out;
     if (!m)
         return;
+    map_look_close(&m->look);
     for (int32_t i = 0; i < m->map.frame_count; i++)
-        drop_frame(&m->map.frames[i]);
+        map_frame_free(&m->map.frames[i]);
     free(m->map.frames);
     free(m->map.tags);
     free(m->map.points);
     free(m->map.point_sightings);
-    free(m->gray);
-    refiner_close(&m->refiner);
-    tag_finder_close(&m->finder);
     free(m);
     *out = NULL;
 }
@@ -130,7 +106,7 @@ static void thin_out(struct mapper *m)
         int32_t kept = 0;
         for (int32_t i = 0; i < map->frame_count; i++) {
             if (i % 2)
-                drop_frame(&map->frames[i]);
+                map_frame_free(&map->frames[i]);
             else
                 map->frames[kept++] = map->frames[i];
         }
@@ -148,54 +124,6 @@ static void thin_out(struct mapper *m)
         if ((map->frames[i].jpeg || map->frames[i].depth) && pictures++ % 2)
             drop_picture(&map->frames[i]);
     m->picture_stride *= 2;
-}
-
-static enum status see_tags(struct mapper *m, const struct frame *frame, const uint16_t *depth, struct map_frame *out)
-{
-    struct tag_seen seen[FIT_MAX_TAGS];
-    const struct lens *lens = &m->map.calibration.color;
-    int count;
-    enum status status = tag_finder_find(m->finder, m->gray, lens->width, lens->height, seen, FIT_MAX_TAGS, &count);
-    if (status != OK)
-        return status;
-    out->seen = calloc((size_t)count + 1, sizeof *out->seen);
-    out->depths = calloc((size_t)count + 1, sizeof *out->depths);
-    out->which = calloc((size_t)count + 1, sizeof *out->which);
-    if (!out->seen || !out->depths || !out->which)
-        return fail(ERR_MEMORY, "no memory for the tags of a picture");
-    for (int i = 0; i < count; i++) {
-        bool twin = (i > 0 && seen[i - 1].id == seen[i].id) || (i + 1 < count && seen[i + 1].id == seen[i].id);
-        if (i == 0 || seen[i - 1].id != seen[i].id)
-            m->seen_in[seen[i].id]++;
-        for (int32_t k = 0; k < m->map.tag_count && !twin; k++) { // of twins nobody knows which is meant
-            if (m->map.tags[k].id != seen[i].id ||
-                !refine_tag(m->refiner, frame->color, seen[i].id, &m->map.tags[k].pattern, seen[i].corner,
-                            &out->seen[out->seen_count]))
-                continue;
-            if (depth)
-                tag_read_depth(&out->seen[out->seen_count], lens, depth, &out->depths[out->seen_count]);
-            out->which[out->seen_count++] = k;
-        }
-    }
-    return OK;
-}
-
-static enum status see_points(struct mapper *m, const uint16_t *depth, struct map_frame *out)
-{
-    struct feature found[MAP_FEATURES];
-    const struct lens *lens = &m->map.calibration.color;
-    int count = 0;
-    enum status status =
-        m->options.most_points ? features_find(m->gray, lens->width, lens->height, found, MAP_FEATURES, &count) : OK;
-    if (status != OK)
-        return status;
-    out->features = calloc((size_t)count + 1, sizeof *out->features);
-    if (!out->features)
-        return fail(ERR_MEMORY, "no memory for the points of a picture");
-    for (int i = 0; i < count; i++)
-        out->features[i] = (struct map_feature){found[i], depth ? feature_depth(lens, depth, found[i].at) : 0, -1};
-    out->feature_count = count;
-    return OK;
 }
 
 static enum status copy_picture(const struct mapper *m, const struct frame *frame, struct map_frame *out)
@@ -223,28 +151,38 @@ static enum status copy_picture(const struct mapper *m, const struct frame *fram
     return OK;
 }
 
+// The next picture that was looked at becomes a frame of the map. NOTHING: there is none.
+static enum status take_frame(struct mapper *m)
+{
+    struct map_looked looked;
+    enum status status = map_look_take(m->look, &looked);
+    if (status != OK)
+        return status;
+    if (looked.number % m->stride) { // which was smaller when it was put
+        map_frame_free(&looked.shown);
+        return OK;
+    }
+    for (int32_t i = 0; i < looked.id_count; i++)
+        m->seen_in[looked.ids[i]]++;
+    thin_out(m);
+    if (m->map.frame_count % m->picture_stride == 0)
+        status = copy_picture(m, &looked.frame, &looked.shown);
+    if (status == OK)
+        m->map.frames[m->map.frame_count++] = looked.shown;
+    else
+        map_frame_free(&looked.shown);
+    return status;
+}
+
 enum status mapper_add(struct mapper *m, const struct frame *frame)
 {
     if (!frame->color)
         return OK;
-    if (m->frames_seen++ % m->stride)
+    int32_t number = m->frames_seen++;
+    if (number % m->stride)
         return OK;
-    thin_out(m);
-    const struct calibration *c = &m->map.calibration;
-    const uint16_t *depth = depth_usable(c) ? frame->depth : NULL;
-    struct map_frame f = {.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
-    gray_from_rgb(frame->color, (size_t)c->color.width * (size_t)c->color.height, m->gray);
-    enum status status = see_tags(m, frame, depth, &f);
-    if (status == OK)
-        status = see_points(m, depth, &f);
-    if (status == OK && m->map.frame_count % m->picture_stride == 0)
-        status = copy_picture(m, frame, &f);
-    if (status != OK) {
-        drop_frame(&f);
-        return status;
-    }
-    m->map.frames[m->map.frame_count++] = f;
-    return OK;
+    enum status status = map_look_full(m->look) ? take_frame(m) : OK;
+    return status == OK ? map_look_put(m->look, frame, number) : status;
 }
 
 static void report_lost(const struct map *m, struct mapper_report *r)
@@ -377,10 +315,16 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
 {
     *out = (struct place){0};
     *report = (struct mapper_report){0};
+    enum status status;
+    do
+        status = take_frame(m);
+    while (status == OK);
+    if (status < 0)
+        return status;
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
     const struct place *before = m->options.before;
-    enum status status = before ? map_release_moved(&m->map) : OK;
+    status = before ? map_release_moved(&m->map) : OK;
     if (status == OK)
         status = map_grow(&m->map, m->options.most_points > 0);
     if (status == OK && before)

@@ -6,7 +6,8 @@
 // A second sweep may add to a place that is there: mapper_options.before.
 // Scale comes from the tags' known sides and the sensor's depth together; without any
 // tag from depth alone, and natural points make the place.
-// Deterministic: the same frames give the same place. One handle, one thread.
+// Deterministic: the same frames give the same place. One handle, one thread; two of its own
+// find tags and points in the pictures while the next ones come.
 #pragma once
 #include "capture/recording/place.h"
 #include "platform/source.h"
@@ -46,10 +47,10 @@ MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration
                                    const struct mapper_tag *tags, int32_t tag_count,
                                    const struct mapper_options *options);
 
-// Finds tags and points in the frame and keeps copies of what it needs. A frame
+// Has tags and points looked for in a copy of the frame and waits only while several others are. A frame
 // without colour is ignored. Depth helps where the calibration says `registered`.
 // Of a long sweep every second, fourth … frame is kept, so that memory is bounded.
-// ERR_MEMORY, ERR_SOLVER.
+// ERR_MEMORY, ERR_SOLVER, which may be an earlier frame's.
 MUST_CHECK enum status mapper_add(struct mapper *m, const struct frame *frame);
 
 struct mapper_report {

@@ -303,7 +303,7 @@ enum status solve(const adjust_problem &in)
     }
     options.num_threads = 1;
     options.max_num_iterations = in.most_rounds;
-    options.function_tolerance = 1e-6;
+    options.function_tolerance = 1e-5; // of tens of thousands of errors: less than one of them is worth
     options.logging_type = ceres::SILENT;
     ceres::Solve(options, &problem, &summary);
     if (!summary.IsSolutionUsable())
