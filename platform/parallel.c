@@ -20,7 +20,8 @@ static void *do_share(void *argument)
 
 void parallel(int threads, int count, void (*work)(void *context, int i), void *context)
 {
-    int n = threads < 1 ? 1 : threads > MOST_THREADS ? MOST_THREADS : threads;
+    int n = threads < count ? threads : count;
+    n = n < 1 ? 1 : n > MOST_THREADS ? MOST_THREADS : n;
     struct share shares[MOST_THREADS];
     pthread_t thread[MOST_THREADS];
     bool runs[MOST_THREADS] = {false};

@@ -262,20 +262,44 @@ enum status world_render(const struct world *w, const struct world_shot *shot, s
     return status;
 }
 
+struct rolling {
+    const struct world *w;
+    const struct world_shot *shot;
+    world_path *path;
+    const void *context;
+    double time_s;
+    struct world_picture *out;
+    bool *done; // for each row
+};
+
+static void render_row(void *context, int y)
+{
+    const struct rolling *r = context;
+    const struct world_picture *out = r->out;
+    size_t at = (size_t)y * (size_t)r->shot->lens.width;
+    int height = r->shot->lens.height;
+    double middle = (height - 1) / 2.0, rows = height > 1 ? height - 1 : 1;
+    struct world_shot row = *r->shot;
+    struct world_picture part = {out->color ? out->color + 3 * at : NULL, out->depth ? out->depth + at : NULL,
+                                 out->mask ? out->mask + at : NULL};
+    row.lens.height = 1;
+    row.lens.cy -= y;
+    row.world_from_camera = r->path(r->context, r->time_s + r->shot->lens.readout_s * (y - middle) / rows);
+    r->done[y] = world_render(r->w, &row, &part) == OK;
+}
+
 enum status world_render_rolling(const struct world *w, const struct world_shot *shot, world_path *path,
                                  const void *context, double time_s, struct world_picture *out)
 {
     enum status status = lens_check(&shot->lens, "small world's");
-    for (int y = 0; y < shot->lens.height && status == OK; y++) {
-        size_t at = (size_t)y * (size_t)shot->lens.width;
-        double middle = (shot->lens.height - 1) / 2.0, rows = shot->lens.height > 1 ? shot->lens.height - 1 : 1;
-        struct world_shot row = *shot;
-        struct world_picture part = {out->color ? out->color + 3 * at : NULL, out->depth ? out->depth + at : NULL,
-                                     out->mask ? out->mask + at : NULL};
-        row.lens.height = 1;
-        row.lens.cy -= y;
-        row.world_from_camera = path(context, time_s + shot->lens.readout_s * (y - middle) / rows);
-        status = world_render(w, &row, &part);
-    }
-    return status;
+    if (status != OK)
+        return status;
+    bool *done = calloc((size_t)shot->lens.height, sizeof *done), all = done != NULL;
+    struct rolling r = {w, shot, path, context, time_s, out, done};
+    if (done)
+        parallel(w->options.threads, shot->lens.height, render_row, &r);
+    for (int y = 0; y < shot->lens.height && all; y++)
+        all = done[y];
+    free(done);
+    return all ? OK : fail(ERR_MEMORY, "no memory for a picture that is read row by row");
 }
