@@ -226,14 +226,9 @@ static const struct place_tag *seldom_seen(const struct place *place)
     return NULL;
 }
 
-static void warn(const char *program, bool rolling, const struct place *place, const struct mapper_report *r,
-                 int64_t damaged)
+static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
 {
     const struct place_tag *seldom = seldom_seen(place);
-    if (rolling)
-        fprintf(stderr, "%s: warning: a sweep takes no notice of the sensor's rolling shutter (readout_ms); the place is "
-                        "only as good as the sensor was held still in each picture\n",
-                program);
     if (!place->point_count)
         fprintf(stderr, "%s: warning: there are no natural points without depth, so a camera is found only where it sees "
                         "a tag\n",
@@ -293,7 +288,6 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = film(source, mapper, a, &damaged);
     bool live = source && source_is_live(source);
-    bool rolling = source && source_calibration(source)->color.readout_s > 0;
     source_close(&source);
     if (status == OK)
         status = mapper_finish(mapper, &place, &report);
@@ -302,7 +296,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
     if (status == OK) {
-        warn(program, rolling, &place, &report, damaged);
+        warn(program, &place, &report, damaged);
         if (a->json)
             print_json(file, &before, &place, &report, damaged);
         else

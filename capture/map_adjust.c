@@ -98,6 +98,7 @@ static void take_over(struct map *m, const struct adjust_problem *p)
 
 static enum status adjust_all(struct map *m, int rounds, bool hold_frames, double loose_px, double *cost)
 {
+    map_unroll(m);
     struct sizes n = count_all(m), filled = {0};
     struct adjust_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
     struct adjust_square *squares = calloc((size_t)m->tag_count + 1, sizeof *squares);

@@ -17,12 +17,16 @@ struct map_feature {
     struct feature feature;
     double depth;  // metres; 0: none, or at the edge of something
     int32_t point; // that it shows; -1: none
+    struct pixel read_at; // `feature.at` and `depth` as they were before map_unroll
+    double depth_as_read;
 };
 
 struct map_frame {
     int64_t time_ns;
     struct sighting *seen;    // of listed tags
     struct tag_depth *depths; // one for each; count 0 without depth
+    struct sighting *seen_as_read; // before map_unroll
+    struct tag_depth *depths_as_read;
     int32_t *which;           // index into map.tags
     int32_t seen_count;
     struct map_feature *features;
@@ -78,6 +82,11 @@ MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, d
 MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loose_px);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
+
+// ---- map_shutter.c
+// Of a rolling shutter: puts what placed frames show where the middle row's camera would have seen it, as far as the map
+// and the frames beside each tell. Each map_adjust begins with it.
+void map_unroll(struct map *m);
 
 // ---- map_points.c: natural points
 // What is needed for one frame at a time.

@@ -41,6 +41,8 @@ void map_frame_free(struct map_frame *f)
 {
     free(f->seen);
     free(f->depths);
+    free(f->seen_as_read);
+    free(f->depths_as_read);
     free(f->which);
     free(f->features);
     free(f->jpeg);
@@ -67,7 +69,9 @@ static enum status see_tags(struct worker *w, struct map_looked *out)
     f->seen = calloc((size_t)count + 1, sizeof *f->seen);
     f->depths = calloc((size_t)count + 1, sizeof *f->depths);
     f->which = calloc((size_t)count + 1, sizeof *f->which);
-    if (!f->seen || !f->depths || !f->which)
+    f->seen_as_read = calloc((size_t)count + 1, sizeof *f->seen_as_read);
+    f->depths_as_read = calloc((size_t)count + 1, sizeof *f->depths_as_read);
+    if (!f->seen || !f->depths || !f->which || !f->seen_as_read || !f->depths_as_read)
         return fail(ERR_MEMORY, "no memory for the tags of a picture");
     for (int i = 0; i < count; i++) {
         bool twin = (i > 0 && seen[i - 1].id == seen[i].id) || (i + 1 < count && seen[i + 1].id == seen[i].id);
@@ -80,7 +84,9 @@ static enum status see_tags(struct worker *w, struct map_looked *out)
                 continue;
             if (depth)
                 tag_read_depth(&f->seen[f->seen_count], lens, depth, &f->depths[f->seen_count]);
-            f->which[f->seen_count++] = k;
+            f->seen_as_read[f->seen_count] = f->seen[f->seen_count];
+        f->depths_as_read[f->seen_count] = f->depths[f->seen_count];
+        f->which[f->seen_count++] = k;
         }
     }
     return OK;
@@ -101,8 +107,10 @@ static enum status see_points(struct worker *w, struct map_looked *out)
     f->features = calloc((size_t)count + 1, sizeof *f->features);
     if (!f->features)
         return fail(ERR_MEMORY, "no memory for the points of a picture");
-    for (int i = 0; i < count; i++)
-        f->features[i] = (struct map_feature){found[i], depth ? feature_depth(lens, depth, found[i].at) : 0, -1};
+    for (int i = 0; i < count; i++) {
+        double z = depth ? feature_depth(lens, depth, found[i].at) : 0;
+        f->features[i] = (struct map_feature){found[i], z, -1, found[i].at, z};
+    }
     f->feature_count = count;
     return OK;
 }
