@@ -1,5 +1,9 @@
 // Where the tablet is, picture after picture: the seam between the app and whatever
 // locates. It survives a camera that is opened anew and whose clock begins anew.
+//
+// A camera that was followed and is lost, or jumps, is found anew on a thread of its own: meanwhile
+// the pictures go on, and nobody knows where they were taken. Where that leads nowhere, or
+// nothing could be followed before, whoever asks waits until the picture's place is found.
 #pragma once
 #include "locate/locate.h"
 

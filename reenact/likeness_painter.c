@@ -189,9 +189,9 @@ enum status likeness_painter_give_frame(struct likeness_painter *p, struct loade
     return shown_frames_give(p->frames, loaded);
 }
 
-bool likeness_painter_keeps(const struct likeness_painter *p, int64_t frame)
+int64_t likeness_painter_near(const struct likeness_painter *p, int64_t frame, int64_t within_ns)
 {
-    return shown_frames_keeps(p->frames, frame);
+    return shown_frames_near(p->frames, frame, within_ns);
 }
 
 // Of `wanted` pieces of so many bytes, those that there are bytes left for; takes these off.

@@ -137,6 +137,19 @@ static int find(const struct shown_frames *f, int64_t frame)
 
 bool shown_frames_keeps(const struct shown_frames *f, int64_t frame) { return find(f, frame) < f->count; }
 
+int64_t shown_frames_near(const struct shown_frames *f, int64_t frame, int64_t within_ns)
+{
+    const int64_t at_ns = take_entry(f->take, frame)->time_ns;
+    int64_t best = -1, best_ns = within_ns;
+    for (int i = 0; i < f->count; i++) {
+        const int64_t away_ns = llabs(take_entry(f->take, f->kept[i].frame)->time_ns - at_ns);
+        const bool nearer = best < 0 || away_ns < best_ns || (away_ns == best_ns && f->kept[i].frame < best);
+        if (away_ns <= within_ns && nearer)
+            best = f->kept[i].frame, best_ns = away_ns;
+    }
+    return best;
+}
+
 enum status shown_frames_give(struct shown_frames *f, struct loaded_frame *loaded)
 {
     enum status status = shown_frames_keeps(f, loaded->frame) ? OK : keep(f, loaded);

@@ -45,7 +45,8 @@ static void draw(struct painter *p, int64_t time_ns, double angle, const uint8_t
 {
     const struct pose viewer = round_him(angle);
     const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
-    struct painter_view view = {viewer, time_ns, color, &viewer_from_room, false};
+    struct painter_view view = {
+        .world_from_camera = viewer, .time_ns = time_ns, .color = color, .viewer_from_room = &viewer_from_room};
     struct painter_result result;
     EXPECT_STATUS(painter_draw(p, &view, &result), OK);
     EXPECT_AT_LEAST(result.parts, 8);
@@ -104,13 +105,13 @@ static void loaded_ahead_is_the_same_picture(void **state)
     struct loaded_frame loaded;
     int64_t loading = draw_frame(p, 3, ours);
     draw_frame(p, 2, other);
-    EXPECT_TRUE(!painter_keeps(p, 3) && painter_keeps(p, 2));
+    EXPECT_TRUE(painter_near(p, 3, 0) < 0 && painter_near(p, 2, 0) == 2);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
     EXPECT_STATUS(frame_loader_open(&loader, take, rays, painter_likeness(p)), OK);
     EXPECT_STATUS(frame_loader_load(loader, 3, &loaded), OK);
     EXPECT_STATUS(painter_give_frame(p, &loaded), OK);
     EXPECT_TRUE(!loaded.shift); // its contents went over
-    EXPECT_TRUE(painter_keeps(p, 3));
+    EXPECT_INT(painter_near(p, 3, 0), 3);
     EXPECT_INT(loading - draw_frame(p, 3, theirs), 3); // colours, depth and shifts are there
     EXPECT_TRUE(memcmp(ours, other, bytes));
     EXPECT_TRUE(!memcmp(ours, theirs, bytes));
