@@ -162,9 +162,23 @@ static struct ui_box block_box(const struct stage_picture *p, struct cover cover
     return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
 }
 
+static struct ui_box common_box(struct ui_box a, struct ui_box b)
+{
+    const double left = fmax(a.x, b.x), right = fmin(a.x + a.w, b.x + b.w);
+    const double top = fmax(a.y, b.y), bottom = fmin(a.y + a.h, b.y + b.h);
+    return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
+}
+
 struct ui_box scene_actor_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
 {
-    return block_box(p, cover, box, BODY_M, false);
+    const struct ui_box block = block_box(p, cover, box, BODY_M, false);
+    if (p->former)
+        return block; // which is drawn otherwise
+    const double w = cover.scale * p->lens.width, h = cover.scale * p->lens.height;
+    const struct ui_part *of = &p->actor_part;
+    const struct ui_box part = {cover.x + of->u0 * w - SOFT_DP, cover.y + of->v0 * h - SOFT_DP,
+                                (of->u1 - of->u0) * w + 2 * SOFT_DP, (of->v1 - of->v0) * h + 2 * SOFT_DP};
+    return common_box(block, part);
 }
 
 struct ui_box scene_shadow_box(const struct stage_picture *p, struct cover cover, struct ui_box box)

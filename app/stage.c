@@ -371,6 +371,16 @@ void stage_shown(struct stage *s)
         ahead_want(s->ahead, s->next, s->next_count);
 }
 
+// Pixels as shares of the picture, which is turned over later.
+static struct ui_part part_within(const struct gpu_box *box, const struct lens *lens, bool turned_over)
+{
+    if (!box->width)
+        return (struct ui_part){0, 0, 1, 1};
+    const double left = (double)box->left / lens->width, right = left + (double)box->width / lens->width;
+    const double top = (double)box->top / lens->height, bottom = top + (double)box->height / lens->height;
+    return (struct ui_part){turned_over ? 1 - right : left, top, turned_over ? 1 - left : right, bottom};
+}
+
 static enum status draw_actor(struct stage *s, const struct stage_look *look, int64_t frame, struct stage_picture *out)
 {
     struct lens lens = lens_for(look);
@@ -397,6 +407,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, in
     out->shadow = painter_shadow_texture(s->painter);
     out->former = look->former ? painter_paper_texture(s->painter) : NULL;
     out->prepared = result.level != DETAIL_PAPER;
+    out->actor_part = part_within(&result.within, &lens, look->placement.mirrored);
     out->turned_over = look->placement.mirrored;
     out->parts = result.parts;
     return look->sources ? show_sources(s, &lens, out) : OK;

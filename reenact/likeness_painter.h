@@ -41,9 +41,10 @@ struct likeness_view {
     struct gpu_target *actor;
     struct gpu_target *source; // NULL: not wanted
 };
-// *parts: how many were drawn; those of unknown joints are not. NOTHING: none, or
+// *parts: how many were drawn; those of unknown joints are not. *within: nothing was drawn outside. NOTHING: none, or
 // the skeleton has no trunk. As take_read; ERR_DEVICE.
-MUST_CHECK enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts);
+MUST_CHECK enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts,
+                                             struct gpu_box *within);
 
 // A lens as the shaders take it, three vec4s.
 void lens_uniform(const struct lens *lens, float out[12]);

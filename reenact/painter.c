@@ -510,7 +510,7 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     struct likeness_view shown = {near < 0 ? moment.frame : near, moment.skeleton, view->world_from_camera,
                                   p->actor, p->coding ? p->source : NULL};
     int parts;
-    status = likeness_painter_draw(p->likeness, &shown, &parts);
+    status = likeness_painter_draw(p->likeness, &shown, &parts, &result->within);
     result->parts = status == OK ? parts : 0;
     return status;
 }

@@ -84,6 +84,7 @@ struct painter_result {
     int64_t shown;     // the recorded frame whose instant is shown; -1: nobody
     int64_t source;    // at paper: the frame the colours came from; else -1
     int parts;         // drawn
+    struct gpu_box within; // of the picture: outside nothing of him was drawn at full
     double error_px;   // predicted (reenact/level.h), of the level that was drawn
 };
 
