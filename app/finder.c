@@ -7,12 +7,10 @@
 struct finder {
     struct camera_track *track;
     struct search *search;
-    const struct place *place;
-    struct lens lens;
     int64_t last_ns;
     bool searching; // the track is lent to the search
     int found;      // pictures in which it was found, or searched, since one was followed
-    bool restarted; // the camera's clock began anew since the track was opened
+    bool restarted; // the camera's clock began anew meanwhile
 };
 
 enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens)
@@ -21,7 +19,7 @@ enum status finder_open(struct finder **out, const struct place *place, const st
     struct finder *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    *f = (struct finder){.place = place, .lens = *lens, .last_ns = INT64_MIN, .found = SEARCH_FINDS};
+    *f = (struct finder){.last_ns = INT64_MIN, .found = SEARCH_FINDS};
     enum status status = camera_track_open(&f->track, place, lens, NULL);
     if (status == OK)
         status = search_open(&f->search, lens->width, lens->height);
@@ -41,14 +39,6 @@ void finder_close(struct finder **f)
         free(*f);
     }
     *f = NULL;
-}
-
-// A camera that was opened anew: what was known of its motion is void.
-static enum status begin_anew(struct finder *f)
-{
-    f->restarted = false;
-    camera_track_close(&f->track);
-    return camera_track_open(&f->track, f->place, &f->lens, NULL);
 }
 
 static enum status look(struct finder *f, const uint8_t *color, int64_t time_ns, struct location *location)
@@ -79,8 +69,9 @@ enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns,
         f->searching = false;
         status = search_end(f->search);
     }
-    if (status >= 0 && f->restarted)
-        status = begin_anew(f);
+    if (f->restarted) // a camera that was opened anew
+        camera_track_restart(f->track);
+    f->restarted = false;
     if (status >= 0)
         status = look(f, color, time_ns, &location);
     if (status == ERR_SOLVER)

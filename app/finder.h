@@ -9,7 +9,7 @@
 
 struct finder;
 
-// place must outlive the finder. ERR_INPUT, ERR_MEMORY as locator_open.
+// Copies what it needs of both. ERR_INPUT, ERR_MEMORY as locator_open.
 MUST_CHECK enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens);
 void finder_close(struct finder **f); // NULL is fine
 

@@ -182,6 +182,13 @@ enum status camera_track_look(struct camera_track *t, const uint8_t *color, cons
     return status == NOTHING ? camera_track_find(t, color, depth, out, motion) : status;
 }
 
+void camera_track_restart(struct camera_track *t)
+{
+    t->started = false;
+    t->count = t->followed = 0;
+    t->unseen_s = 0;
+}
+
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale)
 {
     return locator_doubts_focal(t->locator, scale);

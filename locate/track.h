@@ -50,5 +50,8 @@ MUST_CHECK enum status camera_track_follow(struct camera_track *t, const uint8_t
 MUST_CHECK enum status camera_track_find(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
                                          struct location *out, struct camera_motion *motion);
 
+// The camera's clock begins anew: its place and motion are void, what was learnt of the place's points is not.
+void camera_track_restart(struct camera_track *t);
+
 // As locator_doubts_focal.
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale);
