@@ -189,17 +189,29 @@ int64_t ahead_takes_ns(struct ahead *a)
     return takes_ns;
 }
 
+static bool take_ready(struct ahead *a, int i, struct loaded_frame *out)
+{
+    if (i >= a->ready_count)
+        return false;
+    *out = a->ready[i];
+    remove_ready(a, i);
+    return true;
+}
+
 bool ahead_take(struct ahead *a, int64_t frame, struct loaded_frame *out)
 {
     pthread_mutex_lock(&a->lock);
     while (a->loading == frame)
         pthread_cond_wait(&a->changed, &a->lock);
-    int i = find_ready(a, frame);
-    bool there = i < a->ready_count;
-    if (there) {
-        *out = a->ready[i];
-        remove_ready(a, i);
-    }
+    bool there = take_ready(a, find_ready(a, frame), out);
+    pthread_mutex_unlock(&a->lock);
+    return there;
+}
+
+bool ahead_take_any(struct ahead *a, struct loaded_frame *out)
+{
+    pthread_mutex_lock(&a->lock);
+    bool there = take_ready(a, 0, out);
     pthread_mutex_unlock(&a->lock);
     return there;
 }

@@ -25,3 +25,4 @@ int64_t ahead_takes_ns(struct ahead *a);
 // True: the frame is the caller's (loaded_frame_free). Where it is just being loaded, waits for that. False: nobody
 // loads it, or it cannot be loaded.
 bool ahead_take(struct ahead *a, int64_t frame, struct loaded_frame *out);
+bool ahead_take_any(struct ahead *a, struct loaded_frame *out); // one that is ready

@@ -145,13 +145,14 @@ static void put_seen(struct eyes *e, struct picture *p)
         let_go(e, late);
 }
 
-// Until the camera ends, fails or is to rest.
-static enum status watch_camera(struct eyes *e, struct source *camera)
+// Until the camera ends, fails or is to rest. *next_ns: when a picture would be due that came after the last as that one
+// after the one before: with it a folder begins anew.
+static enum status watch_camera(struct eyes *e, struct source *camera, int64_t *next_ns)
 {
     const bool live = source_is_live(camera);
     if (e->borrow)
         source_lend(camera);
-    int64_t began_ns = 0, first_ns = 0;
+    int64_t began_ns = 0, first_ns = 0, due_ns = 0;
     while (!must_stop(e)) {
         struct frame frame;
         enum status status = source_next(camera, &frame);
@@ -160,11 +161,14 @@ static enum status watch_camera(struct eyes *e, struct source *camera)
         if (status != OK)
             return status;
         if (!live) {
+            const int64_t now_ns = clock_now_ns(), before_ns = due_ns;
             if (!began_ns) {
-                began_ns = clock_now_ns();
+                began_ns = now_ns > *next_ns ? now_ns : *next_ns;
                 first_ns = frame.time_ns;
             }
-            wait_until(e, began_ns + frame.time_ns - first_ns);
+            due_ns = began_ns + frame.time_ns - first_ns;
+            *next_ns = before_ns ? 2 * due_ns - before_ns : due_ns;
+            wait_until(e, due_ns);
         }
         struct picture *p = get_free(e);
         p->loan = frame.loan;
@@ -180,6 +184,7 @@ static enum status watch_camera(struct eyes *e, struct source *camera)
 static void *camera_thread(void *self)
 {
     struct eyes *e = self;
+    int64_t next_ns = 0;
     for (;;) {
         pthread_mutex_lock(&e->lock);
         while (e->resting && !e->closing)
@@ -193,7 +198,7 @@ static void *camera_thread(void *self)
         int64_t came_before = eyes_state(e).came;
         enum status status = source_open(&camera, e->camera, SOURCE_CAMERA);
         if (status == OK) {
-            status = watch_camera(e, camera);
+            status = watch_camera(e, camera, &next_ns);
             source_close(&camera);
         }
         bool empty = status == NOTHING && eyes_state(e).came == came_before;

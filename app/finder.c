@@ -1,14 +1,16 @@
 #include "app/finder.h"
 
-#include "locate/track.h"
+#include "app/search.h"
 
 #include <stdlib.h>
 
 struct finder {
     struct camera_track *track;
-    const struct place *place;
-    struct lens lens;
+    struct search *search;
     int64_t last_ns;
+    bool searching; // the track is lent to the search
+    int found;      // pictures in which it was found, or searched, since one was followed
+    bool restarted; // the camera's clock began anew meanwhile
 };
 
 enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens)
@@ -17,8 +19,10 @@ enum status finder_open(struct finder **out, const struct place *place, const st
     struct finder *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    *f = (struct finder){.place = place, .lens = *lens, .last_ns = INT64_MIN};
+    *f = (struct finder){.last_ns = INT64_MIN, .found = SEARCH_FINDS};
     enum status status = camera_track_open(&f->track, place, lens, NULL);
+    if (status == OK)
+        status = search_open(&f->search, lens->width, lens->height);
     if (status != OK) {
         finder_close(&f);
         return status;
@@ -30,24 +34,46 @@ enum status finder_open(struct finder **out, const struct place *place, const st
 void finder_close(struct finder **f)
 {
     if (*f) {
+        search_close(&(*f)->search); // before the track, which it may have
         camera_track_close(&(*f)->track);
         free(*f);
     }
     *f = NULL;
 }
 
+static enum status look(struct finder *f, const uint8_t *color, int64_t time_ns, struct location *location)
+{
+    struct camera_motion motion;
+    enum status status = camera_track_follow(f->track, color, NULL, time_ns, location, &motion);
+    if (status == OK)
+        f->found = 0;
+    if (status != NOTHING)
+        return status;
+    if (f->found >= SEARCH_FINDS)
+        return camera_track_find(f->track, color, NULL, location, &motion);
+    f->found++;
+    search_begin(f->search, f->track, color, time_ns);
+    f->searching = true;
+    return NOTHING;
+}
+
 enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns, struct pose *world_from_camera)
 {
     struct location location;
-    struct camera_motion motion;
-    if (time_ns <= f->last_ns) { // a camera that was opened anew: what was known of its motion is void
-        camera_track_close(&f->track);
-        enum status status = camera_track_open(&f->track, f->place, &f->lens, NULL);
-        if (status != OK)
-            return status;
-    }
+    enum status status = OK;
+    f->restarted |= time_ns <= f->last_ns;
     f->last_ns = time_ns;
-    enum status status = camera_track_look(f->track, color, NULL, time_ns, &location, &motion);
+    if (f->searching) {
+        if (search_goes_on(f->search, color, time_ns))
+            return NOTHING;
+        f->searching = false;
+        status = search_end(f->search);
+    }
+    if (f->restarted) // a camera that was opened anew
+        camera_track_restart(f->track);
+    f->restarted = false;
+    if (status >= 0)
+        status = look(f, color, time_ns, &location);
     if (status == ERR_SOLVER)
         return NOTHING; // it gave up on this picture, no more
     if (status == OK || status == AMBIGUOUS)

@@ -1,11 +1,15 @@
 // Where the tablet is, picture after picture: the seam between the app and whatever
 // locates. It survives a camera that is opened anew and whose clock begins anew.
+//
+// A camera that was followed and is lost, or jumps, is found anew on a thread of its own: meanwhile
+// the pictures go on, and nobody knows where they were taken. Where that leads nowhere, or
+// nothing could be followed before, whoever asks waits until the picture's place is found.
 #pragma once
 #include "locate/locate.h"
 
 struct finder;
 
-// place must outlive the finder. ERR_INPUT, ERR_MEMORY as locator_open.
+// Copies what it needs of both. ERR_INPUT, ERR_MEMORY as locator_open.
 MUST_CHECK enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens);
 void finder_close(struct finder **f); // NULL is fine
 

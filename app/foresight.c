@@ -19,24 +19,22 @@ static int first_in_time(struct foresight *f, const struct foresight_now *now)
 {
     int64_t between_ns = now->clock_ns - f->clock_ns, late = between_ns > 0 ? now->takes_ns / between_ns : 0;
     f->clock_ns = now->clock_ns;
-    return 1 + (int)(late < FORESEEN_PICTURES ? late : FORESEEN_PICTURES);
+    return 1 + (int)(late < FORESEEN_MOST ? late : FORESEEN_MOST);
 }
 
 int foresee(struct foresight *f, const struct foresight_now *now, int64_t at_ns[FORESEEN_MOST])
 {
-    // The last frame is shown as long as the others. A camera's pictures come a little sooner or later than they should.
-    const int64_t round_ns = now->length_ns + now->each_ns, early_late_ns[] = {0, -now->each_ns / 4, now->each_ns / 4};
+    const int64_t round_ns = now->length_ns + now->each_ns; // the last frame is shown as long as the others
     const int64_t step = step_from(f, now, round_ns);
     const int first = first_in_time(f, now);
     if (!now->playing || (f->missed > MISSED_MOST && f->missed % MISSED_MOST)) // from time to time it is tried again
         return 0;
     int count = 0;
-    for (int k = first; k < first + FORESEEN_PICTURES; k++)
-        for (int i = 0; i < 3; i++) {
-            int64_t at = now->at_ns + k * step + early_late_ns[i];
-            if (at < round_ns || now->loop)
-                at_ns[count++] = (at + round_ns) % round_ns;
-        }
+    for (int k = first; k < first + FORESEEN_MOST; k++) {
+        int64_t at = now->at_ns + k * step;
+        if (at < round_ns || now->loop)
+            at_ns[count++] = at % round_ns;
+    }
     return count;
 }
 

@@ -3,7 +3,7 @@
 #pragma once
 #include "platform/base.h"
 
-enum { FORESEEN_PICTURES = 3, FORESEEN_MOST = 3 * FORESEEN_PICTURES };
+enum { FORESEEN_MOST = 3 };
 
 // Zeroed before the first picture.
 struct foresight {

@@ -3,8 +3,8 @@
 #include <math.h>
 
 static const double PI = 3.14159265358979323846, NEAR_M = 0.1;
-// Of his joints: how far his hands, head and clothes reach, and how far his shadow on the floor.
-static const double BODY_M = 0.5, SHADOW_M = 0.8;
+// Of his joints: how far his hands, head and clothes reach, and how far his shadow on the floor can be seen.
+static const double BODY_M = 0.5, SHADOW_M = 0.7;
 static const double SOFT_DP = 8;
 
 struct cover cover_of(const struct lens *lens, struct ui_box box)
@@ -133,26 +133,27 @@ static void draw_skeleton(const struct brush *b, const struct stage_picture *p, 
     }
 }
 
-// Of a block that stands around all joints, square and `around_m` wider than they are: from the floor to above them, or
-// its floor alone.
-static struct ui_box block_box(const struct stage_picture *p, struct cover cover, struct ui_box box, double around_m,
-                               bool flat)
+// What his joints take up.
+static void extent_of(const struct stage_picture *p, struct vec3 *low, struct vec3 *high)
 {
-    struct vec3 low = v3(INFINITY, INFINITY, 0), high = v3(-INFINITY, -INFINITY, 0);
+    *low = v3(INFINITY, INFINITY, 0), *high = v3(-INFINITY, -INFINITY, 0);
     for (int j = 0; j < JOINT_COUNT; j++) {
         const struct vec3 at = p->skeleton.joint[j];
         if (!(p->skeleton.confidence[j] > 0))
             continue;
-        low = v3(fmin(low.x, at.x), fmin(low.y, at.y), fmin(low.z, at.z));
-        high = v3(fmax(high.x, at.x), fmax(high.y, at.y), fmax(high.z, at.z + around_m));
+        *low = v3(fmin(low->x, at.x), fmin(low->y, at.y), fmin(low->z, at.z));
+        *high = v3(fmax(high->x, at.x), fmax(high->y, at.y), fmax(high->z, at.z));
     }
-    const double half = fmax(high.x - low.x, high.y - low.y) / 2 + around_m; // the shadow is round
-    const double middle_x = (low.x + high.x) / 2, middle_y = (low.y + high.y) / 2;
+}
+
+// All of the box where one of them lies behind the camera.
+static struct ui_box box_around(const struct stage_picture *p, struct cover cover, struct ui_box box,
+                                const struct vec3 *points, int count)
+{
     double left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY;
-    for (int i = 0; i < (flat ? 9 : 27); i++) { // edges too, which a lens may bend outwards
-        const double z = flat ? 0 : low.z + i / 9 * 0.5 * (high.z - low.z);
+    for (int i = 0; i < count; i++) {
         struct ui_point at;
-        if (!on_screen(p, cover, v3(middle_x + (i % 3 - 1) * half, middle_y + (i / 3 % 3 - 1) * half, z), &at))
+        if (!on_screen(p, cover, points[i], &at))
             return box;
         left = fmin(left, at.x), right = fmax(right, at.x);
         top = fmin(top, at.y), bottom = fmax(bottom, at.y);
@@ -162,14 +163,50 @@ static struct ui_box block_box(const struct stage_picture *p, struct cover cover
     return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
 }
 
+// Of a block that stands around all joints, square, wider than they are and up to above them.
+static struct ui_box block_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+{
+    struct vec3 low, high, points[27];
+    extent_of(p, &low, &high);
+    high.z += BODY_M;
+    const double half = fmax(high.x - low.x, high.y - low.y) / 2 + BODY_M;
+    const struct vec3 middle = v3_mix(low, high, 0.5);
+    for (int i = 0; i < 27; i++) // edges too, which a lens may bend outwards
+        points[i] = v3(middle.x + (i % 3 - 1) * half, middle.y + (i / 3 % 3 - 1) * half,
+                       low.z + i / 9 * 0.5 * (high.z - low.z));
+    return box_around(p, cover, box, points, 27);
+}
+
+static struct ui_box common_box(struct ui_box a, struct ui_box b)
+{
+    const double left = fmax(a.x, b.x), right = fmin(a.x + a.w, b.x + b.w);
+    const double top = fmax(a.y, b.y), bottom = fmin(a.y + a.h, b.y + b.h);
+    return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
+}
+
 struct ui_box scene_actor_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
 {
-    return block_box(p, cover, box, BODY_M, false);
+    const struct ui_box block = block_box(p, cover, box);
+    if (p->former)
+        return block; // which is drawn otherwise
+    const double w = cover.scale * p->lens.width, h = cover.scale * p->lens.height;
+    const struct ui_part *of = &p->actor_part;
+    const struct ui_box part = {cover.x + of->u0 * w - SOFT_DP, cover.y + of->v0 * h - SOFT_DP,
+                                (of->u1 - of->u0) * w + 2 * SOFT_DP, (of->v1 - of->v0) * h + 2 * SOFT_DP};
+    return common_box(block, part);
 }
 
 struct ui_box scene_shadow_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
 {
-    return block_box(p, cover, box, SHADOW_M, true);
+    struct vec3 low, high, points[ROUND_POINTS];
+    extent_of(p, &low, &high);
+    // It is round, and a polygon around it a little larger.
+    const double reach = (fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M) / cos(PI / ROUND_POINTS);
+    for (int i = 0; i < ROUND_POINTS; i++) {
+        const double a = 2 * PI * i / ROUND_POINTS;
+        points[i] = v3((low.x + high.x) / 2 + reach * cos(a), (low.y + high.y) / 2 + reach * sin(a), 0);
+    }
+    return box_around(p, cover, box, points, ROUND_POINTS);
 }
 
 // Where all of the picture lies.

@@ -35,6 +35,8 @@ struct stage {
 
 // From where one begins to walk round him: he is seen from head to foot, above the controls, and not lost.
 static const double NEAREST_M = 3, FARTHEST_M = 3.4;
+// While he plays, a frame that is not there is done without where another so near is.
+static const int64_t STAND_IN_NS = 500000000;
 
 static void find_beginning(struct stage *s)
 {
@@ -327,7 +329,7 @@ static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t 
     int foreseen = foresee(&s->foresight, &now, at_ns), count = 0;
     for (int i = 0; i < foreseen && count < AHEAD_MOST; i++) {
         struct moment moment;
-        bool listed = motion_at(s->motion, at_ns[i], false, &moment) != OK || painter_keeps(s->painter, moment.frame);
+        bool listed = motion_at(s->motion, at_ns[i], false, &moment) != OK || painter_near(s->painter, moment.frame, 0) >= 0;
         for (int k = 0; k < count; k++)
             listed |= frames[k] == moment.frame;
         if (!listed)
@@ -336,7 +338,10 @@ static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t 
     return count;
 }
 
-// What was loaded for this picture goes to the painter.
+// How far from its frame a picture may be drawn with another one that is there.
+static int64_t within(const struct stage_look *look) { return look->playing && !look->sources ? STAND_IN_NS : 0; }
+
+// What was loaded goes to the painter. What this picture shows is waited for only where nothing stands in for it.
 static enum status use_ahead(struct stage *s, const struct stage_look *look, int64_t frame)
 {
     const struct likeness *likeness = painter_likeness(s->painter);
@@ -347,16 +352,16 @@ static enum status use_ahead(struct stage *s, const struct stage_look *look, int
         return OK;
     if (!s->ahead)
         status = ahead_start(&s->ahead, &how);
-    if (status == OK && !painter_keeps(s->painter, frame)) {
-        bool there = ahead_take(s->ahead, frame, &loaded);
-        foresight_met(&s->foresight, there);
-        status = there ? painter_give_frame(s->painter, &loaded) : OK;
-    }
+    while (status == OK && ahead_take_any(s->ahead, &loaded))
+        status = painter_give_frame(s->painter, &loaded);
+    if (status != OK)
+        return status;
+    foresight_met(&s->foresight, painter_near(s->painter, frame, 0) >= 0);
+    if (painter_near(s->painter, frame, within(look)) < 0 && ahead_take(s->ahead, frame, &loaded))
+        status = painter_give_frame(s->painter, &loaded);
     if (status != OK)
         return status;
     s->next_count = frames_ahead(s, look, s->next);
-    if (s->foresight.missed) // there is no time between pictures: beside the drawing, which it slows
-        ahead_want(s->ahead, s->next, s->next_count);
     return OK;
 }
 
@@ -364,6 +369,16 @@ void stage_shown(struct stage *s)
 {
     if (s->ahead)
         ahead_want(s->ahead, s->next, s->next_count);
+}
+
+// Pixels as shares of the picture, which is turned over later.
+static struct ui_part part_within(const struct gpu_box *box, const struct lens *lens, bool turned_over)
+{
+    if (!box->width)
+        return (struct ui_part){0, 0, 1, 1};
+    const double left = (double)box->left / lens->width, right = left + (double)box->width / lens->width;
+    const double top = (double)box->top / lens->height, bottom = top + (double)box->height / lens->height;
+    return (struct ui_part){turned_over ? 1 - right : left, top, turned_over ? 1 - left : right, bottom};
 }
 
 static enum status draw_actor(struct stage *s, const struct stage_look *look, int64_t frame, struct stage_picture *out)
@@ -375,6 +390,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, in
     struct painter_view view = {.world_from_camera = camera_in_take(s, look),
                                 .time_ns = look->time_ns,
                                 .viewer_from_room = look->camera ? &viewer_from_room : NULL, // the studio is empty
+                                .within_ns = within(look),
                                 .also_paper = look->former};
     struct painter_result result;
     enum status status = have_painter(s, &lens);
@@ -391,6 +407,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, in
     out->shadow = painter_shadow_texture(s->painter);
     out->former = look->former ? painter_paper_texture(s->painter) : NULL;
     out->prepared = result.level != DETAIL_PAPER;
+    out->actor_part = part_within(&result.within, &lens, look->placement.mirrored);
     out->turned_over = look->placement.mirrored;
     out->parts = result.parts;
     return look->sources ? show_sources(s, &lens, out) : OK;

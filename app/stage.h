@@ -6,6 +6,7 @@
 #include "app/show.h"
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
+#include "platform/ui.h"
 
 struct stage;
 
@@ -48,6 +49,7 @@ struct stage_picture {
     struct pose world_from_camera;
     const struct gpu_texture *camera; // the look's
     const struct gpu_texture *actor;  // premultiplied; NULL: nobody
+    struct ui_part actor_part;        // where he is, in shares of the picture; all of it where that is not known
     const struct gpu_texture *shadow; // likewise, under him; NULL
     const struct gpu_texture *former; // likewise, as he was drawn before; NULL
     bool prepared;                    // `actor` is what was prepared

@@ -24,6 +24,7 @@ struct camera_track {
     int followed; // pictures since it was found
     int64_t time_ns; // of the last picture
     bool started;    // time_ns holds
+    bool anew;       // that picture is to be found without what was known before
     int count;       // poses followed: 0 lost, 2 mirrored ones of which nobody knows which
     struct kalman of[2];
     double against[2]; // what speaks against each
@@ -128,8 +129,20 @@ static void expect(struct camera_track *t)
     locator_expect(t->locator, k->speed, covariance);
 }
 
-enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
-                              struct location *out, struct camera_motion *motion)
+// What a picture showed goes into what is known of the motion.
+static enum status conclude(struct camera_track *t, const struct location *found, bool ambiguous, struct location *out,
+                            struct camera_motion *motion)
+{
+    t->unseen_s = 0;
+    t->followed = t->count == 1 ? t->followed + 1 : 0;
+    if (!t->count || !take_in(t, found, ambiguous))
+        start(t, found, ambiguous);
+    tell(t, found, out, motion);
+    return t->count == 2 ? AMBIGUOUS : OK;
+}
+
+enum status camera_track_follow(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
+                                struct location *out, struct camera_motion *motion)
 {
     struct location found;
     if (t->started && time_ns <= t->time_ns)
@@ -142,25 +155,38 @@ enum status camera_track_look(struct camera_track *t, const uint8_t *color, cons
         t->count = 0;
     for (int i = 0; i < t->count; i++)
         kalman_move(&t->of[i], seconds);
-    bool anew = t->count != 1 || (t->rolling && t->followed == TELL_SPEED);
-    enum status status = NOTHING;
+    t->anew = t->count != 1 || (t->rolling && t->followed == TELL_SPEED);
+    if (t->anew)
+        return NOTHING;
+    expect(t);
+    enum status status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
+    return status == OK ? conclude(t, &found, false, out, motion) : status;
+}
+
+enum status camera_track_find(struct camera_track *t, const uint8_t *color, const uint16_t *depth, struct location *out,
+                              struct camera_motion *motion)
+{
+    struct location found;
+    assert(t->started);
     if (t->count == 1)
         expect(t);
-    if (!anew)
-        status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
-    if (status == NOTHING && t->count == 1)
-        expect(t);
-    if (status == NOTHING)
-        status = anew ? locator_find(t->locator, color, depth, &found)
-                      : locator_refind(t->locator, color, depth, &found);
-    if (status < 0 || status == NOTHING)
-        return status;
+    enum status status = t->anew ? locator_find(t->locator, color, depth, &found)
+                                 : locator_refind(t->locator, color, depth, &found);
+    return status < 0 || status == NOTHING ? status : conclude(t, &found, status == AMBIGUOUS, out, motion);
+}
+
+enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
+                              struct location *out, struct camera_motion *motion)
+{
+    enum status status = camera_track_follow(t, color, depth, time_ns, out, motion);
+    return status == NOTHING ? camera_track_find(t, color, depth, out, motion) : status;
+}
+
+void camera_track_restart(struct camera_track *t)
+{
+    t->started = false;
+    t->count = t->followed = 0;
     t->unseen_s = 0;
-    t->followed = t->count == 1 ? t->followed + 1 : 0;
-    if (!t->count || !take_in(t, &found, status == AMBIGUOUS))
-        start(t, &found, status == AMBIGUOUS);
-    tell(t, &found, out, motion);
-    return t->count == 2 ? AMBIGUOUS : OK;
 }
 
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale)

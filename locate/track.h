@@ -42,5 +42,16 @@ void camera_track_close(struct camera_track **t); // NULL is fine; sets *t = NUL
 MUST_CHECK enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
                                          int64_t time_ns, struct location *out, struct camera_motion *motion);
 
+// The two halves of camera_track_look, for whoever has no time to find a camera anew. camera_track_follow: as
+// camera_track_look, but NOTHING where the camera has to be found anew. camera_track_find does that, with
+// the very picture for which camera_track_follow said so; it takes some fifteen times as long.
+MUST_CHECK enum status camera_track_follow(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
+                                           int64_t time_ns, struct location *out, struct camera_motion *motion);
+MUST_CHECK enum status camera_track_find(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
+                                         struct location *out, struct camera_motion *motion);
+
+// The camera's clock begins anew: its place and motion are void, what was learnt of the place's points is not.
+void camera_track_restart(struct camera_track *t);
+
 // As locator_doubts_focal.
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale);

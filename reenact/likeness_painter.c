@@ -189,9 +189,9 @@ enum status likeness_painter_give_frame(struct likeness_painter *p, struct loade
     return shown_frames_give(p->frames, loaded);
 }
 
-bool likeness_painter_keeps(const struct likeness_painter *p, int64_t frame)
+int64_t likeness_painter_near(const struct likeness_painter *p, int64_t frame, int64_t within_ns)
 {
-    return shown_frames_keeps(p->frames, frame);
+    return shown_frames_near(p->frames, frame, within_ns);
 }
 
 // Of `wanted` pieces of so many bytes, those that there are bytes left for; takes these off.
@@ -383,7 +383,8 @@ static void draw_colors(struct likeness_painter *p, const struct likeness_view *
         gpu_draw(&job);
 }
 
-enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts)
+enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts,
+                                  struct gpu_box *within)
 {
     bool absent[PART_COUNT];
     *parts = find_absent(p, view, absent);
@@ -414,7 +415,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     if (corners.front == 0)
         return OK;
     gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.front + corners.ribbon);
-    const struct gpu_box box = box_of(&p->view, &corners);
+    const struct gpu_box box = *within = box_of(&p->view, &corners);
     draw_colors(p, view, now, &corners, box);
     if (view->source) {
         gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);

@@ -28,21 +28,23 @@ const struct likeness *likeness_painter_likeness(const struct likeness_painter *
 // A frame that will be shown, loaded by somebody else from that very likeness. Its contents go over and *loaded is
 // zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status likeness_painter_give_frame(struct likeness_painter *p, struct loaded_frame *loaded);
-bool likeness_painter_keeps(const struct likeness_painter *p, int64_t frame); // it need not be loaded to be shown
+// Of the frames that need not be loaded to be shown, the nearest to that one, at most that far from it in time; -1.
+int64_t likeness_painter_near(const struct likeness_painter *p, int64_t frame, int64_t within_ns);
 
 // From here on for another tablet camera.
 void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view);
 
 struct likeness_view {
-    int64_t frame;            // shown, the nearest in time
+    int64_t frame;            // shown, the nearest in time or near it
     struct skeleton skeleton; // in the world, perhaps between two frames
     struct pose world_from_viewer;
     struct gpu_target *actor;
     struct gpu_target *source; // NULL: not wanted
 };
-// *parts: how many were drawn; those of unknown joints are not. NOTHING: none, or
+// *parts: how many were drawn; those of unknown joints are not. *within: nothing was drawn outside. NOTHING: none, or
 // the skeleton has no trunk. As take_read; ERR_DEVICE.
-MUST_CHECK enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts);
+MUST_CHECK enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts,
+                                             struct gpu_box *within);
 
 // A lens as the shaders take it, three vec4s.
 void lens_uniform(const struct lens *lens, float out[12]);

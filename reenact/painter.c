@@ -203,17 +203,14 @@ enum status painter_give_frame(struct painter *p, struct loaded_frame *loaded)
     return OK;
 }
 
-bool painter_keeps(const struct painter *p, int64_t frame)
+int64_t painter_near(const struct painter *p, int64_t frame, int64_t within_ns)
 {
-    return p->likeness && likeness_painter_keeps(p->likeness, frame);
+    return p->likeness ? likeness_painter_near(p->likeness, frame, within_ns) : -1;
 }
 
 enum status painter_give_room(struct painter *p, struct room *room) { return around_painter_give(p->around, room); }
 
-bool painter_settled(const struct painter *p)
-{
-    return !p->waiting || !likeness_painter_given(p->likeness);
-}
+bool painter_settled(const struct painter *p) { return !p->waiting || !likeness_painter_given(p->likeness); }
 
 static enum status open_likeness(struct painter *p, const struct painter_options *options)
 {
@@ -509,10 +506,11 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     scene.level = result->level;
     if (!p->likeness)
         return draw_parts(p, &scene, &result->parts);
-    struct likeness_view shown = {moment.frame, moment.skeleton, view->world_from_camera,
+    const int64_t near = likeness_painter_near(p->likeness, moment.frame, view->within_ns);
+    struct likeness_view shown = {near < 0 ? moment.frame : near, moment.skeleton, view->world_from_camera,
                                   p->actor, p->coding ? p->source : NULL};
     int parts;
-    status = likeness_painter_draw(p->likeness, &shown, &parts);
+    status = likeness_painter_draw(p->likeness, &shown, &parts, &result->within);
     result->parts = status == OK ? parts : 0;
     return status;
 }

@@ -4,7 +4,7 @@
 // own into its frame, and lays it over the picture, lens distortion included.
 //
 // Pure but for the GPU it is given: no clock, no file, no memory of pictures
-// drawn before that would change the next. One painter, one thread.
+// drawn before that would change the next, unless view.within_ns allows it. One painter, one thread.
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/gpu.h"
@@ -60,7 +60,9 @@ const struct likeness *painter_likeness(const struct painter *p);
 // Such a frame. A picture is the same with it as without, only sooner drawn. Its contents go over to the painter and
 // *loaded is zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_give_frame(struct painter *p, struct loaded_frame *loaded);
-bool painter_keeps(const struct painter *p, int64_t frame); // nothing has to be loaded to show it
+
+// Of the frames that need not be loaded to be shown, the one nearest in time to `frame` and at most that far from it; -1.
+int64_t painter_near(const struct painter *p, int64_t frame, int64_t within_ns);
 
 // The room that hides him where it stands before him (room_make); as above. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_give_room(struct painter *p, struct room *room);
@@ -72,6 +74,8 @@ struct painter_view {
                                    // painter_actor_texture has it himself, and there is no composed picture
     const struct part_map *viewer_from_room; // where the room is that hides him: from its axes, which are
                                              // the take's world, into the tablet camera's. NULL: nothing hides him
+    int64_t within_ns;             // where the frame nearest in time would have to be loaded, another that need not and
+                                   // is at most so far from it gives its colours and shape. 0: none does
     bool also_paper;               // draw him at paper, too, for painter_paper_texture. With likeness_later
 };
 
@@ -80,6 +84,7 @@ struct painter_result {
     int64_t shown;     // the recorded frame whose instant is shown; -1: nobody
     int64_t source;    // at paper: the frame the colours came from; else -1
     int parts;         // drawn
+    struct gpu_box within; // of the picture: outside nothing of him was drawn at full
     double error_px;   // predicted (reenact/level.h), of the level that was drawn
 };
 

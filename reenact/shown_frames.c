@@ -64,27 +64,41 @@ void shown_frames_close(struct shown_frames **out)
     *out = NULL;
 }
 
-// The one to let go for `frame`: of those not shown lately, the one that a take which plays on and on
-// shows last. (The longest unused would be the very one that such a take shows next.)
-static int least_wanted(const struct shown_frames *f, int64_t frame)
+// From the kept frame before it to the one after it, round the take.
+static int64_t gap_at(const struct shown_frames *f, int i)
 {
     const int64_t frames = take_frame_count(f->take);
+    int64_t before = frames, after = frames;
+    for (int k = 0; k < f->count; k++) {
+        const int64_t on = (f->kept[k].frame - f->kept[i].frame + frames) % frames;
+        if (k == i)
+            continue;
+        after = on < after ? on : after;
+        before = frames - on < before ? frames - on : before;
+    }
+    return before + after;
+}
+
+// The one to let go: of those not shown or given lately, the one that others are nearest to, so that those kept lie
+// all along the take; else the oldest.
+static int least_wanted(const struct shown_frames *f)
+{
+    const int64_t longest = 2 * take_frame_count(f->take);
     int least = 0;
-    int64_t farthest = -1;
+    int64_t least_worth = INT64_MAX;
     for (int i = 0; i < f->count; i++) {
-        bool lately = f->kept[i].used > f->now - LAST_SHOWN;
-        int64_t away = (f->kept[i].frame - frame + frames) % frames;
-        away = lately ? f->now - f->kept[i].used - LAST_SHOWN : away;
-        if (i == 0 || away > farthest)
-            farthest = away, least = i;
+        const bool lately = f->kept[i].used > f->now - LAST_SHOWN;
+        const int64_t worth = lately ? longest + f->kept[i].used : gap_at(f, i);
+        if (worth < least_worth)
+            least_worth = worth, least = i;
     }
     return least;
 }
 
-static enum status make_room(struct shown_frames *f, int64_t frame, size_t bytes)
+static enum status make_room(struct shown_frames *f, size_t bytes)
 {
     while (f->count && f->bytes + bytes > f->max_bytes)
-        drop(f, least_wanted(f, frame));
+        drop(f, least_wanted(f));
     if (f->count < f->capacity)
         return OK;
     int capacity = f->capacity ? 2 * f->capacity : 16;
@@ -105,11 +119,11 @@ static enum status bring(struct gpu_texture **out, struct gpu *gpu, enum gpu_for
 static enum status keep(struct shown_frames *f, struct loaded_frame *loaded)
 {
     const size_t bytes = loaded_frame_bytes(loaded);
-    enum status status = make_room(f, loaded->frame, bytes);
+    enum status status = make_room(f, bytes);
     if (status != OK)
         return status;
     struct kept *k = &f->kept[f->count++];
-    *k = (struct kept){.frame = loaded->frame, .used = -LAST_SHOWN, .bytes = bytes};
+    *k = (struct kept){.frame = loaded->frame, .used = ++f->now, .bytes = bytes};
     f->bytes += bytes;
     struct shown_frame *s = &k->shown;
     s->seen = loaded->seen;
@@ -136,6 +150,19 @@ static int find(const struct shown_frames *f, int64_t frame)
 }
 
 bool shown_frames_keeps(const struct shown_frames *f, int64_t frame) { return find(f, frame) < f->count; }
+
+int64_t shown_frames_near(const struct shown_frames *f, int64_t frame, int64_t within_ns)
+{
+    const int64_t at_ns = take_entry(f->take, frame)->time_ns;
+    int64_t best = -1, best_ns = within_ns;
+    for (int i = 0; i < f->count; i++) {
+        const int64_t away_ns = llabs(take_entry(f->take, f->kept[i].frame)->time_ns - at_ns);
+        const bool nearer = best < 0 || away_ns < best_ns || (away_ns == best_ns && f->kept[i].frame < best);
+        if (away_ns <= within_ns && nearer)
+            best = f->kept[i].frame, best_ns = away_ns;
+    }
+    return best;
+}
 
 enum status shown_frames_give(struct shown_frames *f, struct loaded_frame *loaded)
 {

@@ -29,5 +29,8 @@ MUST_CHECK enum status shown_frames_give(struct shown_frames *f, struct loaded_f
 
 bool shown_frames_keeps(const struct shown_frames *f, int64_t frame);
 
+// Of those that are kept, the one nearest in time to `frame` and at most that far from it; -1: there is none.
+int64_t shown_frames_near(const struct shown_frames *f, int64_t frame, int64_t within_ns);
+
 // For another likeness.
 void shown_frames_forget(struct shown_frames *f);

@@ -45,7 +45,8 @@ static void draw(struct painter *p, int64_t time_ns, double angle, const uint8_t
 {
     const struct pose viewer = round_him(angle);
     const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
-    struct painter_view view = {viewer, time_ns, color, &viewer_from_room, false};
+    struct painter_view view = {
+        .world_from_camera = viewer, .time_ns = time_ns, .color = color, .viewer_from_room = &viewer_from_room};
     struct painter_result result;
     EXPECT_STATUS(painter_draw(p, &view, &result), OK);
     EXPECT_AT_LEAST(result.parts, 8);
@@ -104,13 +105,13 @@ static void loaded_ahead_is_the_same_picture(void **state)
     struct loaded_frame loaded;
     int64_t loading = draw_frame(p, 3, ours);
     draw_frame(p, 2, other);
-    EXPECT_TRUE(!painter_keeps(p, 3) && painter_keeps(p, 2));
+    EXPECT_TRUE(painter_near(p, 3, 0) < 0 && painter_near(p, 2, 0) == 2);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
     EXPECT_STATUS(frame_loader_open(&loader, take, rays, painter_likeness(p)), OK);
     EXPECT_STATUS(frame_loader_load(loader, 3, &loaded), OK);
     EXPECT_STATUS(painter_give_frame(p, &loaded), OK);
     EXPECT_TRUE(!loaded.shift); // its contents went over
-    EXPECT_TRUE(painter_keeps(p, 3));
+    EXPECT_INT(painter_near(p, 3, 0), 3);
     EXPECT_INT(loading - draw_frame(p, 3, theirs), 3); // colours, depth and shifts are there
     EXPECT_TRUE(memcmp(ours, other, bytes));
     EXPECT_TRUE(!memcmp(ours, theirs, bytes));
@@ -120,6 +121,53 @@ static void loaded_ahead_is_the_same_picture(void **state)
     free(ours);
     free(other);
     free(theirs);
+}
+
+static int pixels_of(const uint8_t *rgba, struct gpu_box within)
+{
+    int count = 0;
+    for (int y = 0; y < lens.height; y++)
+        for (int x = 0; x < lens.width; x++)
+            count += rgba[4 * (y * lens.width + x) + 3] > 0 && x >= within.left && x < within.left + within.width &&
+                     y >= within.top && y < within.top + within.height;
+    return count;
+}
+
+// Whoever has no time to load a frame gets him in that frame's posture, with another's colours; and is told where he is.
+static void another_frame_stands_in(void **state)
+{
+    (void)state;
+    enum { FRAME = 3, BEFORE = 2 };
+    const int64_t step_ns = take_entry(take, FRAME)->time_ns - take_entry(take, BEFORE)->time_ns;
+    const struct gpu_box all = {0, 0, lens.width, lens.height};
+    const size_t bytes = (size_t)lens.width * (size_t)lens.height * 4;
+    uint8_t *right = malloc(bytes), *before = malloc(bytes), *near = malloc(bytes);
+    struct painter *p = painter_at(DETAIL_FULL, 0); // which keeps one frame
+    struct painter_view view = {.world_from_camera = round_him(0.4),
+                                .time_ns = take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns,
+                                .within_ns = step_ns};
+    struct painter_result result;
+    draw_frame(p, FRAME, right);
+    draw_frame(p, BEFORE, before);
+    EXPECT_INT(painter_near(p, FRAME, step_ns), BEFORE);
+    EXPECT_INT(painter_near(p, FRAME, step_ns - 1), -1);
+    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    EXPECT_INT(painter_near(p, FRAME, 0), -1); // it was not loaded
+    EXPECT_STATUS(painter_read_actor(p, near), OK);
+    EXPECT_TRUE(memcmp(near, before, bytes) && memcmp(near, right, bytes));
+    const int pixels = pixels_of(near, all), should_be = pixels_of(right, all);
+    EXPECT_AT_LEAST(pixels, 0.9 * should_be);
+    EXPECT_AT_MOST(pixels, 1.1 * should_be);
+    EXPECT_INT(pixels_of(near, result.within), pixels);
+    EXPECT_AT_MOST(result.within.width * result.within.height, 0.5 * lens.width * lens.height);
+    view.within_ns = step_ns - 1; // none is so near: it is loaded
+    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    EXPECT_STATUS(painter_read_actor(p, near), OK);
+    EXPECT_TRUE(!memcmp(near, right, bytes));
+    painter_close(&p);
+    free(right);
+    free(before);
+    free(near);
 }
 
 static void memory_is_bounded(void **state)
@@ -206,6 +254,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(few_calls_and_nothing_anew),
         cmocka_unit_test(loaded_ahead_is_the_same_picture),
+        cmocka_unit_test(another_frame_stands_in),
         cmocka_unit_test(memory_is_bounded),
         cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
     };

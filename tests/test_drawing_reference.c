@@ -164,6 +164,7 @@ static void draw(struct set *s, uint8_t *rgba)
     struct gpu_target *target;
     struct likeness given;
     struct likeness_painter *painter;
+    struct gpu_box within;
     int parts;
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
@@ -172,7 +173,7 @@ static void draw(struct set *s, uint8_t *rgba)
     EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
     EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
     struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL};
-    EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts), OK);
+    EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts, &within), OK);
     EXPECT_INT(parts, PART_COUNT);
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);
     likeness_painter_close(&painter);

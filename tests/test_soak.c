@@ -27,6 +27,7 @@ static const double PATIENCE_S = 9;
 // One picture's way.
 struct way {
     double total_ms, ms[FRAME_STAGES];
+    double cpu_ms;    // processor time of drawing it, whoever else is busy meanwhile
     double at_s;      // since the beginning
     double take_s;    // of the take
     double fineness;  // that the actor was drawn at
@@ -55,6 +56,31 @@ static int descriptors(void)
     return count;
 }
 
+// Processor time so far of this thread and, without a graphics card, of those that draw for it.
+static double drawing_cpu_ms(void)
+{
+    double sum_ns = (double)clock_cpu_ns();
+    DIR *dir = opendir("/proc/self/task");
+    for (const struct dirent *task; dir && (task = readdir(dir));) {
+        char path[300], name[32] = "";
+        double ran_ns = 0;
+        snprintf(path, sizeof path, "/proc/self/task/%s/comm", task->d_name);
+        FILE *file = fopen(path, "r");
+        const bool draws = file && fgets(name, sizeof name, file) && !strncmp(name, "llvmpipe", 8);
+        if (file)
+            fclose(file);
+        snprintf(path, sizeof path, "/proc/self/task/%s/schedstat", task->d_name);
+        file = draws ? fopen(path, "r") : NULL;
+        if (file && fscanf(file, "%lf", &ran_ns) == 1)
+            sum_ns += ran_ns;
+        if (file)
+            fclose(file);
+    }
+    if (dir)
+        closedir(dir);
+    return sum_ns * 1e-6;
+}
+
 struct soak {
     int64_t frames;
     // Most seen in the second and in the last third of the time: a picture that is being located, or
@@ -64,6 +90,8 @@ struct soak {
     double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
     struct way slowest[SLOWEST];             // of the same, the slowest first
     double alone_ms;                         // locating and drawing the camera's picture alone, mean
+    double cpu_median_ms, cpu_slowest_ms;    // processor time of drawing
+    double cpu_alone_ms;                     // of the camera's picture alone, mean
 };
 
 // What a soak is made with.
@@ -75,7 +103,7 @@ struct bath {
     uint8_t *rgba;
     struct way *ways;
     int64_t count, references, last_sight;
-    double alone_ms; // sum
+    double alone_ms, cpu_alone_ms; // sums
 };
 
 static int slowest_first(const void *a, const void *b)
@@ -108,6 +136,7 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
     if (!t->sight || t->sight->number == b->last_sight || t->show.page != PAGE_WATCH)
         return false;
     b->last_sight = t->sight->number;
+    const double cpu_before_ms = drawing_cpu_ms();
     EXPECT_STATUS(tablet_draw(t, &b->glass, now), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
     tablet_shown(t, clock_now_ns());
@@ -116,6 +145,7 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
                         .fineness = t->look.fineness};
     for (int i = 0; i < FRAME_STAGES; i++)
         way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
+    way->cpu_ms = drawing_cpu_ms() - cpu_before_ms;
     return true;
 }
 
@@ -123,7 +153,9 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
 static void refer(struct bath *b)
 {
     const struct sight *sight = b->tablet.sight;
+    const double cpu_before_ms = drawing_cpu_ms();
     b->alone_ms += draw_camera_alone(b) + (double)(sight->located_ns - sight->locating_ns) * 1e-6;
+    b->cpu_alone_ms += drawing_cpu_ms() - cpu_before_ms;
     b->references++;
     tablet_update(&b->tablet, clock_now_ns());
     b->last_sight = b->tablet.sight->number;
@@ -137,9 +169,19 @@ static void look_at_memory(struct soak *s, bool late)
     *most = open_now > *most ? open_now : *most;
 }
 
+static int least_work_first(const void *a, const void *b)
+{
+    const struct way *x = a, *y = b;
+    return (x->cpu_ms > y->cpu_ms) - (x->cpu_ms < y->cpu_ms);
+}
+
 static void sum_up(struct soak *s, struct bath *b)
 {
     s->alone_ms = b->references ? b->alone_ms / (double)b->references : 0;
+    s->cpu_alone_ms = b->references ? b->cpu_alone_ms / (double)b->references : 0;
+    qsort(b->ways, (size_t)b->count, sizeof *b->ways, least_work_first);
+    s->cpu_median_ms = b->count ? b->ways[b->count / 2].cpu_ms : 0;
+    s->cpu_slowest_ms = b->count ? b->ways[b->count - 1].cpu_ms : 0;
     for (int64_t i = 0; i < b->count; i++)
         for (int stage = 0; stage < FRAME_STAGES; stage++)
             s->mean_ms[stage] += b->ways[i].ms[stage] / (double)b->count;
@@ -221,10 +263,12 @@ static void say(const struct soak *s)
     printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->slowest[0].total_ms,
            s->slowest[0].total_ms / s->median_ms);
     printf("locating and the camera's picture alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
+    printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's picture alone %.1f\n",
+           s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
     for (int i = 0; i < SLOWEST; i++) {
         const struct way *w = &s->slowest[i];
-        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f:", w->total_ms, w->at_s, w->take_s,
-               w->fineness);
+        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f, %.1f ms of processor time:", w->total_ms, w->at_s,
+               w->take_s, w->fineness, w->cpu_ms);
         for (int k = 0; k < FRAME_STAGES; k++)
             printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
         printf("\n");
