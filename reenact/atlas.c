@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TRIANGLES = 3000, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4 };
+enum { TRIANGLES = 2000, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4, PLACES = 4, ROUNDS = 3 };
 
-static const double ERROR_M = 0.003; // that the shape may lose
+static const double ERROR_M = 0.01; // that the shape may lose before it is laid on the fine one
 static const double TEXEL_M = 0.004, COARSER = 1.3, FAR_TOO_COARSE_M = 0.03; // the next where it does not fit
 static const float BEYOND = 1.5F; // texels: filtering looks so far over a triangle's edge
 
@@ -140,21 +140,21 @@ static double nearest_place(const struct vec3 *a, const struct vec3 *b, const st
 struct filling {
     struct atlas *atlas;
     const struct coat *coat;
-    struct finder finder;
+    const struct finder *finder;
     int32_t *owner; // of each texel: a triangle; -1: none is near
     float *off;     // how far beyond its edge it lies
 };
 
 static void write_texel(const struct filling *f, size_t texel, struct vec3 p, struct vec3 facing)
 {
-    const struct surface *s = f->finder.surface;
-    int32_t point = nearest_point(&f->finder, p, facing);
+    const struct surface *s = f->finder->surface;
+    int32_t point = nearest_point(f->finder, p, facing);
     double least = INFINITY, best[3] = {1, 0, 0};
     if (point < 0)
         return;
     const int32_t alone[3] = {point, point, point}, *of = alone; // where no triangle has it
-    for (int32_t i = f->finder.first[point]; i < f->finder.first[point + 1]; i++) {
-        const int32_t *c = s->corners + 3 * (size_t)f->finder.triangle[i];
+    for (int32_t i = f->finder->first[point]; i < f->finder->first[point + 1]; i++) {
+        const int32_t *c = s->corners + 3 * (size_t)f->finder->triangle[i];
         double share[3];
         double away2 = nearest_place(&s->points[c[0]], &s->points[c[1]], &s->points[c[2]], p, share);
         if (away2 < least) {
@@ -222,7 +222,7 @@ static void share_out(struct filling *f)
 static void write_rows(void *context, int rows)
 {
     const struct filling *f = context;
-    const struct surface *s = f->finder.surface;
+    const struct surface *s = f->finder->surface;
     const struct unfolded *m = &f->atlas->mesh;
     for (int y = rows * ROWS; y < (rows + 1) * ROWS && y < m->height; y++)
         for (int x = 0; x < m->width; x++) {
@@ -234,20 +234,18 @@ static void write_rows(void *context, int rows)
             float share[3], off;
             shares_of(m, c, (float)x + 0.5F, (float)y + 0.5F, share, &off);
             for (int i = 0; i < 3; i++) {
-                p = v3_add(p, v3_scale(s->points[m->points[c[i]]], (double)share[i]));
+                p = v3_add(p, v3_scale(f->atlas->points[c[i]], (double)share[i]));
                 facing = v3_add(facing, s->normals[m->points[c[i]]]);
             }
             write_texel(f, texel, p, facing);
         }
 }
 
-static enum status fill(struct atlas *a, const struct surface *s, const struct coat *coat)
+static enum status fill(struct atlas *a, const struct finder *finder, const struct coat *coat)
 {
-    struct filling f = {.atlas = a, .coat = coat};
+    struct filling f = {.atlas = a, .coat = coat, .finder = finder};
     size_t texels = (size_t)a->mesh.width * (size_t)a->mesh.height;
-    enum status status = finder_open(&f.finder, s);
-    if (status != OK)
-        return status;
+    enum status status = OK;
     a->color = calloc(texels, 3);
     a->when = calloc(texels, 4);
     f.owner = malloc(sizeof *f.owner * texels);
@@ -262,60 +260,149 @@ static enum status fill(struct atlas *a, const struct surface *s, const struct c
     }
     free(f.owner);
     free(f.off);
-    finder_close(&f.finder);
     return status;
 }
 
 // ---------------------------------------------------------------- the mesh
 
-// What a triangle says of its corners' normals counts by how large it is.
-static enum status make_normals(struct atlas *a, const struct surface *s)
+// The few triangles, by numbers of the fine surface's points; of the points that none of them has nothing is known.
+struct coarse {
+    int32_t *corners;
+    int corner_count;
+    struct vec3 *points, *normals; // normals: unit
+    double *moves, *weights;
+};
+
+static void coarse_free(struct coarse *c)
 {
-    const struct unfolded *m = &a->mesh;
-    struct vec3 *sums = calloc((size_t)s->point_count, sizeof *sums);
-    a->normals = malloc(sizeof *a->normals * (size_t)m->point_count);
-    if (!sums || !a->normals) {
-        free(sums);
+    free(c->corners);
+    free(c->points);
+    free(c->normals);
+    free(c->moves);
+    free(c->weights);
+}
+
+// What a triangle says of its corners' normals counts by how large it is.
+static void find_normals(struct coarse *c, int point_count)
+{
+    for (int i = 0; i < point_count; i++)
+        c->normals[i] = v3(0, 0, 0);
+    for (int t = 0; t < c->corner_count; t += 3) {
+        const int32_t *at = c->corners + t;
+        const struct vec3 p = c->points[at[0]],
+                          doubled = v3_cross(v3_sub(c->points[at[1]], p), v3_sub(c->points[at[2]], p));
+        for (int i = 0; i < 3; i++)
+            c->normals[at[i]] = v3_add(c->normals[at[i]], doubled);
+    }
+    for (int i = 0; i < point_count; i++)
+        c->normals[i] = v3_unit(c->normals[i]);
+}
+
+// How far off the fine surface a triangle lies, at places spread evenly over it, each corner to its share.
+static void measure_triangle(struct coarse *c, const struct finder *f, const int32_t *at)
+{
+    const struct vec3 *p = c->points, *n = c->normals;
+    double area = v3_length(v3_cross(v3_sub(p[at[1]], p[at[0]]), v3_sub(p[at[2]], p[at[0]])));
+    for (int i = 0; i < PLACES; i++)
+        for (int j = 0; i + j < PLACES; j++) {
+            const double a = (i + 1.0 / 3) / PLACES, b = (j + 1.0 / 3) / PLACES, share[3] = {a, b, 1 - a - b};
+            struct vec3 place = v3(0, 0, 0), facing = place;
+            for (int k = 0; k < 3; k++) {
+                place = v3_add(place, v3_scale(p[at[k]], share[k]));
+                facing = v3_add(facing, v3_scale(n[at[k]], share[k]));
+            }
+            const int32_t near = nearest_point(f, place, facing);
+            if (near < 0)
+                continue;
+            double off = v3_dot(f->surface->normals[near], v3_sub(f->surface->points[near], place));
+            for (int k = 0; k < 3; k++) {
+                c->moves[at[k]] += share[k] * area * off;
+                c->weights[at[k]] += share[k] * area;
+            }
+        }
+}
+
+// The points that are left lie on the fine surface, so of a round limb all that is between them lies within it, and it
+// would be drawn too thin. They move out until as much lies without as within.
+static void fit(struct coarse *c, const struct finder *f)
+{
+    const int count = f->surface->point_count;
+    for (int round = 0; round < ROUNDS; round++) {
+        find_normals(c, count);
+        for (int i = 0; i < count; i++)
+            c->moves[i] = c->weights[i] = 0;
+        for (int t = 0; t < c->corner_count; t += 3)
+            measure_triangle(c, f, c->corners + t);
+        for (int i = 0; i < count; i++)
+            if (c->weights[i] > 0)
+                c->points[i] = v3_add(c->points[i], v3_scale(c->normals[i], c->moves[i] / c->weights[i]));
+    }
+    find_normals(c, count);
+}
+
+static enum status coarse_make(struct coarse *c, const struct surface *s)
+{
+    const size_t count = (size_t)s->point_count;
+    float(*points)[3] = malloc(sizeof *points * count);
+    *c = (struct coarse){.corners = malloc(sizeof *c->corners * (size_t)s->corner_count),
+                         .points = malloc(sizeof *c->points * count),
+                         .normals = malloc(sizeof *c->normals * count),
+                         .moves = malloc(sizeof *c->moves * count),
+                         .weights = malloc(sizeof *c->weights * count)};
+    if (!points || !c->corners || !c->points || !c->normals || !c->moves || !c->weights) {
+        free(points);
         return fail(ERR_MEMORY, "out of memory");
     }
-    for (int t = 0; t < m->corner_count; t += 3) {
-        const int32_t c[3] = {m->points[m->corners[t]], m->points[m->corners[t + 1]], m->points[m->corners[t + 2]]};
-        const struct vec3 p = s->points[c[0]],
-                          doubled = v3_cross(v3_sub(s->points[c[1]], p), v3_sub(s->points[c[2]], p));
-        for (int i = 0; i < 3; i++)
-            sums[c[i]] = v3_add(sums[c[i]], doubled);
+    memcpy(c->points, s->points, sizeof *c->points * count);
+    for (size_t i = 0; i < count; i++) {
+        points[i][0] = (float)s->points[i].x;
+        points[i][1] = (float)s->points[i].y;
+        points[i][2] = (float)s->points[i].z;
     }
-    for (int i = 0; i < m->point_count; i++)
-        a->normals[i] = v3_unit(sums[m->points[i]]);
-    free(sums);
+    c->corner_count = simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count, 3 * TRIANGLES,
+                               (float)ERROR_M, c->corners);
+    free(points);
+    return OK;
+}
+
+static enum status unfold_coarse(struct atlas *a, const struct surface *s, const struct coarse *c)
+{
+    double texel_m = TEXEL_M;
+    enum status status;
+    do
+        status = unfold(&a->mesh, s, c->corners, c->corner_count, texel_m);
+    while (status == ERR_INPUT && (texel_m *= COARSER) < FAR_TOO_COARSE_M);
+    if (status != OK)
+        return status;
+    const struct unfolded *m = &a->mesh;
+    a->points = malloc(sizeof *a->points * (size_t)m->point_count);
+    a->normals = malloc(sizeof *a->normals * (size_t)m->point_count);
+    if (!a->points || !a->normals)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < m->point_count; i++) {
+        a->points[i] = c->points[m->points[i]];
+        a->normals[i] = c->normals[m->points[i]];
+    }
     return OK;
 }
 
 enum status atlas_make(struct atlas *out, const struct surface *s, const struct coat *coat)
 {
-    float(*points)[3] = malloc(sizeof *points * (size_t)s->point_count);
-    int32_t *corners = malloc(sizeof *corners * (size_t)s->corner_count);
+    struct coarse coarse = {0};
+    struct finder finder;
     *out = (struct atlas){0};
-    enum status status = points && corners ? OK : fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < s->point_count && status == OK; i++) {
-        points[i][0] = (float)s->points[i].x;
-        points[i][1] = (float)s->points[i].y;
-        points[i][2] = (float)s->points[i].z;
-    }
+    enum status status = finder_open(&finder, s);
+    if (status != OK)
+        return status;
+    status = coarse_make(&coarse, s);
     if (status == OK) {
-        int count = simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count, 3 * TRIANGLES,
-                             (float)ERROR_M, corners);
-        double texel_m = TEXEL_M;
-        do
-            status = unfold(&out->mesh, s, corners, count, texel_m);
-        while (status == ERR_INPUT && (texel_m *= COARSER) < FAR_TOO_COARSE_M);
+        fit(&coarse, &finder);
+        status = unfold_coarse(out, s, &coarse);
     }
     if (status == OK)
-        status = make_normals(out, s);
-    if (status == OK)
-        status = fill(out, s, coat);
-    free(points);
-    free(corners);
+        status = fill(out, &finder, coat);
+    coarse_free(&coarse);
+    finder_close(&finder);
     if (status != OK)
         atlas_free(out);
     return status;
@@ -324,6 +411,7 @@ enum status atlas_make(struct atlas *out, const struct surface *s, const struct 
 void atlas_free(struct atlas *a)
 {
     unfolded_free(&a->mesh);
+    free(a->points);
     free(a->normals);
     free(a->color);
     free(a->when);

@@ -134,7 +134,7 @@ static enum status code_shifts(const struct frame_loader *l, struct loaded_frame
     if (status == OK && !out->shift)
         status = fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < m->point_count && status == OK; i++) {
-        struct vec3 d = v3_scale(warp_at(l->warp, l->likeness->surface.points[m->points[i]]), 32767 / WARP_MOST_M);
+        struct vec3 d = v3_scale(warp_at(l->warp, l->likeness->atlas.points[i]), 32767 / WARP_MOST_M);
         const double steps[3] = {d.x, d.y, d.z};
         uint8_t *code = out->shifts.pixels + 4 * (size_t)(i / SHIFTS_WIDE * 2 * SHIFTS_WIDE + i % SHIFTS_WIDE);
         for (int a = 0; a < 3; a++) {

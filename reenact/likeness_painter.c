@@ -114,7 +114,7 @@ static void set(struct likeness_painter *p, enum uniform uniform, const float *v
 static void put_vertex(const struct likeness *f, int i, bool doubled, float v[VERTEX])
 {
     const struct unfolded *m = &f->atlas.mesh;
-    const struct vec3 *p = &f->surface.points[m->points[i]], *n = &f->atlas.normals[i];
+    const struct vec3 *p = &f->atlas.points[i], *n = &f->atlas.normals[i];
     const struct skin *s = &f->skins[m->points[i]];
     const float values[VERTEX] = {
         (float)p->x,  (float)p->y,  (float)p->z,  m->at[i][0] / (float)m->width,

@@ -33,9 +33,9 @@ enum status nearest_open(struct nearest **out, int places, double unit_m, int64_
     size_t blocks = (size_t)blocks_of(capacity) + 1, groups = (size_t)groups_of((int64_t)blocks) + 1;
     n->points = cleared(blocks * (size_t)places * sizeof *n->points);
     n->heads = cleared(blocks * sizeof *n->heads);
-    n->boxes = calloc(groups * (size_t)places, sizeof *n->boxes);
-    n->least_own = calloc(groups, sizeof *n->least_own);
-    n->bounds = calloc(groups, sizeof *n->bounds);
+    n->boxes = cleared(groups * (size_t)places * sizeof *n->boxes);
+    n->least_own = cleared(groups * sizeof *n->least_own);
+    n->bounds = cleared(groups * sizeof *n->bounds);
     if (!n->points || !n->heads || !n->boxes || !n->least_own || !n->bounds) {
         nearest_close(&n);
         return fail(ERR_MEMORY, "out of memory");

@@ -33,7 +33,7 @@ enum status silhouette_open(struct silhouette **out, const struct likeness *like
         return fail(ERR_MEMORY, "out of memory");
     }
     for (int i = 0; i < m->point_count; i++) {
-        const struct vec3 *p = &likeness->surface.points[m->points[i]];
+        const struct vec3 *p = &likeness->atlas.points[i];
         s->rest[i] = (struct spot){(float)p->x, (float)p->y, (float)p->z};
     }
     return OK;

@@ -41,7 +41,7 @@ static struct seen see(const struct likeness *l, int i, const struct warp *warp,
 {
     const struct unfolded *m = &l->atlas.mesh;
     const int point = m->points[i];
-    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0), rest = l->surface.points[point];
+    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0), rest = l->atlas.points[i];
     rest = v3_add(rest, warp_at(warp, rest));
     for (int s = 0; s < SKIN_PARTS; s++) {
         const double share = (double)l->skins[point].weight[s];
