@@ -35,6 +35,12 @@ static void step(void *context)
     progress_step(context);
 }
 
+static void settle(void *context, int64_t frames)
+{
+    progress_end(context);
+    progress_start(context, "thinking it over", frames);
+}
+
 static void report(const struct arguments *given, const struct recorder_result *r)
 {
     if (given->json) {
@@ -48,12 +54,15 @@ static void report(const struct arguments *given, const struct recorder_result *
         json_add_number(root, "sensor_moves", r->sensor_moves);
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
+        json_add_number(root, "settle_ms", r->settle_ms);
         (void)!command_print_json(&root);
         return;
     }
     printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
            (long long)r->tracked, (long long)r->dropped);
     printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
+    if (r->settle_ms > 0)
+        printf("thinking it over took %.1f ms a frame\n", r->settle_ms);
     if (r->sensor_moves)
         printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
 }
@@ -91,7 +100,7 @@ static enum status record(const struct arguments *given, struct place *place, st
     if (status == OK)
         status = given->into ? recording_append(&writer, given->into) : recording_create(&writer, given->out);
     if (status == OK) {
-        struct recorder_options options = {command_stopped, step, &progress};
+        struct recorder_options options = {command_stopped, step, settle, step, &progress};
         command_catch_stop();
         progress_start(&progress, "filming", source_remaining(source));
         status = recorder_run(source, writer, given->take, place, &options, result);

@@ -3,6 +3,7 @@
 #include "capture/background.h"
 #include "capture/representative.h"
 #include "capture/sensor_pose.h"
+#include "capture/settle.h"
 #include "capture/tracker.h"
 #include "platform/clock.h"
 #include "platform/jpeg.h"
@@ -39,6 +40,7 @@ struct recorder {
 
     // the processing thread's own
     struct tracker *tracker;
+    struct settle *settle;
     struct sensor_pose *sensor_pose; // NULL without a place or without colour
     struct representative representative;
     uint16_t *background;
@@ -132,12 +134,14 @@ static enum status locate_item(struct recorder *r, struct item *item)
 
 static enum status track_item(struct recorder *r, struct item *item)
 {
-    if (!item->depth)
-        return OK;
-    enum status status = tracker_next(r->tracker, item->time_ns, item->depth, &item->skeleton, item->mask);
-    if (status == NOTHING)
-        return OK;
-    if (status != OK)
+    enum status status = NOTHING;
+    if (item->depth)
+        status = tracker_next(r->tracker, item->time_ns, item->depth, &item->skeleton, item->mask);
+    if (status < 0)
+        return status;
+    bool nobody = status == NOTHING;
+    status = settle_note(r->settle, r->tracker, item->time_ns, nobody ? NULL : &item->skeleton);
+    if (status != OK || nobody)
         return status;
     item->has_skeleton = true;
     item->body_changed = representative_offer(&r->representative, r->frames_processed, r->calibration,
@@ -301,6 +305,7 @@ static void recorder_free(struct recorder *r)
     queue_close(&r->to_write);
     sensor_pose_close(&r->sensor_pose);
     tracker_close(&r->tracker);
+    settle_close(&r->settle);
     free(r->background);
 }
 
@@ -309,6 +314,8 @@ static enum status recorder_prepare(struct recorder *r)
     struct tracker_options options = tracker_default_options();
     representative_start(&r->representative);
     enum status status = tracker_open(&r->tracker, r->calibration, &options);
+    if (status == OK)
+        status = settle_open(&r->settle, r->calibration);
     if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) && r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
@@ -330,6 +337,61 @@ static void fill_result(const struct recorder *r, const struct source *source, s
     result->sensor_moves = r->sensor_pose ? sensor_pose_moves(r->sensor_pose) : 0;
     result->slowest_ms = r->slowest_ms;
     result->mean_ms = r->frames_processed ? r->busy_ms / (double)r->frames_processed : 0;
+}
+
+// ------------------------------------------------------------- looking back
+
+static enum status look_back(struct recorder *r, struct take *take, const struct recorder_options *options)
+{
+    int64_t count = take_frame_count(take);
+    enum status status = OK;
+    if (options->on_settle)
+        options->on_settle(options->context, count);
+    for (int64_t i = count - 1; i >= 0 && status == OK; i--) {
+        struct take_pictures pictures;
+        if (take_entry(take, i)->has_depth) {
+            status = take_read(take, i, TAKE_DEPTH, &pictures);
+            if (status == OK)
+                status = settle_look_back(r->settle, r->tracker, i, pictures.depth);
+        }
+        if (options->on_settled)
+            options->on_settled(options->context);
+    }
+    return status == OK ? settle_finish(r->settle) : status;
+}
+
+static enum status put_settled(struct recorder *r)
+{
+    const struct skeleton **skeleton = calloc((size_t)r->written, sizeof *skeleton);
+    if (!skeleton)
+        return fail(ERR_MEMORY, "not enough memory to think a take over");
+    for (int64_t i = 0; i < r->written; i++)
+        skeleton[i] = settle_skeleton(r->settle, i);
+    enum status status = recording_put_skeletons(r->writer, skeleton, r->written);
+    free(skeleton);
+    return status;
+}
+
+// The take is complete already, and stays so whatever goes wrong here.
+static enum status settle_take(struct recorder *r, const char *name, const struct recorder_options *options,
+                               struct recorder_result *result)
+{
+    if (!r->tracked || result->sensor_moves)
+        return OK;
+    struct recording *recording = NULL;
+    struct take *take = NULL;
+    int64_t begun = clock_now_ns();
+    enum status status = recording_open(&recording, recording_writer_path(r->writer));
+    if (status == OK)
+        status = take_open(&take, recording, name);
+    if (status == OK)
+        status = look_back(r, take, options);
+    take_close(&take);
+    recording_free(&recording);
+    if (status == OK)
+        status = put_settled(r);
+    result->settle_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
+    return status;
 }
 
 // Runs the two workers beside read_all. The most telling failure wins: the disk, then
@@ -376,6 +438,8 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
             enum status ended = recording_put_dropped(writer, result->dropped);
             if (ended == OK)
                 ended = recording_end_take(writer);
+            if (ended == OK && r.process_status == OK)
+                ended = settle_take(&r, name, options, result);
             status = status == OK ? ended : fail(status, "%s", sentence);
         }
     }

@@ -5,6 +5,11 @@
 // segments and tracks, one encodes and writes. A live source that gets ahead of
 // them by more than the queues hold loses frames, which are counted; a recorded
 // one waits. What is written depends on the frames alone, never on timing.
+//
+// When the take has ended and is complete, its depth is read again from the end
+// to the beginning and the joints are told anew, with the future known (settle.h);
+// unless the sensor was moved. That takes about as long as tracking did. Whoever
+// kills it meanwhile has the take with the joints as they were told at first.
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/source.h"
@@ -12,6 +17,8 @@
 struct recorder_options {
     bool (*should_stop)(void);      // asked before every frame; NULL = never
     void (*on_frame)(void *context); // called on the caller's thread for every frame read; may be NULL
+    void (*on_settle)(void *context, int64_t frames); // so many are now looked back at; may be NULL
+    void (*on_settled)(void *context);                // on the caller's thread for each of them; may be NULL
     void *context;
 };
 
@@ -24,6 +31,7 @@ struct recorder_result {
     bool located;            // the sensor was found in the place
     int sensor_moves;        // how often it was moved on the way
     double slowest_ms, mean_ms; // locating, segmenting and tracking one frame
+    double settle_ms;           // a frame, looking back; 0 where that was not done
 };
 
 // Films `source` to its end, or until should_stop, as take `name`. `place` may be

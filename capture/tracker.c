@@ -3,6 +3,7 @@
 #include "capture/body_hem.h"
 #include "capture/body_steady.h"
 #include "capture/segment.h"
+#include "capture/tracker_back.h"
 #include "capture/tracker_start.h"
 #include "platform/clock.h"
 
@@ -12,6 +13,7 @@
 enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2, HEM_EVERY = 4, HEM_PICTURES = 8 };
 
 #define ELSEWHERE_M 0.08 // a limb that a search moves further than this was lost
+#define APART_M 0.04     // two places of a limb nearer than this are the same
 
 struct tracker {
     struct tracker_options options;
@@ -20,7 +22,8 @@ struct tracker {
     struct body_evidence *evidence;
     struct fit_room *room;
     uint8_t *mask;
-    bool following;
+    bool following, back;            // back: frames come in falling order, their times negated here
+    int found_count;                 // how often somebody was found anew
     struct body_pose pose, before;   // of the last two frames
     struct body_steady shown;        // what was reported last
     int64_t time_ns, before_ns;      // their times
@@ -122,6 +125,7 @@ static void forget_person(struct tracker *t)
 void tracker_reset(struct tracker *t)
 {
     forget_person(t);
+    t->back = false;
     segmenter_reset(t->segmenter);
 }
 
@@ -243,7 +247,7 @@ static double backwards_odds(const struct tracker *t)
 {
     const double(*pelvis)[3] = (const double(*)[3])t->room->best.build.axes[SEG_PELVIS];
     struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
-    return 6 * fmax(-1, fmin(1, -v3_dot(t->shown.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
+    return (t->back ? -6 : 6) * fmax(-1, fmin(1, -v3_dot(t->shown.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
 }
 
 // A person in front and one from behind look much alike, and so do legs that crossed. Now and
@@ -322,7 +326,7 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     }
     task->iterations = t->options.iterations - first;
     task->reach_m = 0.06;
-    task->learn_shape = t->learned_s < t->options.learn_s;
+    task->learn_shape = t->learned_s < t->options.learn_s && !t->back;
     task->learn_rate = novelty(t, &start);
     body_fit(task, &start, best);
     took(t, &t->times.fit);
@@ -364,6 +368,7 @@ static bool start(struct tracker *t, struct fit_task *task)
     took(t, &t->times.search);
     if (!found)
         return false;
+    t->found_count++;
     t->shape = task->shape;
     t->shape.mean = t->room->best.shape;
     t->taught = t->room->best.pose;
@@ -378,6 +383,8 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     memset(out, 0, sizeof *out);
     t->times = (struct tracker_times){0};
     t->mark_ns = clock_cpu_ns();
+    if (t->back)
+        time_ns = -time_ns;
     size_t pixels = (size_t)t->calibration.depth.width * (size_t)t->calibration.depth.height;
     if (mask)
         memset(mask, 0, pixels);
@@ -439,4 +446,55 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     if (mask)
         memcpy(mask, t->mask, pixels);
     return OK;
+}
+
+// ------------------------------------------------------------- looking back
+
+void tracker_turn_back(struct tracker *t)
+{
+    t->back = true;
+    t->moving = false;
+    t->lost_since_ns = 0;
+    t->turned_evidence = t->swapped_evidence = 0;
+    memset(t->elsewhere_evidence, 0, sizeof t->elsewhere_evidence);
+}
+
+const struct body_pose *tracker_pose(const struct tracker *t) { return &t->shown.pose; }
+
+const struct body_shape *tracker_shape(const struct tracker *t) { return &t->shape.mean; }
+
+int tracker_found_count(const struct tracker *t) { return t->found_count; }
+
+// Both ways: the other's limb on this body, and this one's on the other body.
+struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
+{
+    struct pose_odds odds = {0};
+    struct body_build build, other_build;
+    bool apart[LIMB_COUNT], any = false;
+    body_build(&t->shape.mean, &t->pose, &build);
+    body_build(&t->shape.mean, other, &other_build);
+    for (int k = 0; k < LIMB_COUNT; k++)
+        any |= apart[k] = limb_moved_m(k, &build, &other_build) > APART_M;
+    if (!any)
+        return odds;
+    struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = *other, .expected_sigma = 2,
+                            .shape = t->shape, .iterations = 2, .reach_m = 0.06};
+    task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
+    struct fit_result *judged = &t->room->other;
+    body_fit(&task, other, &t->room->trial); // a fit beside a fit
+    body_judge(&task, &t->pose, &t->shape.mean, judged);
+    double own_energy = judged->energy;
+    for (int k = 0; k < LIMB_COUNT; k++) {
+        if (!apart[k])
+            continue;
+        struct body_pose pose = t->pose;
+        limb_copy(k, &t->room->trial.pose, &pose);
+        body_judge(&task, &pose, &t->shape.mean, judged);
+        double there = judged->energy - own_energy;
+        pose = t->room->trial.pose;
+        limb_copy(k, &t->pose, &pose);
+        body_judge(&task, &pose, &t->shape.mean, judged);
+        odds.limb[k] = 0.5 * (there + t->room->trial.energy - judged->energy);
+    }
+    return odds;
 }

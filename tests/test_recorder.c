@@ -15,19 +15,50 @@ static struct scratch scratch;
 static struct world *world;
 static struct place place;
 
+// What another program sees of the take while its joints are thought over.
+struct onlooker {
+    const char *path;
+    int64_t announced, steps;
+    bool complete, has_skeleton;
+};
+
+static void look(void *context, int64_t frames)
+{
+    struct onlooker *o = context;
+    struct recording *recording;
+    struct take *take;
+    o->announced = frames;
+    EXPECT_STATUS(recording_open(&recording, o->path), OK);
+    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
+    o->complete = take_is_complete(take) && take_frame_count(take) == FRAMES;
+    o->has_skeleton = take_entry(take, FRAMES - 1)->has_skeleton;
+    take_close(&take);
+    recording_free(&recording);
+}
+
+static void count(void *context) { ((struct onlooker *)context)->steps++; }
+
 static struct recorder_result record(const char *file, const struct place *in, enum status wanted)
 {
     struct source *source;
     struct recording_writer *writer;
-    struct recorder_options options = {0};
+    char path[300];
+    snprintf(path, sizeof path, "%s", scratch_file(&scratch, file));
+    struct onlooker onlooker = {.path = path};
+    struct recorder_options options = {.on_settle = look, .on_settled = count, .context = &onlooker};
     struct recorder_result result;
     char uri[300];
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&scratch, "sensor"));
     EXPECT_STATUS(source_open(&source, uri, SOURCE_SENSOR), OK);
-    EXPECT_STATUS(recording_create(&writer, scratch_file(&scratch, file)), OK);
+    EXPECT_STATUS(recording_create(&writer, path), OK);
     EXPECT_STATUS(recorder_run(source, writer, "turn", in, &options, &result), wanted);
     EXPECT_STATUS(recording_close(&writer), OK);
     source_close(&source);
+    EXPECT_TRUE(onlooker.complete && onlooker.has_skeleton); // so nothing is lost by whoever kills it there
+    EXPECT_INT(onlooker.announced, FRAMES);
+    EXPECT_INT(onlooker.steps, FRAMES);
+    struct recording_report report;
+    EXPECT_STATUS(recording_verify(path, &report), OK);
     return result;
 }
 

@@ -207,6 +207,58 @@ static void test_names_of_takes(void **state)
     recording_free(&r);
 }
 
+// ------------------------------------------------------------- joints told anew
+
+static void test_skeletons_can_be_told_anew(void **state)
+{
+    (void)state;
+    char path[300];
+    snprintf(path, sizeof path, "%s", path_of("anew"));
+    struct recording_writer *w;
+    struct recording *r;
+    struct take *t;
+    struct recording_report report;
+    struct calibration calibration = some_calibration();
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    assert_string_equal(recording_writer_path(w), path);
+    EXPECT_STATUS(recording_begin_take(w, "t", &calibration), OK);
+    add_frames(w, 0, FRAMES);
+    EXPECT_STATUS(recording_end_take(w), OK);
+
+    struct skeleton wanted = {0}, wrong = {0};
+    const struct skeleton *anew[FRAMES] = {0};
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        wanted.joint[j] = v3(0.1 * j, 1, 2.5);
+        wanted.confidence[j] = 0.5f;
+    }
+    wrong.joint[3].y = NAN;
+    wrong.confidence[3] = 1;
+    for (int i = 0; i < FRAMES; i += 2)
+        anew[i] = &wanted;
+    anew[FRAMES - 1] = &wrong;
+    EXPECT_STATUS(recording_put_skeletons(w, anew, FRAMES), ERR_INPUT); // and breaks nothing
+    anew[FRAMES - 1] = NULL;
+    EXPECT_STATUS(recording_put_skeletons(w, anew, FRAMES), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    EXPECT_STATUS(take_open(&t, r, "t"), OK);
+    int told = 0;
+    for (int i = 0; i < FRAMES; i++) {
+        const struct take_entry *e = take_entry(t, i);
+        if (!anew[i] || !e->has_skeleton) {
+            same_frame(t, i);
+            continue;
+        }
+        same_bytes(&e->skeleton.joint, &wanted.joint, sizeof wanted.joint);
+        told++;
+    }
+    EXPECT_AT_LEAST(told, 1);
+    take_close(&t);
+    recording_free(&r);
+}
+
 // ------------------------------------------------------------- wrong files
 
 static enum status opened(const char *path)
@@ -439,6 +491,7 @@ int main(void)
         cmocka_unit_test(test_frames_out_of_order_are_refused),
         cmocka_unit_test(test_unknown_joints_do_not_spoil_the_file),
         cmocka_unit_test(test_names_of_takes),
+        cmocka_unit_test(test_skeletons_can_be_told_anew),
         cmocka_unit_test(test_wrong_files),
         cmocka_unit_test(test_points_of_unknown_uncertainty),
         cmocka_unit_test(test_never_overwrites),

@@ -60,6 +60,14 @@ MUST_CHECK enum status recording_put_dropped(struct recording_writer *w, int64_t
 // Commits and marks the take as complete.
 MUST_CHECK enum status recording_end_take(struct recording_writer *w);
 
+// Of the take that was ended last: puts other skeletons in place of those that its first `count` frames
+// have; NULL leaves one as it is, and a frame without stays without. All of them or, on any error, none.
+// ERR_INPUT: a number is not finite. ERR_IO.
+MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton,
+                                               int64_t count);
+
+const char *recording_writer_path(const struct recording_writer *w);
+
 // Commits what is there, closes, frees, sets *w = NULL (NULL is fine). Returns
 // the first error the writer ever met. A take still open stays, as interrupted.
 enum status recording_close(struct recording_writer **w);

@@ -1,5 +1,6 @@
 // Writing a recording: checks and codes what is given; the scribe writes it.
 #include "capture/recording/depth_codec.h"
+#include "capture/recording/recording_reader.h"
 #include "capture/recording/recording_scribe.h"
 
 #include "platform/jpeg.h"
@@ -299,6 +300,59 @@ enum status recording_end_take(struct recording_writer *w)
     w->take.complete = true;
     enum status status = scribe_put_take(w->scribe, &w->take);
     return status == OK ? scribe_go(w->scribe, scribe_stop(w->scribe)) : status;
+}
+
+const char *recording_writer_path(const struct recording_writer *w)
+{
+    return database_path(w->db);
+}
+
+// ------------------------------------------------------------- skeletons, again
+
+// `read` finds a frame, `write` puts its new skeleton.
+static enum status replace_skeleton(struct statement *read, struct statement *write, int64_t key,
+                                    const struct skeleton *skeleton)
+{
+    struct take_entry entry;
+    uint8_t pose[POSE_BYTES], bytes[SKELETON_BYTES];
+    statement_bind_number(read, 1, key);
+    enum status status = statement_step(read);
+    if (status == OK)
+        status = frame_from_row(read, &entry);
+    unsigned pictures = status == OK ? (unsigned)statement_number(read, 5) : 0;
+    statement_reset(read);
+    if (status != OK || !entry.has_skeleton)
+        return status == NOTHING ? OK : status;
+    put_pose(pose, &entry.world_from_camera);
+    put_skeleton(bytes, skeleton);
+    statement_bind_blob(write, 1, bytes, sizeof bytes);
+    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, bytes, sizeof bytes, pictures));
+    statement_bind_number(write, 3, key);
+    return statement_run(write);
+}
+
+enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton, int64_t count)
+{
+    assert(!w->taking && w->take.id && count <= w->frames);
+    struct statement *read = NULL, *write = NULL;
+    for (int64_t i = 0; i < count; i++)
+        if (skeleton[i] && !skeleton_is_finite(skeleton[i]))
+            return fail(ERR_INPUT, "a skeleton holds a number that is not finite");
+    enum status status = scribe_stop(w->scribe);
+    if (status == OK)
+        status = database_run(w->db, "BEGIN IMMEDIATE");
+    if (status == OK)
+        status = statement_open(&read, w->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE id = ?");
+    if (status == OK)
+        status = statement_open(&write, w->db, "UPDATE frame SET skeleton = ?, crc = ? WHERE id = ?");
+    for (int64_t i = 0; status == OK && i < count; i++)
+        if (skeleton[i])
+            status = replace_skeleton(read, write, frame_key(w->take.id, i), skeleton[i]);
+    statement_close(&read);
+    statement_close(&write);
+    if (status == OK)
+        status = database_run(w->db, "COMMIT");
+    return scribe_go(w->scribe, status);
 }
 
 // ------------------------------------------------------------- frames

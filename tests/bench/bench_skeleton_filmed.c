@@ -1,7 +1,7 @@
 // People made and filmed in the small world: by motion and by body.
 #include "tests/bench/bench_skeleton_trials.h"
 
-#include "capture/tracker.h"
+#include "tests/bench/bench_settled.h"
 #include "tests/world/world.h"
 
 #include <glob.h>
@@ -56,34 +56,36 @@ static void add_frame(struct tally *t, const struct skeleton *got, const struct 
     t->swapped += is_swapped(got, truth);
 }
 
-static enum status follow(const struct world *w, struct pose from, struct tally *t)
+static enum status film(const struct world *w, struct pose from, struct settled_film *f, struct skeleton *truth)
 {
-    struct calibration calibration = world_calibration(0.5);
-    struct lens lens = calibration.depth;
+    struct lens lens = f->calibration.depth;
     uint16_t *depth = calloc((size_t)lens.width * (size_t)lens.height, sizeof *depth);
-    struct tracker *tracker = NULL;
-    struct skeleton got, before = {0};
-    enum status status =
-        depth ? tracker_open(&tracker, &calibration, NULL) : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for a picture");
     int count = (int)fmin(FRAMES_MOST, world_seconds(w) * FPS);
-    *t = (struct tally){.frames = count};
-    for (int k = 0; k < count && status >= 0; k++) {
+    for (int k = 0; k < count && status == OK; k++) {
         double time_s = (double)k / FPS;
         struct world_shot shot = {lens, from, time_s, true};
-        struct skeleton truth = world_joints_in_camera(w, time_s, from);
+        truth[k] = world_joints_in_camera(w, time_s, from);
         status = world_render(w, &shot, &(struct world_picture){.depth = depth});
         if (status == OK)
             status = world_depth_noise(&lens, depth, (uint64_t)k, depth);
         if (status == OK)
-            status = tracker_next(tracker, (int64_t)llround(time_s * 1e9), depth, &got, NULL);
-        if (status == OK)
-            add_frame(t, &got, &truth, &before);
-        t->lost += status == NOTHING;
-        before = status == OK ? got : (struct skeleton){0};
+            status = settled_film_add(f, (int64_t)llround(time_s * 1e9), depth);
     }
-    tracker_close(&tracker);
     free(depth);
-    return status < 0 ? status : OK;
+    return status;
+}
+
+static void tally_up(const struct settled_film *f, const struct skeleton *got, const struct skeleton *truth,
+                     struct tally *t)
+{
+    static const struct skeleton nobody;
+    *t = (struct tally){.frames = f->count};
+    for (int k = 0; k < f->count; k++) {
+        t->lost += !f->found[k];
+        if (f->found[k])
+            add_frame(t, &got[k], &truth[k], k ? &got[k - 1] : &nobody);
+    }
 }
 
 // Adds the row and its share of the average.
@@ -107,12 +109,41 @@ static enum status add_row(struct bench *b, const char *name, struct tally *t, d
     return bench_add_row(b, name, value);
 }
 
-static enum status add_average(struct bench *b, const double sum[BENCH_COLUMNS], size_t count)
+enum { SETTLED, TOLD, KINDS }; // with the end known, and at once
+struct sums {
+    double of[KINDS][BENCH_COLUMNS];
+};
+
+// One film: a row for each kind.
+static enum status add_film(struct bench *b, const struct world *w, struct pose from, const char *name, struct tally *t,
+                            struct sums *sums)
 {
-    double value[COUNT_OF(columns)];
-    for (size_t k = 0; k < COUNT_OF(columns); k++)
-        value[k] = sum[k] / (double)count;
-    return bench_add_row(b, "average", value);
+    struct settled_film f = {.calibration = world_calibration(0.5)};
+    struct skeleton *truth = calloc(FRAMES_MOST, sizeof *truth);
+    char told[320];
+    snprintf(told, sizeof told, "%s, told at once", name);
+    enum status status = truth ? film(w, from, &f, truth) : fail(ERR_MEMORY, "no memory for the truth");
+    if (status == OK)
+        status = settled_film_track(&f);
+    for (int kind = 0; kind < KINDS && status == OK; kind++) {
+        tally_up(&f, kind == TOLD ? f.told : f.settled, truth, t);
+        status = add_row(b, kind == TOLD ? told : name, t, sums->of[kind]);
+    }
+    settled_film_free(&f);
+    free(truth);
+    return status;
+}
+
+static enum status add_averages(struct bench *b, const struct sums *sums, size_t count)
+{
+    enum status status = OK;
+    for (int kind = 0; kind < KINDS && status == OK; kind++) {
+        double value[COUNT_OF(columns)];
+        for (size_t k = 0; k < COUNT_OF(columns); k++)
+            value[k] = sums->of[kind][k] / (double)count;
+        status = bench_add_row(b, kind == TOLD ? "average, told at once" : "average", value);
+    }
+    return status;
 }
 
 // From the front, or from the figure's left by this angle, at the same distance of the room's middle.
@@ -129,7 +160,7 @@ enum status trial_motions(struct bench *b, const char *folder)
     snprintf(pattern, sizeof pattern, "%s/*.bvh", folder);
     if (glob(pattern, 0, NULL, &files) || !files.gl_pathc)
         return fail(ERR_MISSING, "%s: no BVH file is there", folder);
-    double sum[BENCH_COLUMNS] = {0};
+    struct sums sums = {0};
     struct tally *t = malloc(sizeof *t);
     enum status status = t ? OK : fail(ERR_MEMORY, "no memory for the bench");
     bench_columns(b, columns, COUNT_OF(columns));
@@ -141,15 +172,13 @@ enum status trial_motions(struct bench *b, const char *folder)
         options.plain = true;
         options.motion = path;
         status = world_open(&w, &options);
-        if (status == OK)
-            status = follow(w, seen_from(w, aside), t);
         snprintf(name, sizeof name, "%.200s, %g degrees", slash ? slash + 1 : path, aside);
         if (status == OK)
-            status = add_row(b, name, t, sum);
+            status = add_film(b, w, seen_from(w, aside), name, t, &sums);
         world_close(&w);
     }
     if (status == OK)
-        status = add_average(b, sum, 2 * files.gl_pathc);
+        status = add_averages(b, &sums, 2 * files.gl_pathc);
     globfree(&files);
     free(t);
     return status;
@@ -170,7 +199,7 @@ enum status trial_bodies(struct bench *b)
     };
     static const char *const motions[] = {"pirouette", "kata"};
     char name[64];
-    double sum[BENCH_COLUMNS] = {0};
+    struct sums sums = {0};
     struct tally *t = malloc(sizeof *t);
     enum status status = t ? OK : fail(ERR_MEMORY, "no memory for the bench");
     bench_columns(b, columns, COUNT_OF(columns));
@@ -181,15 +210,13 @@ enum status trial_bodies(struct bench *b)
         options.figure = bodies[i / COUNT_OF(motions)].figure;
         options.motion = motions[i % COUNT_OF(motions)];
         status = world_open(&w, &options);
-        if (status == OK)
-            status = follow(w, world_sensor_pose(w), t);
         snprintf(name, sizeof name, "%s, %s", bodies[i / COUNT_OF(motions)].name, options.motion);
         if (status == OK)
-            status = add_row(b, name, t, sum);
+            status = add_film(b, w, world_sensor_pose(w), name, t, &sums);
         world_close(&w);
     }
     if (status == OK)
-        status = add_average(b, sum, COUNT_OF(bodies) * COUNT_OF(motions));
+        status = add_averages(b, &sums, COUNT_OF(bodies) * COUNT_OF(motions));
     free(t);
     return status;
 }

@@ -1,7 +1,7 @@
 // Real people, next to what Kinect's own tracker made of the same pictures.
+#include "tests/bench/bench_settled.h"
 #include "tests/bench/bench_skeleton_trials.h"
 
-#include "capture/tracker.h"
 #include "platform/source.h"
 
 #include <glob.h>
@@ -76,29 +76,33 @@ static enum status read_theirs(struct sequence *s, const char *folder)
     return OK;
 }
 
-static enum status follow(struct sequence *s, const char *folder)
+static enum status follow(struct settled_film *f, const char *folder)
 {
     char uri[4096];
     struct source *source;
-    struct tracker *tracker = NULL;
     struct frame frame;
-    struct skeleton got;
     snprintf(uri, sizeof uri, "folder:%s", folder);
     enum status status = source_open(&source, uri, SOURCE_SENSOR);
     if (status == OK)
-        status = tracker_open(&tracker, source_calibration(source), NULL);
-    s->count = s->lost = 0;
-    while (status >= 0 && s->count < FRAMES_MOST && (status = source_next(source, &frame)) == OK) {
-        int at = s->count++;
-        status = tracker_next(tracker, frame.time_ns, frame.depth, &got, NULL);
-        s->found[at] = status == OK;
-        s->lost += status == NOTHING;
-        for (int k = 0; k < LIKE; k++)
-            s->ours[at][k] = got.joint[like[k].ours];
-    }
-    tracker_close(&tracker);
+        f->calibration = *source_calibration(source);
+    while (status >= 0 && f->count < FRAMES_MOST && (status = source_next(source, &frame)) == OK)
+        status = settled_film_add(f, frame.time_ns, frame.depth);
     source_close(&source);
-    return status < 0 ? status : read_theirs(s, folder);
+    return status < 0 ? status : settled_film_track(f);
+}
+
+static enum status compare(struct sequence *s, const struct settled_film *f, const struct skeleton *got,
+                           const char *folder)
+{
+    s->count = f->count;
+    s->lost = 0;
+    for (int i = 0; i < f->count; i++) {
+        s->found[i] = f->found[i];
+        s->lost += !f->found[i];
+        for (int k = 0; k < LIKE; k++)
+            s->ours[i][k] = got[i].joint[like[k].ours];
+    }
+    return read_theirs(s, folder);
 }
 
 static double gap(const struct sequence *s, int frame, int k)
@@ -214,6 +218,40 @@ static enum status sum_up(struct bench *b, const char *name, double (*values)[CO
     return bench_add_row(b, name, out);
 }
 
+enum { SETTLED, TOLD, KINDS }; // with the end known, and at once
+
+typedef double values_row[COUNT_OF(columns)];
+
+// One row for each kind.
+static enum status add_sequence(struct bench *b, const char *folder, struct sequence *s, values_row *values[KINDS],
+                                size_t at)
+{
+    struct settled_film f = {0};
+    char name[300];
+    const char *slash = strrchr(folder, '/');
+    enum status status = follow(&f, folder);
+    for (int kind = 0; kind < KINDS && status == OK; kind++) {
+        status = compare(s, &f, kind == TOLD ? f.told : f.settled, folder);
+        if (status != OK)
+            break;
+        measure(s, values[kind][at]);
+        snprintf(name, sizeof name, "%.200s%s", slash ? slash + 1 : folder, kind == TOLD ? ", told at once" : "");
+        status = bench_add_row(b, name, values[kind][at]);
+    }
+    settled_film_free(&f);
+    return status;
+}
+
+static enum status add_sums(struct bench *b, values_row *values[KINDS], size_t count)
+{
+    enum status status = sum_up(b, "first, third, fifth ...", values[SETTLED], count, 0, 2);
+    if (status == OK)
+        status = sum_up(b, "second, fourth, sixth ...", values[SETTLED], count, 1, 2);
+    if (status == OK)
+        status = sum_up(b, "all", values[SETTLED], count, 0, 1);
+    return status == OK ? sum_up(b, "all, told at once", values[TOLD], count, 0, 1) : status;
+}
+
 enum status trial_sequences(struct bench *b, const char *folder)
 {
     char pattern[4096];
@@ -222,27 +260,19 @@ enum status trial_sequences(struct bench *b, const char *folder)
     if (glob(pattern, 0, NULL, &folders) || !folders.gl_pathc)
         return fail(ERR_MISSING, "%s: no folder with truth/joints_kinect_sdk.csv is there", folder);
     struct sequence *s = malloc(sizeof *s);
-    double(*values)[COUNT_OF(columns)] = calloc(folders.gl_pathc, sizeof *values);
-    enum status status = s && values ? OK : fail(ERR_MEMORY, "no memory for the bench");
+    values_row *values[KINDS] = {calloc(folders.gl_pathc, sizeof **values), calloc(folders.gl_pathc, sizeof **values)};
+    enum status status = s && values[SETTLED] && values[TOLD] ? OK : fail(ERR_MEMORY, "no memory for the bench");
     bench_columns(b, columns, COUNT_OF(columns));
     for (size_t i = 0; i < folders.gl_pathc && status == OK; i++) {
         char *path = folders.gl_pathv[i];
         *strstr(path, "/truth/joints_kinect_sdk.csv") = 0;
-        const char *slash = strrchr(path, '/');
-        status = follow(s, path);
-        if (status != OK)
-            break;
-        measure(s, values[i]);
-        status = bench_add_row(b, slash ? slash + 1 : path, values[i]);
+        status = add_sequence(b, path, s, values, i);
     }
     if (status == OK)
-        status = sum_up(b, "first, third, fifth ...", values, folders.gl_pathc, 0, 2);
-    if (status == OK)
-        status = sum_up(b, "second, fourth, sixth ...", values, folders.gl_pathc, 1, 2);
-    if (status == OK)
-        status = sum_up(b, "all", values, folders.gl_pathc, 0, 1);
+        status = add_sums(b, values, folders.gl_pathc);
     globfree(&folders);
-    free(values);
+    free(values[SETTLED]);
+    free(values[TOLD]);
     free(s);
     return status;
 }

@@ -1,0 +1,20 @@
+// Looking back over frames that were tracked: what settle.c needs of the tracker beyond tracker.h.
+#pragma once
+#include "capture/tracker.h"
+#include "capture/tracker_limbs.h"
+
+// From here on frames come in falling order of time, the last one first, with their own times. What
+// was learned of the person and of the room stays and is learned no more. Until tracker_reset.
+void tracker_turn_back(struct tracker *t);
+
+// Of the last tracker_next that was OK; depth camera's axes.
+const struct body_pose *tracker_pose(const struct tracker *t); // as told
+const struct body_shape *tracker_shape(const struct tracker *t);
+int tracker_found_count(const struct tracker *t); // so often somebody was found anew, so far
+
+// By how much this picture is less likely with another pose than with the one that was fitted to
+// it: energies as in body_fit.h, negative where it is likelier. 0 for limbs that are in the same place.
+struct pose_odds {
+    double limb[LIMB_COUNT]; // with this limb alone as the other pose has it
+};
+struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other);
