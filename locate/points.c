@@ -85,7 +85,8 @@ void points_covariance(const struct place_point *point, const struct feature *f,
     struct vec3 p = pose_apply(*camera_from_world, point->world);
     feature_covariance(f, out);
     // The sweep's pictures showed it no better, and an edge leads all of them astray alike.
-    double times = 2 * unlikeness(point, f);
+    // Where nothing says how surely the place has the point, as while it grows, none is believed more than usual.
+    double unlike = unlikeness(point, f), times = 2 * (point->covariance[0] > 0 ? unlike : fmax(1, unlike));
     for (int i = 0; i < 3; i++)
         out[i] *= times;
     if (!(p.z > 0.1))
