@@ -31,8 +31,7 @@ static struct sizes count_all(const struct map *m)
     return n;
 }
 
-// The upper factor U of the information, U^T U = information.
-static void whiten(const struct sighting *seen, double out[8][8])
+void map_whiten(const struct sighting *seen, double out[8][8])
 {
     double covariance[64], information[64];
     memset(out, 0, 64 * sizeof(double));
@@ -65,7 +64,7 @@ static void fill_frame(const struct map *m, int32_t i, double loose_px, struct a
             c->observed[2 * j] = lens->fx * f->seen[k].ray[j].x;
             c->observed[2 * j + 1] = lens->fy * f->seen[k].ray[j].y;
         }
-        whiten(&f->seen[k], c->whiten);
+        map_whiten(&f->seen[k], c->whiten);
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
             depths[n->depths++] = (struct adjust_plane_depth){

@@ -266,6 +266,8 @@ enum status map_polish_points(struct map *m, int32_t most)
         status = keep_best(m, most);
         if (status == OK)
             status = map_adjust(m, POLISH_ROUNDS, false, NULL);
+        if (status == OK && round == 0)
+            status = map_true_depth(m);
     }
     forget_bad(m);
     if (status == OK)

@@ -31,7 +31,7 @@ static bool depth_point(const struct map *m, const struct map_frame *f, int x, i
     const struct lens *lens = &m->calibration.color;
     if (x < 0 || y < 0 || x >= lens->width || y >= lens->height)
         return false;
-    double z = f->depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3;
+    double z = f->depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3 * m->depth_times;
     if (!(z > 0.3) || z > 6)
         return false;
     *out = v3_scale(lens_ray(lens, (struct pixel){x, y}), z);

@@ -65,6 +65,7 @@ enum status mapper_open(struct mapper **out, const struct calibration *calibrati
     if (!m)
         return fail(ERR_MEMORY, "no memory to map a place");
     m->map.calibration = *calibration;
+    m->map.depth_times = 1;
     m->options = wanted;
     m->stride = m->picture_stride = 1;
     status = fill(m, tags, tag_count);

@@ -265,6 +265,36 @@ static void without_depth_the_tags_give_the_scale(void **state)
     place_free(&place);
 }
 
+// A sensor whose depth is 2 % long does not make the room so: the tags' sides are known.
+static void tags_correct_the_depth(void **state)
+{
+    (void)state;
+    struct room r = the_room;
+    struct mapper *m;
+    struct place place;
+    struct mapper_report report;
+    struct pose world_from_place;
+    size_t pixels = (size_t)r.calibration.depth.width * (size_t)r.calibration.depth.height;
+    uint16_t *longer = malloc(pixels * sizeof *longer);
+    EXPECT_TRUE(longer != NULL);
+    EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
+    for (int i = 0; i < SWEEP; i += 2) {
+        struct frame frame = {.time_ns = sweep_time_ns(i), .color = r.color[i], .depth = longer};
+        for (size_t k = 0; k < pixels; k++)
+            longer[k] = (uint16_t)(1.02 * r.depth[i][k] + 0.5);
+        EXPECT_STATUS(mapper_add(m, &frame), OK);
+    }
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    mapper_close(&m);
+    free(longer);
+    double error = tag_error(&r, &place, &world_from_place);
+    printf("depth 2 %% long: %d tags within %.2f mm rms\n", (int)place.tag_count, error * 1e3);
+    EXPECT_AT_LEAST(place.tag_count, r.tag_count - 2);
+    EXPECT_AT_MOST(error, 0.006);
+    check_viewer(&r, &place, world_from_place, 0.02, 0.25);
+    place_free(&place);
+}
+
 // Where a place without tags has its axes: z up, the origin below the first picture, x to its right.
 static struct pose axes_of_first_picture(const struct room *r)
 {
@@ -396,6 +426,7 @@ int main(void)
         cmocka_unit_test(tag_lists),
         cmocka_unit_test(a_room_is_mapped),
         cmocka_unit_test(without_depth_the_tags_give_the_scale),
+        cmocka_unit_test(tags_correct_the_depth),
         cmocka_unit_test(without_tags_the_depth_gives_the_scale),
         cmocka_unit_test(no_tag_is_a_sentence),
         cmocka_unit_test(senseless_input),
