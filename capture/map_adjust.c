@@ -7,6 +7,8 @@
 
 // Beside what the picture's noise explains: print, paper that is not flat, lens.
 static const double PRINT_PX = 0.05;
+// Sensors are off by about so much; by more is no error of scale.
+static const double DEPTH_TIMES_SIGMA = 0.01, DEPTH_TIMES_MOST = 0.05;
 
 struct sizes {
     int32_t corners, depths, sightings;
@@ -31,7 +33,8 @@ static struct sizes count_all(const struct map *m)
     return n;
 }
 
-void map_whiten(const struct sighting *seen, double out[8][8])
+// The upper factor U of the information, U^T U = information.
+static void whiten(const struct sighting *seen, double out[8][8])
 {
     double covariance[64], information[64];
     memset(out, 0, 64 * sizeof(double));
@@ -64,7 +67,7 @@ static void fill_frame(const struct map *m, int32_t i, double loose_px, struct a
             c->observed[2 * j] = lens->fx * f->seen[k].ray[j].x;
             c->observed[2 * j + 1] = lens->fy * f->seen[k].ray[j].y;
         }
-        map_whiten(&f->seen[k], c->whiten);
+        whiten(&f->seen[k], c->whiten);
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
             depths[n->depths++] = (struct adjust_plane_depth){
@@ -95,7 +98,8 @@ static void take_over(struct map *m, const struct adjust_problem *p)
         m->points[i].world = p->points[i];
 }
 
-static enum status adjust_all(struct map *m, int rounds, bool hold_frames, double loose_px, double *cost)
+static enum status adjust_all(struct map *m, int rounds, bool hold_frames, double loose_px, double *cost,
+                              double *depth_times)
 {
     map_unroll(m);
     struct sizes n = count_all(m), filled = {0};
@@ -136,6 +140,8 @@ static enum status adjust_all(struct map *m, int rounds, bool hold_frames, doubl
             .hold_cameras = hold_frames,
             .most_rounds = rounds,
             .cost = cost,
+            .depth_times = depth_times,
+            .depth_times_sigma = DEPTH_TIMES_SIGMA,
         };
         status = adjust(&problem);
         if (status == OK)
@@ -154,12 +160,37 @@ static enum status adjust_all(struct map *m, int rounds, bool hold_frames, doubl
 
 enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
 {
-    return adjust_all(m, rounds, hold_frames, 0, cost);
+    return adjust_all(m, rounds, hold_frames, 0, cost, NULL);
 }
 
 enum status map_adjust_loosely(struct map *m, int rounds, double loose_px)
 {
-    return adjust_all(m, rounds, false, loose_px, NULL);
+    return adjust_all(m, rounds, false, loose_px, NULL, NULL);
+}
+
+static void scale_depth(struct map *m, double times)
+{
+    m->depth_times *= times;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        struct map_frame *f = &m->frames[i];
+        for (int32_t k = 0; k < f->feature_count; k++)
+            f->features[k].depth *= times;
+        for (int32_t k = 0; k < f->seen_count; k++)
+            for (int32_t d = 0; d < f->depths[k].count; d++)
+                f->depths[k].sample[d].z *= times;
+    }
+}
+
+enum status map_adjust_depth(struct map *m, int rounds)
+{
+    double times = 1;
+    bool tags = false;
+    for (int32_t i = 0; i < m->tag_count; i++)
+        tags = tags || m->tags[i].mapped;
+    enum status status = adjust_all(m, rounds, false, 0, NULL, tags ? &times : NULL);
+    if (status == OK && fabs(times - 1) < DEPTH_TIMES_MOST)
+        scale_depth(m, times);
+    return status;
 }
 
 struct sum {

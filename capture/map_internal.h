@@ -81,9 +81,9 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
 // The same with points less sure by loose_px: for a start that is so far off.
 MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loose_px);
-// What makes the errors of a tag's eight corner numbers ones of unit covariance: the upper factor U of their
-// information, U^T U.
-void map_whiten(const struct sighting *seen, double out[8][8]);
+// The same where tags say how large the place is: by how much all depth is too long or short is found out with the rest,
+// and corrected.
+MUST_CHECK enum status map_adjust_depth(struct map *m, int rounds);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
 
@@ -110,11 +110,6 @@ MUST_CHECK enum status map_add_points(struct map *m);
 // Looks for all points in all frames again and adjusts everything, twice. The `most`
 // best new points stay, with their most typical descriptors.
 MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
-
-// ---- map_depth.c
-// Where tags say how large the place is: by how much all depth is too long or short, and corrects it. The map itself
-// stays as it is until it is adjusted again. ERR_MEMORY.
-MUST_CHECK enum status map_true_depth(struct map *m);
 
 // ---- map_sure.c
 // The covariance of each new point. Once the map is where it stays. ERR_MEMORY.

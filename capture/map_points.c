@@ -265,9 +265,7 @@ enum status map_polish_points(struct map *m, int32_t most)
         forget_bad(m);
         status = keep_best(m, most);
         if (status == OK)
-            status = map_adjust(m, POLISH_ROUNDS, false, NULL);
-        if (status == OK && round == 0)
-            status = map_true_depth(m);
+            status = round ? map_adjust(m, POLISH_ROUNDS, false, NULL) : map_adjust_depth(m, POLISH_ROUNDS);
     }
     forget_bad(m);
     if (status == OK)

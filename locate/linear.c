@@ -5,7 +5,7 @@
 
 bool cholesky(double *a, int n)
 {
-    assert(n > 0);
+    assert(n > 0 && n <= LINEAR_MAX);
     for (int i = 0; i < n; i++) {
         for (int j = 0; j <= i; j++) {
             double sum = a[i * n + j];

@@ -1,5 +1,5 @@
 // Small dense symmetric systems, as the fits of this folder need them.
-// Row-major; n up to LINEAR_MAX, but any for cholesky. Pure.
+// Row-major, n up to LINEAR_MAX. Pure.
 #pragma once
 #include "platform/base.h"
 

@@ -200,12 +200,59 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
     double of_x, of_both, of_y;
 };
 
+// An error e of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have
+// to be multiplied with.
+template <class Error, int Row> class with_depth_times : public ceres::CostFunction
+{
+  public:
+    with_depth_times(std::unique_ptr<Error> e, double z, double sigma_m) : error(std::move(e)), reading(z / sigma_m)
+    {
+        set_num_residuals(error->num_residuals());
+        *mutable_parameter_block_sizes() = error->parameter_block_sizes();
+        mutable_parameter_block_sizes()->push_back(1);
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        if (!error->Evaluate(blocks, residual, by))
+            return false;
+        const size_t last = parameter_block_sizes().size() - 1;
+        residual[Row] += reading * (1 - blocks[last][0]);
+        for (int i = 0; by && by[last] && i < num_residuals(); i++)
+            by[last][i] = i == Row ? -reading : 0;
+        return true;
+    }
+
+  private:
+    std::unique_ptr<Error> error;
+    double reading;
+};
+
+class depth_times_error : public ceres::SizedCostFunction<1, 1>
+{
+  public:
+    explicit depth_times_error(double sigma) : scale(1 / sigma) {}
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        residual[0] = scale * (blocks[0][0] - 1);
+        if (by && by[0])
+            by[0][0] = scale;
+        return true;
+    }
+
+  private:
+    double scale;
+};
+
 // What Ceres works on: copies, for a failed solution must not reach the caller's numbers.
 struct copies {
     std::vector<moving> cameras, squares;
     std::vector<vec3> points;
+    double depth_times;
 
-    explicit copies(const adjust_problem &in) : points(in.points, in.points + in.point_count)
+    explicit copies(const adjust_problem &in)
+        : points(in.points, in.points + in.point_count), depth_times(in.depth_times ? *in.depth_times : 1)
     {
         for (int32_t i = 0; i < in.camera_count; i++)
             cameras.push_back(moving_from(in.cameras[i].camera_from_world));
@@ -221,8 +268,39 @@ struct copies {
             in.squares[i].world_from_square = pose_from(in.squares[i].world_from_square, squares[(size_t)i]);
         for (int32_t i = 0; i < in.point_count; i++)
             in.points[i] = points[(size_t)i];
+        if (in.depth_times)
+            *in.depth_times = depth_times;
     }
 };
+
+// Errors of depth readings. Where these are true as they are, the block more would only cost Ceres its code for fixed sizes.
+void add_depth_errors(const adjust_problem &in, copies &c, ceres::Problem &problem, ceres::LossFunction *depth_loss,
+                      ceres::LossFunction *point_loss)
+{
+    for (int32_t i = 0; i < in.plane_depth_count; i++) {
+        const adjust_plane_depth &seen = in.plane_depths[i];
+        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        auto error = std::make_unique<plane_error>(&seen, &camera, &square);
+        if (in.depth_times)
+            problem.AddResidualBlock(new with_depth_times<plane_error, 0>(std::move(error), seen.z, seen.sigma_m),
+                                     depth_loss, camera.turn, camera.shift, square.turn, square.shift, &c.depth_times);
+        else
+            problem.AddResidualBlock(error.release(), depth_loss, camera.turn, camera.shift, square.turn, square.shift);
+    }
+    for (int32_t i = 0; i < in.sighting_count; i++) {
+        const adjust_sighting &seen = in.sightings[i];
+        moving &camera = c.cameras[(size_t)seen.camera];
+        double *point = &c.points[(size_t)seen.point].x;
+        auto error = std::make_unique<point_error>(&seen, &camera, in.fx, in.fy);
+        if (in.depth_times && seen.z > 0)
+            problem.AddResidualBlock(new with_depth_times<point_error, 2>(std::move(error), seen.z, seen.sigma_m),
+                                     point_loss, camera.turn, camera.shift, point, &c.depth_times);
+        else
+            problem.AddResidualBlock(error.release(), point_loss, camera.turn, camera.shift, point);
+    }
+    if (in.depth_times)
+        problem.AddResidualBlock(new depth_times_error(in.depth_times_sigma), nullptr, &c.depth_times);
+}
 
 void add_errors(const adjust_problem &in, copies &c, ceres::Problem &problem)
 {
@@ -243,18 +321,7 @@ void add_errors(const adjust_problem &in, copies &c, ceres::Problem &problem)
             new corner_error(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), corner_loss,
             camera.turn, camera.shift, square.turn, square.shift);
     }
-    for (int32_t i = 0; i < in.plane_depth_count; i++) {
-        const adjust_plane_depth &seen = in.plane_depths[i];
-        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
-        problem.AddResidualBlock(new plane_error(&seen, &camera, &square), depth_loss, camera.turn, camera.shift,
-                                 square.turn, square.shift);
-    }
-    for (int32_t i = 0; i < in.sighting_count; i++) {
-        const adjust_sighting &seen = in.sightings[i];
-        moving &camera = c.cameras[(size_t)seen.camera];
-        problem.AddResidualBlock(new point_error(&seen, &camera, in.fx, in.fy), point_loss, camera.turn, camera.shift,
-                                 &c.points[(size_t)seen.point].x);
-    }
+    add_depth_errors(in, c, problem, depth_loss, point_loss);
 }
 
 // Holds what stays where it is. Points are to be eliminated before poses; none to be: false.
@@ -274,6 +341,8 @@ bool order_blocks(const adjust_problem &in, copies &c, ceres::Problem &problem, 
         add_pose(c.cameras[(size_t)i], in.hold_cameras || i == in.held_camera);
     for (int32_t i = 0; i < in.square_count; i++)
         add_pose(c.squares[(size_t)i], in.squares[i].held);
+    if (in.depth_times)
+        order.AddElementToGroup(&c.depth_times, 1);
     for (int32_t i = 0; i < in.point_count; i++) {
         double *block = &c.points[(size_t)i].x;
         if (!problem.HasParameterBlock(block))

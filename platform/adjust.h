@@ -55,6 +55,8 @@ struct adjust_problem {
     bool hold_cameras;   // all of them stay where they are
     int32_t most_rounds; // of Ceres
     double *cost;        // out: the robust cost in the end; or NULL
+    double *depth_times; // in and out: readings of depth times this are true; or NULL: they are true
+    double depth_times_sigma; // it is about 1, within this
 };
 
 // ERR_SOLVER: no usable solution, everything stays as it was. ERR_MEMORY.
