@@ -70,7 +70,7 @@ static double between(const float c[6], struct vec3 r, struct vec3 q)
     return v3_dot(r, cq);
 }
 
-// What looks less alike was found less exactly, or is something else: by how much larger the variance is than in the mean.
+// What looks less alike was found less exactly, or is something else: by how much larger the variance is than usual.
 static double unlikeness(const struct place_point *point, const struct feature *f)
 {
     // Measured in the small world, between features within POINTS_NEAR_PX that should show one point: mean squared error
