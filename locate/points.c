@@ -70,13 +70,13 @@ static double between(const float c[6], struct vec3 r, struct vec3 q)
     return v3_dot(r, cq);
 }
 
-// What looks less alike was found less exactly, or is something else: by how much larger the variance is than in the mean.
+// What looks less alike was found less exactly, or is something else: by how much larger the variance is than usual.
 static double unlikeness(const struct place_point *point, const struct feature *f)
 {
     // Measured in the small world, between features within POINTS_NEAR_PX that should show one point: mean squared error
     // by bits that differ, 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55, 4.7 at 65.
     double bits = feature_distance(point->descriptor, f->descriptor) / 32.0;
-    return 0.3 + bits * bits;
+    return fmax(1, 0.3 + bits * bits);
 }
 
 void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
@@ -85,8 +85,7 @@ void points_covariance(const struct place_point *point, const struct feature *f,
     struct vec3 p = pose_apply(*camera_from_world, point->world);
     feature_covariance(f, out);
     // The sweep's pictures showed it no better, and an edge leads all of them astray alike.
-    // Where nothing says how surely the place has the point, as while it grows, none is believed more than usual.
-    double unlike = unlikeness(point, f), times = 2 * (point->covariance[0] > 0 ? unlike : fmax(1, unlike));
+    double times = 2 * unlikeness(point, f);
     for (int i = 0; i < 3; i++)
         out[i] *= times;
     if (!(p.z > 0.1))
