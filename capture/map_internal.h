@@ -80,6 +80,8 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
 // The same with points less sure by loose_px: for a start that is so far off.
 MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loose_px);
+// The same with as few points as hold the frames: enough while the map grows. The others go with the frames.
+MUST_CHECK enum status map_adjust_by_few(struct map *m, int rounds);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
 
