@@ -10,11 +10,27 @@ static const double PRINT_PX = 0.05;
 // Sensors are off by about so much; by more is no error of scale.
 static const double DEPTH_TIMES_SIGMA = 0.01, DEPTH_TIMES_MOST = 0.05;
 
+// What is adjusted, and how.
+struct how {
+    int rounds;
+    bool hold_frames;
+    double loose_px;     // points are less sure by this
+    const bool *joins;   // which points; NULL: all
+    double *cost;        // NULL: not asked for
+    double *depth_times; // NULL: depth is true
+};
+
 struct sizes {
     int32_t corners, depths, sightings;
 };
 
-static struct sizes count_all(const struct map *m)
+// joins: for each point whether it does; NULL: all do.
+static bool takes_part(const struct map_feature *s, const bool *joins)
+{
+    return s->point >= 0 && (!joins || joins[s->point]);
+}
+
+static struct sizes count_all(const struct map *m, const bool *joins)
 {
     struct sizes n = {0};
     for (int32_t i = 0; i < m->frame_count; i++) {
@@ -28,7 +44,7 @@ static struct sizes count_all(const struct map *m)
             }
         }
         for (int32_t k = 0; k < f->feature_count; k++)
-            n.sightings += f->features[k].point >= 0;
+            n.sightings += takes_part(&f->features[k], joins);
     }
     return n;
 }
@@ -52,7 +68,7 @@ static void whiten(const struct sighting *seen, double out[8][8])
         out[i][i] = 2;
 }
 
-static void fill_frame(const struct map *m, int32_t i, double loose_px, struct adjust_corners *corners,
+static void fill_frame(const struct map *m, int32_t i, const struct how *how, struct adjust_corners *corners,
                        struct adjust_plane_depth *depths, struct adjust_sighting *sightings, struct sizes *n)
 {
     const struct map_frame *f = &m->frames[i];
@@ -76,15 +92,32 @@ static void fill_frame(const struct map *m, int32_t i, double loose_px, struct a
     }
     for (int32_t k = 0; k < f->feature_count; k++) {
         const struct map_feature *s = &f->features[k];
-        if (s->point < 0)
+        if (!takes_part(s, how->joins))
             continue;
         struct vec3 ray = lens_ray(lens, s->feature.at);
-        double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), loose_px / lens->fx * s->depth) : 1;
+        double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), how->loose_px / lens->fx * s->depth) : 1;
         struct adjust_sighting *seen = &sightings[n->sightings++];
         *seen = (struct adjust_sighting){i, s->point, ray.x, ray.y, {0}, s->depth, sigma_m};
         feature_covariance(&s->feature, seen->covariance);
-        seen->covariance[0] += loose_px * loose_px;
-        seen->covariance[2] += loose_px * loose_px;
+        seen->covariance[0] += how->loose_px * how->loose_px;
+        seen->covariance[2] += how->loose_px * how->loose_px;
+    }
+}
+
+// A point that did not join goes with the first frame that shows it. moved: room for one of each point, false.
+static void move_others(struct map *m, const struct adjust_problem *p, const bool *joins, bool *moved)
+{
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        struct pose new_from_old =
+            pose_multiply(pose_inverse(p->cameras[i].camera_from_world), f->camera_from_world);
+        for (int32_t k = 0; f->placed && k < f->feature_count; k++) {
+            int32_t point = f->features[k].point;
+            if (point < m->held_points || joins[point] || moved[point])
+                continue;
+            p->points[point] = pose_apply(new_from_old, p->points[point]);
+            moved[point] = true;
+        }
     }
 }
 
@@ -98,23 +131,24 @@ static void take_over(struct map *m, const struct adjust_problem *p)
         m->points[i].world = p->points[i];
 }
 
-static enum status adjust_all(struct map *m, int rounds, bool hold_frames, double loose_px, double *cost,
-                              double *depth_times)
+static enum status adjust_all(struct map *m, const struct how *how)
 {
+    const bool *joins = how->joins;
     map_unroll(m);
-    struct sizes n = count_all(m), filled = {0};
+    struct sizes n = count_all(m, joins), filled = {0};
     struct adjust_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
     struct adjust_square *squares = calloc((size_t)m->tag_count + 1, sizeof *squares);
     struct vec3 *points = calloc((size_t)m->point_count + 1, sizeof *points);
     struct adjust_corners *corners = calloc((size_t)n.corners + 1, sizeof *corners);
     struct adjust_plane_depth *depths = calloc((size_t)n.depths + 1, sizeof *depths);
     struct adjust_sighting *sightings = calloc((size_t)n.sightings + 1, sizeof *sightings);
+    bool *moved = calloc((size_t)m->point_count + 1, sizeof *moved);
     enum status status = ERR_MEMORY;
-    if (cameras && squares && points && corners && depths && sightings) {
+    if (cameras && squares && points && corners && depths && sightings && moved) {
         for (int32_t i = 0; i < m->frame_count; i++) {
             cameras[i].camera_from_world = m->frames[i].camera_from_world;
             if (m->frames[i].placed)
-                fill_frame(m, i, loose_px, corners, depths, sightings, &filled);
+                fill_frame(m, i, how, corners, depths, sightings, &filled);
         }
         for (int32_t i = 0; i < m->tag_count; i++)
             squares[i] = (struct adjust_square){m->tags[i].world_from_tag, m->tags[i].side_m, m->tags[i].held};
@@ -134,16 +168,18 @@ static enum status adjust_all(struct map *m, int rounds, bool hold_frames, doubl
             .point_count = m->point_count,
             .corner_count = filled.corners,
             .plane_depth_count = filled.depths,
-            .sighting_count = hold_frames ? 0 : filled.sightings,
+            .sighting_count = how->hold_frames ? 0 : filled.sightings,
             .held_camera = m->held_frame,
             .held_points = m->held_points,
-            .hold_cameras = hold_frames,
-            .most_rounds = rounds,
-            .cost = cost,
-            .depth_times = depth_times,
+            .hold_cameras = how->hold_frames,
+            .most_rounds = how->rounds,
+            .cost = how->cost,
+            .depth_times = how->depth_times,
             .depth_times_sigma = DEPTH_TIMES_SIGMA,
         };
         status = adjust(&problem);
+        if (status == OK && joins)
+            move_others(m, &problem, joins, moved);
         if (status == OK)
             take_over(m, &problem);
     } else {
@@ -155,17 +191,18 @@ static enum status adjust_all(struct map *m, int rounds, bool hold_frames, doubl
     free(corners);
     free(depths);
     free(sightings);
+    free(moved);
     return status;
 }
 
 enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
 {
-    return adjust_all(m, rounds, hold_frames, 0, cost, NULL);
+    return adjust_all(m, &(struct how){.rounds = rounds, .hold_frames = hold_frames, .cost = cost});
 }
 
 enum status map_adjust_loosely(struct map *m, int rounds, double loose_px)
 {
-    return adjust_all(m, rounds, false, loose_px, NULL, NULL);
+    return adjust_all(m, &(struct how){.rounds = rounds, .loose_px = loose_px});
 }
 
 static void scale_depth(struct map *m, double times)
@@ -187,9 +224,69 @@ enum status map_adjust_depth(struct map *m, int rounds)
     bool tags = false;
     for (int32_t i = 0; i < m->tag_count; i++)
         tags = tags || m->tags[i].mapped;
-    enum status status = adjust_all(m, rounds, false, 0, NULL, tags ? &times : NULL);
+    enum status status = adjust_all(m, &(struct how){.rounds = rounds, .depth_times = tags ? &times : NULL});
     if (status == OK && fabs(times - 1) < DEPTH_TIMES_MOST)
         scale_depth(m, times);
+    return status;
+}
+
+struct often {
+    int32_t point, sightings;
+};
+
+static int most_often_first(const void *left, const void *right)
+{
+    const struct often *a = left, *b = right;
+    if (a->sightings != b->sightings)
+        return a->sightings > b->sightings ? -1 : 1;
+    return (a->point > b->point) - (a->point < b->point);
+}
+
+// So many sightings hold a frame as well as its neighbours need; more of them cost time.
+enum { HOLDING = 80 };
+
+// Goes through the points, those seen most often first, and has them join as long as a frame that shows one lacks such.
+static void choose_few(const struct map *m, const int32_t *start, const int32_t *shown_by, struct often *order, bool *joins)
+{
+    int32_t held_by[MAP_MOST_FRAMES] = {0};
+    for (int32_t i = 0; i < m->point_count; i++)
+        order[i] = (struct often){i, start[i + 1] - start[i]};
+    qsort(order, (size_t)m->point_count, sizeof *order, most_often_first);
+    for (int32_t n = 0; n < m->point_count; n++) {
+        int32_t point = order[n].point;
+        for (int32_t k = start[point]; k < start[point + 1]; k++)
+            joins[point] = joins[point] || held_by[shown_by[k]] < HOLDING;
+        for (int32_t k = start[point]; joins[point] && k < start[point + 1]; k++)
+            held_by[shown_by[k]]++;
+    }
+}
+
+enum status map_adjust_by_few(struct map *m, int rounds)
+{
+    size_t points = (size_t)m->point_count, sightings = (size_t)count_all(m, NULL).sightings;
+    int32_t *start = calloc(points + 2, sizeof *start), *shown_by = calloc(sightings + 1, sizeof *shown_by);
+    struct often *order = calloc(points + 1, sizeof *order);
+    bool *joins = calloc(points + 1, sizeof *joins);
+    enum status status = start && shown_by && order && joins ? OK : fail(ERR_MEMORY, "no memory to adjust the map");
+    // Counted one place further on, so that filling brings each point's start to where it belongs.
+    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
+        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                start[m->frames[i].features[k].point + 2]++;
+    for (size_t i = 2; i < points + 2 && status == OK; i++)
+        start[i] += start[i - 1];
+    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
+        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                shown_by[start[m->frames[i].features[k].point + 1]++] = i;
+    if (status == OK) {
+        choose_few(m, start, shown_by, order, joins);
+        status = adjust_all(m, &(struct how){.rounds = rounds, .joins = joins});
+    }
+    free(start);
+    free(shown_by);
+    free(order);
+    free(joins);
     return status;
 }
 

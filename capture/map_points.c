@@ -171,7 +171,7 @@ enum status map_add_points(struct map *m)
             visit(m, d, &m->frames[i]);
     forget_bad(m);
     free(d);
-    return map_adjust(m, ROUNDS, false, NULL);
+    return map_adjust_by_few(m, ROUNDS);
 }
 
 struct ranked {

@@ -130,25 +130,9 @@ static enum status film(const struct room *r, struct mapper *m, int step, bool w
 // rms of the mapped tags' corners against the truth after the best rigid motion.
 static double tag_error(const struct room *r, const struct place *place, struct pose *world_from_place)
 {
-    struct vec3 ours[128], truth[128];
     int32_t count;
-    int n = 0;
     const struct place_tag *tags = world_tags(r->world, &count);
-    for (int32_t i = 0; i < place->tag_count; i++)
-        for (int32_t k = 0; k < count; k++)
-            if (tags[k].id == place->tags[i].id) {
-                place_tag_corners(&place->tags[i], &ours[n]);
-                place_tag_corners(&tags[k], &truth[n]);
-                n += 4;
-            }
-    EXPECT_INT(n, 4 * place->tag_count);
-    *world_from_place = align_points(ours, truth, n);
-    double sum = 0;
-    for (int i = 0; i < n; i++) {
-        double d = v3_distance(pose_apply(*world_from_place, ours[i]), truth[i]);
-        sum += d * d;
-    }
-    return sqrt(sum / n);
+    return align_tags(place, tags, count, world_from_place);
 }
 
 static void check_axes(const struct place *place, struct pose world_from_place)

@@ -17,29 +17,6 @@ static struct pose path(const void *context, double time_s)
     return world_sweep_pose(context, fmin(fmax(time_s, 0), WORLD_SWEEP_S));
 }
 
-// What the mapped tags' corners are off by, rms after the best rigid motion.
-static double tags_off(const struct world *w, const struct place *place)
-{
-    struct vec3 ours[128], truth[128];
-    int32_t count;
-    int n = 0;
-    const struct place_tag *tags = world_tags(w, &count);
-    for (int32_t i = 0; i < place->tag_count; i++)
-        for (int32_t k = 0; k < count; k++)
-            if (tags[k].id == place->tags[i].id) {
-                place_tag_corners(&place->tags[i], &ours[n]);
-                place_tag_corners(&tags[k], &truth[n]);
-                n += 4;
-            }
-    struct pose world_from_place = align_points(ours, truth, n);
-    double sum = 0;
-    for (int i = 0; i < n; i++) {
-        double d = v3_distance(pose_apply(world_from_place, ours[i]), truth[i]);
-        sum += d * d;
-    }
-    return sqrt(sum / n);
-}
-
 struct film {
     const struct world *world;
     struct calibration sensor; // with the readout it was filmed with
@@ -97,7 +74,8 @@ static double map_film(const char *name, const struct film *f, double told_s)
         EXPECT_STATUS(mapper_add(m, &frame), OK);
     }
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
-    double off = tags_off(f->world, &place);
+    struct pose world_from_place;
+    double off = align_tags(&place, tags, count, &world_from_place);
     printf("%s: %d of %d pictures, %d tags within %.2f mm rms, %.3f px, %d points\n", name, (int)report.frames_placed,
            PICTURES, (int)place.tag_count, off * 1e3, place.rms_px, (int)place.point_count);
     EXPECT_INT(report.frames_placed, PICTURES);

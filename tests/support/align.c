@@ -40,3 +40,24 @@ struct pose align_points(const struct vec3 *a, const struct vec3 *b, int n)
     pose.translation = v3_sub(cb, quat_rotate(pose.rotation, ca));
     return pose;
 }
+
+double align_tags(const struct place *place, const struct place_tag *truth, int32_t truth_count,
+                  struct pose *truth_from_place)
+{
+    struct vec3 ours[4 * 64] = {{0}}, theirs[4 * 64] = {{0}};
+    int n = 0;
+    for (int32_t i = 0; i < place->tag_count; i++)
+        for (int32_t k = 0; k < truth_count && n < (int)COUNT_OF(ours); k++)
+            if (truth[k].id == place->tags[i].id) {
+                place_tag_corners(&place->tags[i], &ours[n]);
+                place_tag_corners(&truth[k], &theirs[n]);
+                n += 4;
+            }
+    *truth_from_place = align_points(ours, theirs, n);
+    double sum = 0;
+    for (int i = 0; i < n; i++) {
+        double d = v3_distance(pose_apply(*truth_from_place, ours[i]), theirs[i]);
+        sum += d * d;
+    }
+    return sqrt(sum / n);
+}

@@ -115,15 +115,6 @@ struct place film_mapped_place(struct world **world, int pictures, struct pose *
     mapper_close(&m);
     free(color);
     free(depth);
-    struct vec3 ours[128], truth[128];
-    int n = 0;
-    for (int32_t i = 0; i < place.tag_count; i++)
-        for (int32_t k = 0; k < count; k++)
-            if (tags[k].id == place.tags[i].id) {
-                place_tag_corners(&place.tags[i], &ours[n]);
-                place_tag_corners(&tags[k], &truth[n]);
-                n += 4;
-            }
-    *world_from_place = align_points(ours, truth, n);
+    align_tags(&place, tags, count, world_from_place);
     return place;
 }
