@@ -77,11 +77,11 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
 // The same with points less sure by loose_px: for a start that is so far off.
 MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loose_px);
+// rms_px, rms_m, and each tag's rms_px and sightings.
+void map_measure(struct map *m);
 // What makes the errors of a tag's eight corner numbers ones of unit covariance: the upper factor U of their
 // information, U^T U.
 void map_whiten(const struct sighting *seen, double out[8][8]);
-// rms_px, rms_m, and each tag's rms_px and sightings.
-void map_measure(struct map *m);
 
 // ---- map_points.c: natural points
 // What is needed for one frame at a time.

@@ -4,8 +4,8 @@
 //     mapper_open, mapper_add for each frame, mapper_finish, mapper_close
 //
 // A second sweep may add to a place that is there: mapper_options.before.
-// Scale comes from the tags' known sides, and depth that is too long or short by one share
-// everywhere is corrected; without any tag from depth alone, and natural points make the place.
+// Scale comes from the tags' known sides and the sensor's depth together; without any
+// tag from depth alone, and natural points make the place.
 // Deterministic: the same frames give the same place. One handle, one thread.
 #pragma once
 #include "capture/recording/place.h"
