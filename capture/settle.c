@@ -35,6 +35,7 @@ struct settle {
     struct body_shape *shape; // of each person found, as known last
     int people;
     bool looking_back;
+    int looked_at; // the person
 };
 
 static const struct { enum joint root, bend, tip; } limb[LIMB_COUNT] = {
@@ -107,8 +108,10 @@ enum status settle_look_back(struct settle *s, struct tracker *t, int64_t index,
     assert(index >= 0 && index < s->count);
     struct moment *m = &s->moment[index];
     struct skeleton told;
-    if (!s->looking_back)
-        tracker_turn_back(t);
+    if (!s->looking_back || (m->person >= 0 && m->person != s->looked_at)) {
+        tracker_turn_back(t, m->person < 0 ? tracker_shape(t) : &s->shape[m->person]);
+        s->looked_at = m->person;
+    }
     s->looking_back = true;
     enum status status = tracker_next(t, m->time_ns, depth, &told, NULL);
     if (status < 0)

@@ -369,8 +369,10 @@ static bool start(struct tracker *t, struct fit_task *task)
     if (!found)
         return false;
     t->found_count++;
-    t->shape = task->shape;
-    t->shape.mean = t->room->best.shape;
+    if (!t->back) { // looking back, whoever is found is known
+        t->shape = task->shape;
+        t->shape.mean = t->room->best.shape;
+    }
     t->taught = t->room->best.pose;
     t->learned_s = 0;
     t->hem = (struct hem_belief){0};
@@ -450,9 +452,10 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
 
 // ------------------------------------------------------------- looking back
 
-void tracker_turn_back(struct tracker *t)
+void tracker_turn_back(struct tracker *t, const struct body_shape *shape)
 {
     t->back = true;
+    t->shape.mean = *shape;
     t->moving = false;
     t->lost_since_ns = 0;
     t->turned_evidence = t->swapped_evidence = 0;

@@ -3,9 +3,10 @@
 #include "capture/tracker.h"
 #include "capture/tracker_limbs.h"
 
-// From here on frames come in falling order of time, the last one first, with their own times. What
-// was learned of the person and of the room stays and is learned no more. Until tracker_reset.
-void tracker_turn_back(struct tracker *t);
+// From here on frames come in falling order of time, the last one first, with their own times, and
+// show a person of this shape, which is learned no more; what was learned of the room stays. May be
+// called again where an earlier person comes. Until tracker_reset.
+void tracker_turn_back(struct tracker *t, const struct body_shape *shape);
 
 // Of the last tracker_next that was OK; depth camera's axes.
 const struct body_pose *tracker_pose(const struct tracker *t); // as told
