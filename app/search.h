@@ -10,8 +10,8 @@ struct search;
 MUST_CHECK enum status search_open(struct search **out, int width, int height); // of the pictures. ERR_MEMORY
 void search_close(struct search **s); // NULL is fine; waits for the picture being searched, a part of a second
 
-// A camera_track that said of the picture of time_ns that it has to be found anew. color: RGB; copied. finds: in so many
-// pictures, at least 1, where it cannot be followed from the one to the next.
+// A camera_track that said of the picture of time_ns that it has to be found anew. color: RGB; copied. finds: in
+// so many pictures, at least 1, where it cannot be followed from the one to the next.
 void search_begin(struct search *s, struct camera_track *track, const uint8_t *color, int64_t time_ns, int finds);
 
 // Is the track still lent? With true, the picture, which came meanwhile, will be looked at, too.
