@@ -145,8 +145,8 @@ static void put_seen(struct eyes *e, struct picture *p)
         let_go(e, late);
 }
 
-// Until the camera ends, fails or is to rest. *next_ns: when a picture would be due that came after the last as that one
-// after the one before: with it a folder begins anew.
+// Until the camera ends, fails or is to rest. *next_ns: when a folder that begins anew is to give its first
+// picture, which then comes after the last as that one after the one before.
 static enum status watch_camera(struct eyes *e, struct source *camera, int64_t *next_ns)
 {
     const bool live = source_is_live(camera);

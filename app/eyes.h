@@ -1,8 +1,9 @@
 // The tablet's camera and its idea of where it is, on two threads of their own: one
 // waits for pictures, one locates the newest. What comes out is a picture together
 // with the place it was taken from, so that whoever draws into it never mixes two
-// instants. Pictures that come faster than they can be located are let go by, and so is
-// one whose place took so long to find that a newer one is better (pace.h).
+// instants; where the camera is lost, pictures have none for a while (finder.h). Pictures
+// that come faster than they can be located are let go by, and so is one whose place took
+// so long to find that a newer one is better (pace.h).
 //
 // A camera that fails is closed and tried again every second. A folder is played at
 // the pace it was filmed, over and over.

@@ -4,12 +4,15 @@
 
 #include <stdlib.h>
 
+// Two pictures in which it is found say how fast the camera moves; if it cannot be followed then, it never will.
+enum { MOST_FINDS = 2 };
+
 struct finder {
     struct camera_track *track;
     struct search *search;
     int64_t last_ns;
     bool searching; // the track is lent to the search
-    int found;      // pictures in which it was found, or searched, since one was followed
+    int finds;      // pictures in which it was found since one was followed
     bool restarted; // the camera's clock began anew meanwhile
 };
 
@@ -19,7 +22,7 @@ enum status finder_open(struct finder **out, const struct place *place, const st
     struct finder *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    *f = (struct finder){.last_ns = INT64_MIN, .found = SEARCH_FINDS};
+    *f = (struct finder){.last_ns = INT64_MIN, .finds = MOST_FINDS};
     enum status status = camera_track_open(&f->track, place, lens, NULL);
     if (status == OK)
         status = search_open(&f->search, lens->width, lens->height);
@@ -46,13 +49,12 @@ static enum status look(struct finder *f, const uint8_t *color, int64_t time_ns,
     struct camera_motion motion;
     enum status status = camera_track_follow(f->track, color, NULL, time_ns, location, &motion);
     if (status == OK)
-        f->found = 0;
+        f->finds = 0;
     if (status != NOTHING)
         return status;
-    if (f->found >= SEARCH_FINDS)
+    if (f->finds >= MOST_FINDS)
         return camera_track_find(f->track, color, NULL, location, &motion);
-    f->found++;
-    search_begin(f->search, f->track, color, time_ns);
+    search_begin(f->search, f->track, color, time_ns, MOST_FINDS - f->finds);
     f->searching = true;
     return NOTHING;
 }
@@ -67,7 +69,9 @@ enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns,
         if (search_goes_on(f->search, color, time_ns))
             return NOTHING;
         f->searching = false;
-        status = search_end(f->search);
+        int finds;
+        status = search_end(f->search, &finds);
+        f->finds += finds;
     }
     if (f->restarted) // a camera that was opened anew
         camera_track_restart(f->track);

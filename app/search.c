@@ -21,6 +21,7 @@ struct search {
     struct camera_track *track; // NULL: none is lent
     struct search_picture newer;
     bool newer_waits, closing;
+    int most_finds, finds;
     enum status status; // of the last search
     char sentence[512];
 };
@@ -61,16 +62,17 @@ static bool take_newer(struct search *s, bool wait)
     return newer;
 }
 
-static enum status search(struct search *s, struct camera_track *track)
+static enum status search(struct search *s, struct camera_track *track, int most, int *finds)
 {
     enum status status = find(track, &s->in_hand);
-    for (int found = is_found(status); status >= 0 && take_newer(s, !is_found(status));) {
+    *finds = is_found(status);
+    while (status >= 0 && take_newer(s, !is_found(status))) {
         status = follow(track, &s->in_hand);
-        if (status == ERR_ORDER || (status == NOTHING && found == SEARCH_FINDS))
-            return NOTHING; // the camera's clock began anew, or its speed does not help
+        if (status == ERR_ORDER || (status == NOTHING && *finds == most))
+            return NOTHING; // the camera's clock began anew, or to know its speed does not help
         if (status == NOTHING) {
             status = find(track, &s->in_hand);
-            found += is_found(status);
+            *finds += is_found(status);
         }
     }
     return status;
@@ -86,9 +88,12 @@ static void *run(void *self)
             pthread_cond_wait(&s->changed, &s->lock);
             continue;
         }
+        const int most = s->most_finds;
         pthread_mutex_unlock(&s->lock);
-        enum status status = search(s, track);
+        int finds;
+        enum status status = search(s, track, most, &finds);
         pthread_mutex_lock(&s->lock);
+        s->finds = finds;
         s->status = status;
         snprintf(s->sentence, sizeof s->sentence, "%s", status < 0 ? status_sentence() : "");
         s->newer_waits = false;
@@ -142,12 +147,13 @@ static void keep(struct search_picture *p, const struct search *s, const uint8_t
     p->time_ns = time_ns;
 }
 
-void search_begin(struct search *s, struct camera_track *track, const uint8_t *color, int64_t time_ns)
+void search_begin(struct search *s, struct camera_track *track, const uint8_t *color, int64_t time_ns, int finds)
 {
     pthread_mutex_lock(&s->lock);
     assert(!s->track);
     keep(&s->in_hand, s, color, time_ns);
     s->track = track;
+    s->most_finds = finds;
     pthread_cond_broadcast(&s->changed);
     pthread_mutex_unlock(&s->lock);
 }
@@ -165,11 +171,12 @@ bool search_goes_on(struct search *s, const uint8_t *color, int64_t time_ns)
     return goes_on;
 }
 
-enum status search_end(struct search *s)
+enum status search_end(struct search *s, int *finds)
 {
     pthread_mutex_lock(&s->lock);
     assert(!s->track);
     const enum status status = s->status;
+    *finds = s->finds;
     pthread_mutex_unlock(&s->lock);
     return status < 0 ? fail(status, "%s", s->sentence) : status;
 }

@@ -352,7 +352,7 @@ const char *show_hint(const struct show *s)
         return "The camera has stopped sending pictures";
     if (!s->camera.knows_place)
         return "This recording knows no place to stand in. Walk round with a finger";
-    if (s->camera.sight && !s->camera.placed)
+    if (s->camera.sight && !s->camera.placed && s->presence <= 0) // not before he has faded: it may soon know again
         return s->camera.knows_tags ? "Point me at a tag" : "Point me at more of the room that was filmed";
     return NULL;
 }

@@ -329,7 +329,8 @@ static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t 
     int foreseen = foresee(&s->foresight, &now, at_ns), count = 0;
     for (int i = 0; i < foreseen && count < AHEAD_MOST; i++) {
         struct moment moment;
-        bool listed = motion_at(s->motion, at_ns[i], false, &moment) != OK || painter_near(s->painter, moment.frame, 0) >= 0;
+        bool listed = motion_at(s->motion, at_ns[i], false, &moment) != OK ||
+                      painter_near(s->painter, moment.frame, 0) >= 0;
         for (int k = 0; k < count; k++)
             listed |= frames[k] == moment.frame;
         if (!listed)

@@ -61,7 +61,7 @@ const struct likeness *painter_likeness(const struct painter *p);
 // *loaded is zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_give_frame(struct painter *p, struct loaded_frame *loaded);
 
-// Of the frames that need not be loaded to be shown, the one nearest in time to `frame` and at most that far from it; -1.
+// Of the frames that need not be loaded to be shown, the one nearest in time to `frame`, at most that far from it; -1.
 int64_t painter_near(const struct painter *p, int64_t frame, int64_t within_ns);
 
 // The room that hides him where it stands before him (room_make); as above. ERR_DEVICE, ERR_MEMORY.

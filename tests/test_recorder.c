@@ -8,7 +8,12 @@
 #include <stdio.h>
 #include <string.h>
 
+// Under an emulator each frame takes half a minute.
+#ifdef EMULATED
+enum { FRAMES = 4 };
+#else
 enum { FRAMES = 11 };
+#endif
 static const double SCALE = 1; // a tag on the far wall is 15 pixels wide
 
 static struct scratch scratch;
@@ -104,9 +109,9 @@ static void test_two_runs_give_the_same_joints(void **state)
     (void)state;
     struct recording *recording[2];
     struct take *take[2];
-    const char *const files[2] = {"b.reenact", "c.reenact"};
+    const char *const files[2] = {"a.reenact", "b.reenact"};
+    record(files[1], &place, OK); // the first is there already
     for (int k = 0; k < 2; k++) {
-        record(files[k], &place, OK);
         EXPECT_STATUS(recording_open(&recording[k], scratch_file(&scratch, files[k])), OK);
         EXPECT_STATUS(take_open(&take[k], recording[k], "turn"), OK);
     }

@@ -267,8 +267,8 @@ static void say(const struct soak *s)
            s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
     for (int i = 0; i < SLOWEST; i++) {
         const struct way *w = &s->slowest[i];
-        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f, %.1f ms of processor time:", w->total_ms, w->at_s,
-               w->take_s, w->fineness, w->cpu_ms);
+        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f, %.1f ms of processor time:", w->total_ms,
+               w->at_s, w->take_s, w->fineness, w->cpu_ms);
         for (int k = 0; k < FRAME_STAGES; k++)
             printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
         printf("\n");
