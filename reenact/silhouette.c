@@ -6,6 +6,8 @@ struct spot {
     float x, y, z;
 };
 
+typedef float four __attribute__((vector_size(16))); // three of them, side by side
+
 enum { RIBBON = 6 }; // corners for each edge
 
 static const float BESIDE_M = 0.05F;
@@ -60,16 +62,27 @@ static struct spot shifted(struct spot p, const float shift[3])
 
 static struct spot between(struct spot a, struct spot b) { return (struct spot){b.x - a.x, b.y - a.y, b.z - a.z}; }
 
-static struct spot skinned(const struct skin *skin, const struct part_map *maps, struct spot p)
+// Of a part's map, what x, y, z and 1 of the rest pose add to x, y and z in camera axes.
+struct columns {
+    four of[4];
+};
+
+static struct columns columns_of(const struct part_map *map)
 {
-    float at[3] = {0};
+    struct columns columns;
+    for (int c = 0; c < 4; c++)
+        columns.of[c] = (four){map->row[0][c], map->row[1][c], map->row[2][c], 0};
+    return columns;
+}
+
+static struct spot skinned(const struct skin *skin, const struct columns *maps, struct spot p)
+{
+    four at = {0};
     for (int k = 0; k < SKIN_PARTS; k++) {
         if (!(skin->weight[k] > 0))
             continue;
-        for (int r = 0; r < 3; r++) {
-            const float *row = maps[skin->part[k]].row[r];
-            at[r] += skin->weight[k] * (row[0] * p.x + row[1] * p.y + row[2] * p.z + row[3]);
-        }
+        const four *of = maps[skin->part[k]].of;
+        at += skin->weight[k] * (of[0] * p.x + of[1] * p.y + of[2] * p.z + of[3]);
     }
     return (struct spot){at[0], at[1], at[2]};
 }
@@ -154,9 +167,11 @@ struct silhouette_corners silhouette_find(struct silhouette *s, const struct par
                                           float (*shift)[3], const bool *absent)
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
+    struct columns maps[PART_COUNT];
+    for (int part = 0; part < PART_COUNT; part++)
+        maps[part] = columns_of(&viewer_from_part[part]);
     for (int i = 0; i < m->point_count; i++)
-        s->placed[i] = skinned(&s->likeness->skins[m->points[i]], viewer_from_part,
-                               shifted(s->rest[i], shift[i]));
+        s->placed[i] = skinned(&s->likeness->skins[m->points[i]], maps, shifted(s->rest[i], shift[i]));
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
         const struct spot a = s->placed[c[0]], b = s->placed[c[1]], d = s->placed[c[2]];
