@@ -12,6 +12,7 @@ static const float INSIDE_M = 0.04F;      // and so far behind what was seen
 static const float THICK = 1.15F;         // parts, against their cylinders' radius
 static const float CYLINDER_TRUST = 0.5F; // in frames
 static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
+static const float VOTE_M = 0.02F;        // what is said to lie farther from the surface counts by no more than that
 static const float NOWHERE_NEAR = 0.6F;  // of the largest distance
 static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
@@ -257,7 +258,8 @@ static inline bool ask(const struct addition *a, const struct witness *w, float 
     float beyond = w->part == SIGHT_ROOM ? 0.5F - (float)SIGHT_RIM_PX
                                          : 0.5F + (float)SIGHT_RIM_PX; // half of the rim is still the person
     float aside = least(((float)w->edge + beyond) * z / fx, OUTSIDE_M);
-    *trust = EMPTY_TRUST;
+    const float sure = 0.1F + 0.3F * (float)w->edge; // which surface a pixel at an edge shows is a matter of chance
+    *trust = least(EMPTY_TRUST, sure);
     if (w->part == SIGHT_ROOM) {
         *distance = aside;
         return before > ROOM_SLACK_M;
@@ -268,7 +270,8 @@ static inline bool ask(const struct addition *a, const struct witness *w, float 
     }
     *reading = before < OUTSIDE_M;
     *distance = *reading ? before : aside;
-    *trust = *reading ? least(1, 0.1F + 0.3F * (float)w->edge) : EMPTY_TRUST;
+    if (*reading)
+        *trust = least(1, sure);
     return !*reading || a->meeting[part] >> w->part & 1;
 }
 
@@ -287,19 +290,12 @@ static void add_stretch(void *context, int stretch)
         const struct witness *w = find_witness(a, p);
         if (!w || !ask(a, w, p[2], part, &distance, &trust, &reading))
             continue;
+        // What is far from the surface says on which side it is, not how far: limbs are now here, now there.
+        trust *= least(1, VOTE_M / fmaxf(fabsf(distance), 1e-6F));
         struct point *known = &v->points[cell->at];
         known->distance = (known->distance * known->trust + distance * trust) / (known->trust + trust);
         known->trust += trust;
         known->seen += reading ? trust : 0;
-    }
-}
-
-void volume_grow(struct volume *v, const double out_m[PART_COUNT])
-{
-    for (int c = 0; c < v->cell_count; c++) {
-        const struct skin *skin = &v->cells[c].skin;
-        for (int i = 0; i < SKIN_PARTS; i++)
-            v->points[v->cells[c].at].distance -= skin->weight[i] * (float)out_m[skin->part[i]];
     }
 }
 
@@ -371,6 +367,42 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
     free(v->heeding);
     v->heeding = still;
     v->heeding_count = left;
+    return OK;
+}
+
+// ---------------------------------------------------------------- growing
+
+void surface_shares(struct vec3 facing, double share[SURFACE_SIDES])
+{
+    const double along[3] = {facing.x, facing.y, facing.z};
+    for (int i = 0; i < 3; i++) {
+        share[2 * i] = along[i] > 0 ? along[i] * along[i] : 0;
+        share[2 * i + 1] = along[i] < 0 ? along[i] * along[i] : 0;
+    }
+}
+
+enum status volume_grow(struct volume *v, double out_m[PART_COUNT][SURFACE_SIDES])
+{
+    const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
+    float *more = malloc(sizeof *more * (size_t)(v->cell_count ? v->cell_count : 1));
+    if (!more)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int c = 0; c < v->cell_count; c++) {
+        const struct cell *cell = &v->cells[c];
+        double rise[3], share[SURFACE_SIDES], sum = 0;
+        for (int i = 0; i < 3; i++) {
+            const struct point *low = &v->points[cell->at - step[i]], *high = &v->points[cell->at + step[i]];
+            rise[i] = low->trust > 0 && high->trust > 0 ? (double)(high->distance - low->distance) : 0;
+        }
+        surface_shares(v3_unit(v3(rise[0], rise[1], rise[2])), share);
+        for (int k = 0; k < SURFACE_SIDES; k++)
+            for (int i = 0; i < SKIN_PARTS; i++)
+                sum += share[k] * (double)cell->skin.weight[i] * out_m[cell->skin.part[i]][k];
+        more[c] = (float)sum;
+    }
+    for (int c = 0; c < v->cell_count; c++)
+        v->points[v->cells[c].at].distance -= more[c];
+    free(more);
     return OK;
 }
 
