@@ -147,35 +147,27 @@ static enum status read_frame(struct run *r, struct reading *reading, int i)
 
 static bool measures_outlines(enum likeness_step pass)
 {
-    return pass == LIKENESS_FIRST_OUTLINES || pass == LIKENESS_SHAPE_OUTLINES || pass == LIKENESS_AGAIN_OUTLINES;
-}
-
-// From where a frame is laid on the shape: where it was before, or else as the frame before it.
-static struct adjustment start_of(const struct run *r, int i)
-{
-    const struct adjustment none = adjustment_none();
-    if (r->pass != LIKENESS_SHAPE)
-        return r->likeness->adjustments[i];
-    return i > 0 ? adjustment_mix(&none, &r->likeness->adjustments[i - 1], CARRIED) : none;
+    return pass == LIKENESS_FIRST_OUTLINES || pass == LIKENESS_OUTLINES;
 }
 
 // Lays a frame on what is known so far, and sorts it by that.
 static enum status lay(struct run *r, struct reading *reading, int i)
 {
     struct likeness *f = r->likeness;
-    struct adjustment *a = &f->adjustments[i];
+    struct adjustment *a = &f->adjustments[i], none = adjustment_none(), start = none;
     struct posture joints;
     if (r->pass == LIKENESS_FIRST) // joints are wrong, but not all the same way
-        *a = adjustment_none();
+        *a = none;
     else if (r->pass == LIKENESS_SHAPE)
-        *a = i > 0 ? f->adjustments[i - 1] : adjustment_none();
+        *a = i > 0 ? f->adjustments[i - 1] : none;
     enum status status = reading->status;
     if (status == OK)
         status = carried_posture(&f->rest, r->take, f->frames[i], &joints);
     if (status != OK)
         return status;
-    if (r->pass == LIKENESS_SHAPE || r->pass == LIKENESS_AGAIN) {
-        const struct adjustment start = start_of(r, i);
+    if (r->pass == LIKENESS_SHAPE) {
+        if (i > 0)
+            start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
         *a = align(f->volume, &f->rest, &reading->sight, &joints, &start);
     }
     reading->posture = posture_adjusted(&joints, a);
@@ -245,8 +237,7 @@ static const struct round {
     double step_m;
 } rounds[] = {
     {LIKENESS_FIRST, LIKENESS_FIRST_OUTLINES, FIRST_STEP_M},
-    {LIKENESS_SHAPE, LIKENESS_SHAPE_OUTLINES, VOLUME_STEP_M},
-    {LIKENESS_AGAIN, LIKENESS_AGAIN_OUTLINES, VOLUME_STEP_M},
+    {LIKENESS_SHAPE, LIKENESS_OUTLINES, VOLUME_STEP_M},
 };
 
 static enum status make_round(struct likeness *f, struct run *r, const struct round *round,
@@ -275,7 +266,7 @@ static enum status make_round(struct likeness *f, struct run *r, const struct ro
 // The first round has the joints alone. Where a tracker takes the person for thicker or thinner than they are, joints
 // lie too far behind what the sensor sees, or not far enough, whichever way the person is turned, and front and back
 // come to lie too far from each other or too near. Outlines, which the same person shows from the side, know better:
-// each round makes the shape as wide as they have it, and the next lays the frames on that.
+// each round ends with the shape made as wide as they have it, and the second lays the frames on that.
 static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
     enum status status = OK;

@@ -27,9 +27,7 @@ enum likeness_step {
     LIKENESS_FIRST,          // the shape by the joints alone
     LIKENESS_FIRST_OUTLINES, // how the outlines lie about it
     LIKENESS_SHAPE,          // frames laid on it, and what they make of it
-    LIKENESS_SHAPE_OUTLINES,
-    LIKENESS_AGAIN,          // and once more
-    LIKENESS_AGAIN_OUTLINES,
+    LIKENESS_OUTLINES,       // as above
     LIKENESS_COLORS,         // what each frame says of the colours
     LIKENESS_SURFACE,        // between outlines and colours: the triangles
     LIKENESS_COAT,           // colours and light
