@@ -260,7 +260,9 @@ static enum status make_round(struct likeness *f, struct run *r, const struct ro
     r->gaps = (struct outline_gaps){0};
     if (status == OK)
         status = all_frames(f, r, round->outlines, watch);
-    return status == OK ? outline_meet(f->volume, &r->gaps) : status;
+    if (status == OK)
+        outline_meet(f->volume, &r->gaps);
+    return status;
 }
 
 // The first round has the joints alone. Where a tracker takes the person for thicker or thinner than they are, joints

@@ -5,10 +5,9 @@ enum { SURE = 50 }; // places; a part with fewer keeps nearer to what it is
 
 static const double BEFORE_M = 0.10, BEHIND_M = 0.15, STEP_M = 0.01; // along the line of sight, about what is seen
 
-// The least distance between the shape, as `part` goes, and the line of sight through `px`, and where the shape
-// faces there, unit. NAN: it is nowhere near.
+// The least distance between the shape, as `part` goes, and the line of sight through `px`. NAN: it is nowhere near.
 static double passing(const struct volume *v, const struct lens *lens, struct pose rest_from_depth, struct pixel px,
-                      double z, struct vec3 *facing)
+                      double z)
 {
     double least = NAN;
     struct vec3 ray = lens_ray(lens, px);
@@ -16,10 +15,8 @@ static double passing(const struct volume *v, const struct lens *lens, struct po
         double distance, seen;
         struct vec3 gradient;
         if (volume_at(v, pose_apply(rest_from_depth, v3_scale(ray, along)), &distance, &gradient, &seen) &&
-            !(distance >= least)) {
+            !(distance >= least))
             least = distance;
-            *facing = v3_unit(gradient);
-        }
     }
     return least;
 }
@@ -47,32 +44,19 @@ void outline_measure(const struct volume *v, const struct calibration *calibrati
             double out = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
             struct pixel px = {x + out * steps[s][0], y + out * steps[s][1]};
             struct pose rest_from_depth = pose_multiply(pose_inverse(posture->part[part]), color_from_depth);
-            struct vec3 facing;
-            double share[SURFACE_SIDES];
-            double gap = passing(v, &calibration->depth, rest_from_depth, px, sight->depth[inside] * 1e-3, &facing);
+            double gap = passing(v, &calibration->depth, rest_from_depth, px, sight->depth[inside] * 1e-3);
             if (isnan(gap))
                 continue;
-            surface_shares(facing, share);
-            for (int k = 0; k < SURFACE_SIDES; k++) {
-                gaps->sum[part][k] += share[k] * gap;
-                gaps->weight[part][k] += share[k];
-            }
+            gaps->sum[part] += gap;
+            gaps->count[part]++;
         }
     }
 }
 
-// A side that few outlines show goes with the others of its part.
-enum status outline_meet(struct volume *v, const struct outline_gaps *gaps)
+void outline_meet(struct volume *v, const struct outline_gaps *gaps)
 {
-    double out_m[PART_COUNT][SURFACE_SIDES];
-    for (int p = 0; p < PART_COUNT; p++) {
-        double sum = 0, weight = SURE;
-        for (int k = 0; k < SURFACE_SIDES; k++) {
-            sum += gaps->sum[p][k];
-            weight += gaps->weight[p][k];
-        }
-        for (int k = 0; k < SURFACE_SIDES; k++)
-            out_m[p][k] = (gaps->sum[p][k] + SURE * sum / weight) / (gaps->weight[p][k] + SURE);
-    }
-    return volume_grow(v, out_m);
+    double out_m[PART_COUNT];
+    for (int p = 0; p < PART_COUNT; p++)
+        out_m[p] = gaps->sum[p] / (gaps->count[p] + SURE);
+    volume_grow(v, out_m);
 }

@@ -299,6 +299,15 @@ static void add_stretch(void *context, int stretch)
     }
 }
 
+void volume_grow(struct volume *v, const double out_m[PART_COUNT])
+{
+    for (int c = 0; c < v->cell_count; c++) {
+        const struct skin *skin = &v->cells[c].skin;
+        for (int i = 0; i < SKIN_PARTS; i++)
+            v->points[v->cells[c].at].distance -= skin->weight[i] * (float)out_m[skin->part[i]];
+    }
+}
+
 // Who speaks: all pixels as far about the person as edges are told.
 static void call_witnesses(struct addition *a, const struct sight *s)
 {
@@ -367,42 +376,6 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
     free(v->heeding);
     v->heeding = still;
     v->heeding_count = left;
-    return OK;
-}
-
-// ---------------------------------------------------------------- growing
-
-void surface_shares(struct vec3 facing, double share[SURFACE_SIDES])
-{
-    const double along[3] = {facing.x, facing.y, facing.z};
-    for (int i = 0; i < 3; i++) {
-        share[2 * i] = along[i] > 0 ? along[i] * along[i] : 0;
-        share[2 * i + 1] = along[i] < 0 ? along[i] * along[i] : 0;
-    }
-}
-
-enum status volume_grow(struct volume *v, double out_m[PART_COUNT][SURFACE_SIDES])
-{
-    const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
-    float *more = malloc(sizeof *more * (size_t)(v->cell_count ? v->cell_count : 1));
-    if (!more)
-        return fail(ERR_MEMORY, "out of memory");
-    for (int c = 0; c < v->cell_count; c++) {
-        const struct cell *cell = &v->cells[c];
-        double rise[3], share[SURFACE_SIDES], sum = 0;
-        for (int i = 0; i < 3; i++) {
-            const struct point *low = &v->points[cell->at - step[i]], *high = &v->points[cell->at + step[i]];
-            rise[i] = low->trust > 0 && high->trust > 0 ? (double)(high->distance - low->distance) : 0;
-        }
-        surface_shares(v3_unit(v3(rise[0], rise[1], rise[2])), share);
-        for (int k = 0; k < SURFACE_SIDES; k++)
-            for (int i = 0; i < SKIN_PARTS; i++)
-                sum += share[k] * (double)cell->skin.weight[i] * out_m[cell->skin.part[i]][k];
-        more[c] = (float)sum;
-    }
-    for (int c = 0; c < v->cell_count; c++)
-        v->points[v->cells[c].at].distance -= more[c];
-    free(more);
     return OK;
 }
 

@@ -28,12 +28,8 @@ MUST_CHECK enum status volume_leave_empty(struct volume *v, const struct volume 
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
 
-// Where a surface may face: +x, -x, +y, -y, +z, -z of the rest axes. Of a unit vector, the share of each; together 1.
-enum { SURFACE_SIDES = 6 };
-void surface_shares(struct vec3 facing, double share[SURFACE_SIDES]);
-
-// Moves the surface out by out_m of each part and of where it faces, in between where parts meet. ERR_MEMORY.
-MUST_CHECK enum status volume_grow(struct volume *v, double out_m[PART_COUNT][SURFACE_SIDES]);
+// Moves the surface out by out_m of each part, in between where parts meet.
+void volume_grow(struct volume *v, const double out_m[PART_COUNT]);
 
 // Signed distance, metres, negative inside, and its gradient at a point of the
 // rest pose. *seen: how many frames' readings speak for it; where it is 0 the surface is

@@ -10,13 +10,12 @@
 
 static double mean_gap_mm(const struct outline_gaps *g)
 {
-    double sum = 0, weight = 0;
-    for (int p = 0; p < PART_COUNT; p++)
-        for (int k = 0; k < SURFACE_SIDES; k++) {
-            sum += g->sum[p][k];
-            weight += g->weight[p][k];
-        }
-    return 1000 * sum / weight;
+    double sum = 0, count = 0;
+    for (int p = 0; p < PART_COUNT; p++) {
+        sum += g->sum[p];
+        count += g->count[p];
+    }
+    return 1000 * sum / count;
 }
 
 // The figure lies where the body was painted, is closed, finds its way back when the joints are wrong, and is made as
@@ -68,16 +67,15 @@ static void the_figure_lies_on_what_was_seen(void **state)
     print_message("joints %.1f mm off, then %.1f mm\n", before * 1000, after * 1000);
     EXPECT_AT_MOST(after, before / 2);
 
-    double thinner[PART_COUNT][SURFACE_SIDES]; // the frame's outline says by how much
+    double thinner[PART_COUNT]; // the frame's outline says by how much
     for (int p = 0; p < PART_COUNT; p++)
-        for (int k = 0; k < SURFACE_SIDES; k++)
-            thinner[p][k] = -0.010;
+        thinner[p] = -0.010;
     struct outline_gaps as_made = {0}, thinned = {0}, met = {0};
     outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &as_made);
-    EXPECT_STATUS(volume_grow(figure.volume, thinner), OK);
+    volume_grow(figure.volume, thinner);
     for (int i = 0; i < 20; i++) // as many frames as a part needs to be sure of
         outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &thinned);
-    EXPECT_STATUS(outline_meet(figure.volume, &thinned), OK);
+    outline_meet(figure.volume, &thinned);
     outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &met);
     print_message("outline off by %.1f mm, thinned %.1f mm, met %.1f mm\n", mean_gap_mm(&as_made),
                   mean_gap_mm(&thinned), mean_gap_mm(&met));
