@@ -145,6 +145,11 @@ static enum status read_frame(struct run *r, struct reading *reading, int i)
     return status;
 }
 
+static bool measures_outlines(enum likeness_step pass)
+{
+    return pass == LIKENESS_FIRST_OUTLINES || pass == LIKENESS_OUTLINES;
+}
+
 // Lays a frame on what is known so far, and sorts it by that.
 static enum status lay(struct run *r, struct reading *reading, int i)
 {
@@ -166,7 +171,7 @@ static enum status lay(struct run *r, struct reading *reading, int i)
         *a = align(f->volume, &f->rest, &reading->sight, &joints, &start);
     }
     reading->posture = posture_adjusted(&joints, a);
-    if (r->pass == LIKENESS_OUTLINES)
+    if (measures_outlines(r->pass))
         return OK;
     if (r->pass == LIKENESS_COLORS)
         status = sight_colors(&reading->sight, take_calibration(r->take), reading->rgb, reading->rgb);
@@ -182,7 +187,7 @@ static enum status lay(struct run *r, struct reading *reading, int i)
 static void gather(struct run *r, const struct reading *reading, int i)
 {
     const struct take_entry *e = take_entry(r->take, r->likeness->frames[i]);
-    if (r->pass == LIKENESS_OUTLINES)
+    if (measures_outlines(r->pass))
         outline_measure(r->likeness->volume, take_calibration(r->take), &reading->sight, &reading->posture, &r->gaps);
     else if (r->pass == LIKENESS_COLORS)
         coat_add(r->coat, &reading->sight, reading->rgb, &reading->posture, reading->warp, e->world_from_camera,
@@ -226,35 +231,52 @@ static enum status all_frames(struct likeness *f, struct run *r, enum likeness_s
     return OK;
 }
 
-// The first round has the joints alone; the second lays the frames on the shape that they made; at last
-// the shape becomes as wide as the frames' outlines have it.
+// One pass over the frames makes a shape, the next measures it against their outlines.
+static const struct round {
+    enum likeness_step shape, outlines;
+    double step_m;
+} rounds[] = {
+    {LIKENESS_FIRST, LIKENESS_FIRST_OUTLINES, FIRST_STEP_M},
+    {LIKENESS_SHAPE, LIKENESS_OUTLINES, VOLUME_STEP_M},
+};
+
+static enum status make_round(struct likeness *f, struct run *r, const struct round *round,
+                              const struct likeness_watch *watch)
+{
+    r->into = NULL;
+    enum status status = volume_open(&r->into, &f->rest, take_calibration(r->take), round->step_m);
+    if (status == OK && f->volume)
+        status = volume_leave_empty(r->into, f->volume);
+    if (status == OK)
+        status = all_frames(f, r, round->shape, watch);
+    if (status != OK) {
+        volume_close(&r->into);
+        return status;
+    }
+    volume_close(&f->volume);
+    f->volume = r->into;
+    if (round == &rounds[COUNT_OF(rounds) - 1])
+        status = volume_smooth(f->volume, SMOOTH_PASSES);
+    r->gaps = (struct outline_gaps){0};
+    if (status == OK)
+        status = all_frames(f, r, round->outlines, watch);
+    if (status == OK)
+        outline_meet(f->volume, &r->gaps);
+    return status;
+}
+
+// The first round has the joints alone. Where a tracker takes the person for thicker or thinner than they are, joints
+// lie too far behind what the sensor sees, or not far enough, whichever way the person is turned, and front and back
+// come to lie too far from each other or too near. Outlines, which the same person shows from the side, know better:
+// each round ends with the shape made as wide as they have it, and the second lays the frames on that.
 static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
-    static const enum likeness_step rounds[] = {LIKENESS_FIRST, LIKENESS_SHAPE};
-    static const double step_m[] = {FIRST_STEP_M, VOLUME_STEP_M};
     enum status status = OK;
-    for (size_t round = 0; round < COUNT_OF(rounds) && status == OK; round++) {
-        r->into = NULL;
-        status = volume_open(&r->into, &f->rest, take_calibration(r->take), step_m[round]);
-        if (status == OK && f->volume)
-            status = volume_leave_empty(r->into, f->volume);
-        if (status == OK)
-            status = all_frames(f, r, rounds[round], watch);
-        if (status == OK) {
-            volume_close(&f->volume);
-            f->volume = r->into;
-        } else {
-            volume_close(&r->into);
-        }
-    }
-    if (status == OK)
-        status = volume_smooth(f->volume, SMOOTH_PASSES);
-    if (status == OK)
-        status = all_frames(f, r, LIKENESS_OUTLINES, watch);
+    for (size_t i = 0; i < COUNT_OF(rounds) && status == OK; i++)
+        status = make_round(f, r, &rounds[i], watch);
     if (status != OK)
         return status;
     begin(watch, LIKENESS_SURFACE);
-    outline_meet(f->volume, &r->gaps);
     return volume_surface(f->volume, &f->surface);
 }
 

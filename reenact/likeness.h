@@ -24,13 +24,14 @@ enum { LIKENESS_FRAMES = 120 }; // more add nothing to the shape
 #define LIKENESS_SIGHT_BYTES ((size_t)96 << 20)
 
 enum likeness_step {
-    LIKENESS_FIRST,    // the shape by the joints alone
-    LIKENESS_SHAPE,    // frames laid on it, and what they make of it
-    LIKENESS_OUTLINES, // how the outlines lie about it
-    LIKENESS_COLORS,   // what each frame says of the colours
-    LIKENESS_SURFACE,  // between outlines and colours: the triangles
-    LIKENESS_COAT,     // colours and light
-    LIKENESS_ATLAS,    // as it is drawn
+    LIKENESS_FIRST,          // the shape by the joints alone
+    LIKENESS_FIRST_OUTLINES, // how the outlines lie about it
+    LIKENESS_SHAPE,          // frames laid on it, and what they make of it
+    LIKENESS_OUTLINES,       // as above
+    LIKENESS_COLORS,         // what each frame says of the colours
+    LIKENESS_SURFACE,        // between outlines and colours: the triangles
+    LIKENESS_COAT,           // colours and light
+    LIKENESS_ATLAS,          // as it is drawn
     LIKENESS_STEPS
 };
 

@@ -12,6 +12,7 @@ static const float INSIDE_M = 0.04F;      // and so far behind what was seen
 static const float THICK = 1.15F;         // parts, against their cylinders' radius
 static const float CYLINDER_TRUST = 0.5F; // in frames
 static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
+static const float VOTE_M = 0.02F;        // what is said to lie farther from the surface counts by no more than that
 static const float NOWHERE_NEAR = 0.6F;  // of the largest distance
 static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
@@ -257,7 +258,8 @@ static inline bool ask(const struct addition *a, const struct witness *w, float 
     float beyond = w->part == SIGHT_ROOM ? 0.5F - (float)SIGHT_RIM_PX
                                          : 0.5F + (float)SIGHT_RIM_PX; // half of the rim is still the person
     float aside = least(((float)w->edge + beyond) * z / fx, OUTSIDE_M);
-    *trust = EMPTY_TRUST;
+    const float sure = 0.1F + 0.3F * (float)w->edge; // which surface a pixel at an edge shows is a matter of chance
+    *trust = least(EMPTY_TRUST, sure);
     if (w->part == SIGHT_ROOM) {
         *distance = aside;
         return before > ROOM_SLACK_M;
@@ -268,7 +270,8 @@ static inline bool ask(const struct addition *a, const struct witness *w, float 
     }
     *reading = before < OUTSIDE_M;
     *distance = *reading ? before : aside;
-    *trust = *reading ? least(1, 0.1F + 0.3F * (float)w->edge) : EMPTY_TRUST;
+    if (*reading)
+        *trust = least(1, sure);
     return !*reading || a->meeting[part] >> w->part & 1;
 }
 
@@ -287,6 +290,8 @@ static void add_stretch(void *context, int stretch)
         const struct witness *w = find_witness(a, p);
         if (!w || !ask(a, w, p[2], part, &distance, &trust, &reading))
             continue;
+        // What is far from the surface says on which side it is, not how far: limbs are now here, now there.
+        trust *= least(1, VOTE_M / fmaxf(fabsf(distance), 1e-6F));
         struct point *known = &v->points[cell->at];
         known->distance = (known->distance * known->trust + distance * trust) / (known->trust + trust);
         known->trust += trust;
