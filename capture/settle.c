@@ -12,7 +12,7 @@
 #define CHANGE_M 0.05        // a limb that goes this far from one frame to the next costs 1 in odds
 #define CHANGE_ODDS_MOST 50.0
 #define AROUND_NS 500000000  // so far to both sides trembling is averaged
-#define LINE_M 0.015         // off the line between two moments; more is motion
+#define LINE_M 0.010         // off the line between two moments; more is motion
 #define FASTEST_M_S 6.5      // of a thrown punch, as in body_steady.c
 enum { SMOOTHINGS = 2, SLOWINGS = 60, REPAIRS = 8 }; // the second smoothing knows better than the first where the line is
 

@@ -73,6 +73,8 @@ moving moving_from(const pose &p)
 
 pose pose_from(const pose &start, const moving &m)
 {
+    if (Read3(m.turn).isZero(0)) // what was held stays the same to the bit
+        return {start.rotation, {m.shift[0], m.shift[1], m.shift[2]}};
     const Eigen::Quaterniond turned =
         (Eigen::Quaterniond(1, m.turn[0] / 2, m.turn[1] / 2, m.turn[2] / 2) * rotation_of(start)).normalized();
     return {{turned.x(), turned.y(), turned.z(), turned.w()}, {m.shift[0], m.shift[1], m.shift[2]}};
