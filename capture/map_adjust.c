@@ -210,11 +210,15 @@ static void scale_depth(struct map *m, double times)
     m->depth_times *= times;
     for (int32_t i = 0; i < m->frame_count; i++) {
         struct map_frame *f = &m->frames[i];
-        for (int32_t k = 0; k < f->feature_count; k++)
+        for (int32_t k = 0; k < f->feature_count; k++) {
             f->features[k].depth *= times;
+            f->features[k].depth_as_read *= times;
+        }
         for (int32_t k = 0; k < f->seen_count; k++)
-            for (int32_t d = 0; d < f->depths[k].count; d++)
+            for (int32_t d = 0; d < f->depths[k].count; d++) {
                 f->depths[k].sample[d].z *= times;
+                f->depths_as_read[k].sample[d].z *= times;
+            }
     }
 }
 

@@ -85,8 +85,8 @@ static enum status see_tags(struct worker *w, struct map_looked *out)
             if (depth)
                 tag_read_depth(&f->seen[f->seen_count], lens, depth, &f->depths[f->seen_count]);
             f->seen_as_read[f->seen_count] = f->seen[f->seen_count];
-        f->depths_as_read[f->seen_count] = f->depths[f->seen_count];
-        f->which[f->seen_count++] = k;
+            f->depths_as_read[f->seen_count] = f->depths[f->seen_count];
+            f->which[f->seen_count++] = k;
         }
     }
     return OK;

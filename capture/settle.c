@@ -301,9 +301,8 @@ static void settle_stretch(struct settle *s, struct moment *m, int64_t count, co
         for (int64_t i = 0; i < count; i++)
             restore_lengths(&m[i], &build);
     }
-    for (int64_t i = 0; i < count; i++) {
+    for (int64_t i = 0; i < count; i++)
         m[i].settled = skeleton_transform(s->calibration.color_from_depth, &m[i].settled);
-    }
 }
 
 enum status settle_finish(struct settle *s)

@@ -202,8 +202,8 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
     double of_x, of_both, of_y;
 };
 
-// An error e of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have
-// to be multiplied with.
+// An error of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have to
+// be multiplied with.
 template <class Error, int Row> class with_depth_times : public ceres::CostFunction
 {
   public:
@@ -275,7 +275,7 @@ struct copies {
     }
 };
 
-// Errors of depth readings. Where these are true as they are, the block more would only cost Ceres its code for fixed sizes.
+// Where readings of depth are true as they are, the block more would only cost Ceres its code for fixed sizes.
 void add_depth_errors(const adjust_problem &in, copies &c, ceres::Problem &problem, ceres::LossFunction *depth_loss,
                       ceres::LossFunction *point_loss)
 {
