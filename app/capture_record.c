@@ -37,6 +37,7 @@ static void step(void *context)
 
 static void settle(void *context, int64_t frames)
 {
+    command_catch_stop(); // the one that ended the filming has been heard
     progress_end(context);
     progress_start(context, "thinking it over", frames);
 }
@@ -63,6 +64,8 @@ static void report(const struct arguments *given, const struct recorder_result *
     printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
     if (r->settle_ms > 0)
         printf("thinking it over took %.1f ms a frame\n", r->settle_ms);
+    else if (r->tracked)
+        printf("it was not thought over: the joints are as they were told at once\n");
     if (r->sensor_moves)
         printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
 }

@@ -108,6 +108,7 @@ static void stop(int signal)
 void command_catch_stop(void)
 {
     struct sigaction action = {.sa_handler = stop};
+    stopped = 0;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
 }

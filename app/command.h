@@ -41,7 +41,8 @@ struct json;
 MUST_CHECK enum status command_print_json(struct json **root);
 
 // From the first call on, Ctrl-C and SIGTERM no longer end the program but make
-// command_stopped() true, so that long work can end in good order.
+// command_stopped() true, so that long work can end in good order. Each call forgets
+// an earlier one, for the next piece of work.
 void command_catch_stop(void);
 bool command_stopped(void);
 

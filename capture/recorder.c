@@ -341,6 +341,7 @@ static void fill_result(const struct recorder *r, const struct source *source, s
 
 // ------------------------------------------------------------- looking back
 
+// NOTHING: stopped.
 static enum status look_back(struct recorder *r, struct take *take, const struct recorder_options *options)
 {
     int64_t count = take_frame_count(take);
@@ -349,6 +350,8 @@ static enum status look_back(struct recorder *r, struct take *take, const struct
         options->on_settle(options->context, count);
     for (int64_t i = count - 1; i >= 0 && status == OK; i--) {
         struct take_pictures pictures;
+        if (options->should_stop && options->should_stop())
+            return NOTHING;
         if (take_entry(take, i)->has_depth) {
             status = take_read(take, i, TAKE_DEPTH, &pictures);
             if (status == OK)
@@ -390,8 +393,9 @@ static enum status settle_take(struct recorder *r, const char *name, const struc
     recording_free(&recording);
     if (status == OK)
         status = put_settled(r);
-    result->settle_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
-    return status;
+    if (status == OK)
+        result->settle_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
+    return status == NOTHING ? OK : status;
 }
 
 // Runs the two workers beside read_all. The most telling failure wins: the disk, then

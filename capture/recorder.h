@@ -9,13 +9,14 @@
 // When the take has ended and is complete, its depth is read again from the end
 // to the beginning and the joints are told anew, with the future known (settle.h);
 // unless the sensor was moved. That takes about as long as tracking did. Whoever
-// kills it meanwhile has the take with the joints as they were told at first.
+// stops or kills it meanwhile has the take with the joints as they were told at first.
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/source.h"
 
 struct recorder_options {
-    bool (*should_stop)(void);      // asked before every frame; NULL = never
+    bool (*should_stop)(void);      // asked before every frame read, and looked back at, where true leaves the joints
+                                    // as they were told; NULL = never
     void (*on_frame)(void *context); // called on the caller's thread for every frame read; may be NULL
     void (*on_settle)(void *context, int64_t frames); // so many are now looked back at; may be NULL
     void (*on_settled)(void *context);                // on the caller's thread for each of them; may be NULL

@@ -25,6 +25,7 @@ struct onlooker {
     const char *path;
     int64_t announced, steps;
     bool complete, has_skeleton;
+    struct skeleton told; // of the last frame
 };
 
 static void look(void *context, int64_t frames)
@@ -37,6 +38,7 @@ static void look(void *context, int64_t frames)
     EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
     o->complete = take_is_complete(take) && take_frame_count(take) == FRAMES;
     o->has_skeleton = take_entry(take, FRAMES - 1)->has_skeleton;
+    o->told = take_entry(take, FRAMES - 1)->skeleton;
     take_close(&take);
     recording_free(&recording);
 }
@@ -163,6 +165,40 @@ static void test_a_stopped_take_is_complete(void **state)
     EXPECT_INT(report.interrupted_takes, 0);
 }
 
+static struct onlooker impatient; // whose steps should_stop sees
+
+static bool stop_while_it_is_thought_over(void) { return impatient.steps >= FRAMES / 2; }
+
+static void test_thinking_over_can_be_stopped(void **state)
+{
+    (void)state;
+    struct source *source;
+    struct recording_writer *writer;
+    struct recording *recording;
+    struct take *take;
+    struct recorder_result result;
+    char uri[300], path[300];
+    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&scratch, "sensor"));
+    snprintf(path, sizeof path, "%s", scratch_file(&scratch, "f.reenact"));
+    impatient = (struct onlooker){.path = path};
+    struct recorder_options options = {.should_stop = stop_while_it_is_thought_over, .on_settle = look,
+                                       .on_settled = count, .context = &impatient};
+    EXPECT_STATUS(source_open(&source, uri, SOURCE_SENSOR), OK);
+    EXPECT_STATUS(recording_create(&writer, path), OK);
+    EXPECT_STATUS(recorder_run(source, writer, "turn", &place, &options, &result), OK);
+    EXPECT_STATUS(recording_close(&writer), OK);
+    source_close(&source);
+    EXPECT_INT(result.frames, FRAMES);
+    EXPECT_INT(impatient.steps, FRAMES / 2);
+    EXPECT_NEAR(result.settle_ms, 0, 0);
+    EXPECT_STATUS(recording_open(&recording, path), OK);
+    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
+    EXPECT_TRUE(take_is_complete(take));
+    EXPECT_TRUE(!memcmp(&take_entry(take, FRAMES - 1)->skeleton, &impatient.told, sizeof impatient.told));
+    take_close(&take);
+    recording_free(&recording);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -193,6 +229,7 @@ int main(void)
         cmocka_unit_test(test_two_runs_give_the_same_joints),
         cmocka_unit_test(test_without_a_place_nothing_is_located),
         cmocka_unit_test(test_a_stopped_take_is_complete),
+        cmocka_unit_test(test_thinking_over_can_be_stopped),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
