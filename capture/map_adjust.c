@@ -234,64 +234,9 @@ enum status map_adjust_depth(struct map *m, int rounds)
     return status;
 }
 
-struct often {
-    int32_t point, sightings;
-};
-
-static int most_often_first(const void *left, const void *right)
+enum status map_adjust_by(struct map *m, int rounds, const bool *joins)
 {
-    const struct often *a = left, *b = right;
-    if (a->sightings != b->sightings)
-        return a->sightings > b->sightings ? -1 : 1;
-    return (a->point > b->point) - (a->point < b->point);
-}
-
-// So many sightings hold a frame as well as its neighbours need; more of them cost time.
-enum { HOLDING = 80 };
-
-// Goes through the points, those seen most often first, and has them join as long as a frame that shows one lacks such.
-static void choose_few(const struct map *m, const int32_t *start, const int32_t *shown_by, struct often *order, bool *joins)
-{
-    int32_t held_by[MAP_MOST_FRAMES] = {0};
-    for (int32_t i = 0; i < m->point_count; i++)
-        order[i] = (struct often){i, start[i + 1] - start[i]};
-    qsort(order, (size_t)m->point_count, sizeof *order, most_often_first);
-    for (int32_t n = 0; n < m->point_count; n++) {
-        int32_t point = order[n].point;
-        for (int32_t k = start[point]; k < start[point + 1]; k++)
-            joins[point] = joins[point] || held_by[shown_by[k]] < HOLDING;
-        for (int32_t k = start[point]; joins[point] && k < start[point + 1]; k++)
-            held_by[shown_by[k]]++;
-    }
-}
-
-enum status map_adjust_by_few(struct map *m, int rounds)
-{
-    size_t points = (size_t)m->point_count, sightings = (size_t)count_all(m, NULL).sightings;
-    int32_t *start = calloc(points + 2, sizeof *start), *shown_by = calloc(sightings + 1, sizeof *shown_by);
-    struct often *order = calloc(points + 1, sizeof *order);
-    bool *joins = calloc(points + 1, sizeof *joins);
-    enum status status = start && shown_by && order && joins ? OK : fail(ERR_MEMORY, "no memory to adjust the map");
-    // Counted one place further on, so that filling brings each point's start to where it belongs.
-    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
-        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                start[m->frames[i].features[k].point + 2]++;
-    for (size_t i = 2; i < points + 2 && status == OK; i++)
-        start[i] += start[i - 1];
-    for (int32_t i = 0; i < m->frame_count && status == OK; i++)
-        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
-            if (m->frames[i].features[k].point >= 0)
-                shown_by[start[m->frames[i].features[k].point + 1]++] = i;
-    if (status == OK) {
-        choose_few(m, start, shown_by, order, joins);
-        status = adjust_all(m, &(struct how){.rounds = rounds, .joins = joins});
-    }
-    free(start);
-    free(shown_by);
-    free(order);
-    free(joins);
-    return status;
+    return adjust_all(m, &(struct how){.rounds = rounds, .joins = joins});
 }
 
 struct sum {

@@ -84,8 +84,8 @@ MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loos
 // The same where tags say how large the place is: by how much all depth is too long or short is found out with the rest,
 // and corrected.
 MUST_CHECK enum status map_adjust_depth(struct map *m, int rounds);
-// The same with as few points as hold the frames: enough while the map grows. The others go with the frames.
-MUST_CHECK enum status map_adjust_by_few(struct map *m, int rounds);
+// The same with those points alone for which joins[point]; the others go with the frames.
+MUST_CHECK enum status map_adjust_by(struct map *m, int rounds, const bool *joins);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
 

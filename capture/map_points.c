@@ -157,6 +157,91 @@ static int32_t best_frame(const struct map *m)
     return best;
 }
 
+struct ranked {
+    int32_t point, sightings;
+};
+
+static int most_sightings_first(const void *left, const void *right)
+{
+    const struct ranked *a = left, *b = right;
+    if (a->sightings != b->sightings)
+        return a->sightings > b->sightings ? -1 : 1;
+    return (a->point > b->point) - (a->point < b->point);
+}
+
+// So many sightings hold a frame as well as its neighbours need; more of them cost time.
+enum { HOLDING = 80 };
+
+// Which frames show each point: those of point p are shown_by[start[p]] .. shown_by[start[p + 1] - 1].
+struct showing {
+    int32_t *start, *shown_by;
+};
+
+static void showing_free(struct showing *s)
+{
+    free(s->start);
+    free(s->shown_by);
+}
+
+static enum status list_showing(const struct map *m, struct showing *out)
+{
+    size_t points = (size_t)m->point_count, sightings = 0;
+    for (size_t p = 0; p < points; p++)
+        sightings += (size_t)m->point_sightings[p];
+    *out = (struct showing){calloc(points + 1, sizeof *out->start), calloc(sightings + 1, sizeof *out->shown_by)};
+    if (!out->start || !out->shown_by) {
+        showing_free(out);
+        return fail(ERR_MEMORY, "no memory to adjust the map");
+    }
+    // Each start is first where the point's list ends; filling it from behind brings it to where it belongs.
+    int32_t end = 0;
+    for (size_t p = 0; p < points; p++)
+        out->start[p] = end += m->point_sightings[p];
+    out->start[points] = end;
+    for (int32_t i = m->frame_count - 1; i >= 0; i--)
+        for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
+            if (m->frames[i].features[k].point >= 0)
+                out->shown_by[--out->start[m->frames[i].features[k].point]] = i;
+    return OK;
+}
+
+// Goes through the points, those seen most often first, and has them join as long as a frame that shows one lacks such.
+static void choose_few(const struct map *m, const struct showing *s, struct ranked *order, bool *joins)
+{
+    int32_t held_by[MAP_MOST_FRAMES] = {0};
+    for (int32_t i = 0; i < m->point_count; i++)
+        order[i] = (struct ranked){i, m->point_sightings[i]};
+    qsort(order, (size_t)m->point_count, sizeof *order, most_sightings_first);
+    for (int32_t n = 0; n < m->point_count; n++) {
+        int32_t point = order[n].point;
+        for (int32_t k = s->start[point]; k < s->start[point + 1]; k++)
+            joins[point] = joins[point] || held_by[s->shown_by[k]] < HOLDING;
+        for (int32_t k = s->start[point]; joins[point] && k < s->start[point + 1]; k++)
+            held_by[s->shown_by[k]]++;
+    }
+}
+
+// With as few points as hold the frames: enough while the map grows.
+static enum status adjust_by_few(struct map *m)
+{
+    struct showing showing;
+    enum status status = list_showing(m, &showing);
+    if (status != OK)
+        return status;
+    struct ranked *order = calloc((size_t)m->point_count + 1, sizeof *order);
+    bool *joins = calloc((size_t)m->point_count + 1, sizeof *joins);
+    if (order && joins) {
+        choose_few(m, &showing, order, joins);
+        status = map_adjust_by(m, ROUNDS, joins);
+    } else {
+        status = fail(ERR_MEMORY, "no memory to adjust the map");
+    }
+    showing_free(&showing);
+    free(order);
+    free(joins);
+    return status;
+}
+
 enum status map_add_points(struct map *m)
 {
     struct map_desk *d = malloc(sizeof *d);
@@ -171,19 +256,7 @@ enum status map_add_points(struct map *m)
             visit(m, d, &m->frames[i]);
     forget_bad(m);
     free(d);
-    return map_adjust_by_few(m, ROUNDS);
-}
-
-struct ranked {
-    int32_t point, sightings;
-};
-
-static int most_sightings_first(const void *left, const void *right)
-{
-    const struct ranked *a = left, *b = right;
-    if (a->sightings != b->sightings)
-        return a->sightings > b->sightings ? -1 : 1;
-    return (a->point > b->point) - (a->point < b->point);
+    return adjust_by_few(m);
 }
 
 // What is held stays, and of the other points the `most` with most sightings. ERR_MEMORY.
