@@ -53,6 +53,9 @@ double align_tags(const struct place *place, const struct place_tag *truth, int3
                 place_tag_corners(&truth[k], &theirs[n]);
                 n += 4;
             }
+    *truth_from_place = POSE_IDENTITY;
+    if (!n || n != 4 * place->tag_count)
+        return INFINITY;
     *truth_from_place = align_points(ours, theirs, n);
     double sum = 0;
     for (int i = 0; i < n; i++) {

@@ -6,6 +6,7 @@
 // method on his 4 x 4 matrix). n > 2, not in a line.
 struct pose align_points(const struct vec3 *a, const struct vec3 *b, int n);
 
-// The same from a place's axes to the truth's, by the corners of its tags. What they are then off by, rms, metres.
+// The same from a place's axes to the truth's, by the corners of its tags. What they are then off by, rms,
+// metres; INFINITY where there is no tag, or the truth knows one of them not.
 double align_tags(const struct place *place, const struct place_tag *truth, int32_t truth_count,
                   struct pose *truth_from_place);
