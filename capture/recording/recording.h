@@ -66,7 +66,7 @@ MUST_CHECK enum status recording_end_take(struct recording_writer *w);
 MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton,
                                                int64_t count);
 
-const char *recording_writer_path(const struct recording_writer *w);
+const char *recording_writer_path(const struct recording_writer *w); // valid until recording_close
 
 // Commits what is there, closes, frees, sets *w = NULL (NULL is fine). Returns
 // the first error the writer ever met. A take still open stays, as interrupted.
