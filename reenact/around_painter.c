@@ -156,7 +156,8 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
     put_feet(&bones[(size_t)2 * PART_COUNT], skeleton);
     double reach = fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M;
     struct vec3 middle = v3_mix(low, high, 0.5);
-    struct part_map world = {{{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
+    struct part_map world = {
+        {{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
     struct part_map viewer_from_world = part_map_of(pose_inverse(world_from_viewer));
     struct part_map viewer = part_map_multiply(&viewer_from_world, &world);
     const float range[4] = {NEAREST_M, FARTHEST_M, FLOOR_BACK_M, 0};

@@ -6,7 +6,8 @@
 
 struct around_painter;
 
-MUST_CHECK enum status around_painter_open(struct around_painter **out, struct gpu *gpu, const struct lens *view); // ERR_DEVICE, ERR_MEMORY
+// ERR_DEVICE, ERR_MEMORY.
+MUST_CHECK enum status around_painter_open(struct around_painter **out, struct gpu *gpu, const struct lens *view);
 void around_painter_close(struct around_painter **a); // NULL is fine
 
 // From here on for another tablet camera; cheap.

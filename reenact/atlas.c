@@ -206,7 +206,8 @@ static void share_out(struct filling *f)
                 low[k] = fminf(low[k], m->at[c[i]][k]);
                 high[k] = fmaxf(high[k], m->at[c[i]][k]);
             }
-        int right = (int)fminf(high[0] + BEYOND, (float)m->width), bottom = (int)fminf(high[1] + BEYOND, (float)m->height);
+        int right = (int)fminf(high[0] + BEYOND, (float)m->width);
+        int bottom = (int)fminf(high[1] + BEYOND, (float)m->height);
         for (int y = (int)fmaxf(low[1] - BEYOND, 0); y < bottom; y++)
             for (int x = (int)fmaxf(low[0] - BEYOND, 0); x < right; x++) {
                 size_t texel = (size_t)y * (size_t)m->width + (size_t)x;

@@ -8,7 +8,7 @@
 
 enum { INNER_PX = 3, EDGE_PX = 4 }; // EDGE_PX: for which more than INNER_PX is enough
 
-static const double BESIDE_M = 0.05;                 // nearer or behind, a camera sees nothing
+static const double BESIDE_M = 0.05;               // nearer or behind, a camera sees nothing
 static const double ASIDE = 0.15, SQUARELY = 0.45; // cosines between which what it sees begins to count
 
 struct frame_loader {
@@ -32,7 +32,8 @@ static size_t texels(const struct loaded_picture *p) { return (size_t)p->width *
 
 size_t loaded_frame_bytes(const struct loaded_frame *f)
 {
-    return 4 * (texels(&f->color) + texels(&f->depth)) + (sizeof *f->shift + sizeof *f->points) * (size_t)f->point_count;
+    const size_t a_point = sizeof *f->shift + sizeof *f->points;
+    return 4 * (texels(&f->color) + texels(&f->depth)) + a_point * (size_t)f->point_count;
 }
 
 enum status frame_loader_open(struct frame_loader **out, struct take *take, const struct source_rays *rays,

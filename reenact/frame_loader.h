@@ -27,7 +27,7 @@ struct loaded_frame {
     bool seen;                    // it has colours and depth; else these are of one pixel, of nobody
     struct loaded_picture color;  // RGB, the person's alone: others' colours are replaced by the nearest of theirs
     struct loaded_picture depth;  // RGBA: millimetres (red high, green low byte); blue: how deep within one surface of
-                                  // the person it lies, 1 well within, 0 at an edge and elsewhere, and all round the rim
+                                  // the person it lies, 1 well within, 0 at an edge and elsewhere, and along the rim
     float windows[2][4];          // colours' and depth's: left, top, width, height in the frame's own pixels
     struct adjustment adjustment; // of the joints' posture
     float (*shift)[3];            // beyond it (warp.h), of each point of the atlas's mesh in the rest pose, metres

@@ -1,10 +1,8 @@
 #include "reenact/likeness_painter.h"
 
-#include "reenact/carried.h"
 #include "reenact/shaders.h"
 #include "reenact/shown_frames.h"
 #include "reenact/silhouette.h"
-#include "reenact/warp.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -288,11 +286,13 @@ static void put_vertex(const struct likeness_painter *p, const struct shown_fram
     const int point = i % m->point_count;
     const struct loaded_point *k = &now->points[point];
     const struct spot *at = &from->placed[point];
+    const float u = m->at[point][0] / (float)m->width, t = m->at[point][1] / (float)m->height;
+    const float opaque = i < m->point_count;
     const float values[VERTEX] = {
-        at->x,          at->y,          at->z,        i < m->point_count,
-        m->at[point][0] / (float)m->width, m->at[point][1] / (float)m->height, k->in_color[0], k->in_color[1],
-        k->in_depth[0], k->in_depth[1], k->away_m,    k->seen,
-        k->facing[0],   k->facing[1],   k->facing[2], k->light,
+        at->x,          at->y,          at->z,          opaque,         // point
+        u,              t,              k->in_color[0], k->in_color[1], // places
+        k->in_depth[0], k->in_depth[1], k->away_m,      k->seen,        // there
+        k->facing[0],   k->facing[1],   k->facing[2],   k->light,       // facing
     };
     memcpy(v, values, sizeof values);
 }

@@ -1,7 +1,7 @@
-// Draws the person's likeness (likeness.h) in one go: its mesh and its colours lie on
-// the GPU once and for all; of the shown frame come its posture and, when another
-// frame is shown, its colours and depth. The likeness may come later; it is then
-// brought to the GPU a little with each picture. One thread.
+// Draws the person's likeness (likeness.h) in one go: its colours lie on the GPU once
+// and for all; when another frame is shown come that one's colours and depth; with
+// each picture, the points and triangles that are seen in it. The likeness may come
+// later; it is then brought to the GPU a little with each picture. One thread.
 #pragma once
 #include "platform/gpu.h"
 #include "reenact/frame_loader.h"

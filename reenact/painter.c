@@ -266,8 +266,7 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     if (status == OK)
         status = open_selector(p);
     if (status == OK)
-        status = texture_cache_open(&p->textures, gpu, take,
-                                    options->detail == DETAIL_PAPER ? options->texture_bytes : options->texture_bytes / 2);
+        status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes / (p->detail == DETAIL_PAPER ? 1 : 2));
     if (status == OK)
         status = open_likeness(p, options);
     if (status == OK)

@@ -23,7 +23,8 @@ struct shown_frame {
 MUST_CHECK enum status shown_frames_of(struct shown_frames *f, const struct likeness *likeness, int64_t frame,
                                        const struct shown_frame **out);
 
-// A frame that somebody else loaded. Its contents go over and *loaded is zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
+// A frame that somebody else loaded. Its contents go over and *loaded is zeroed, on failure too. ERR_DEVICE,
+// ERR_MEMORY.
 MUST_CHECK enum status shown_frames_give(struct shown_frames *f, struct loaded_frame *loaded);
 
 bool shown_frames_keeps(const struct shown_frames *f, int64_t frame);

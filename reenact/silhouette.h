@@ -18,10 +18,10 @@ struct spot {
     float x, y, z;
 };
 struct silhouette_corners {
-    const uint16_t *corners; // valid until the next call, as placed
-    const struct spot *placed; // each point of the mesh, in the viewer's axes
-    int front, ribbon;       // how many of each
-    float low[2], high[2];   // between which all of it lies, x and y where z is 1; infinite: some lies beside the camera
+    const uint16_t *corners;   // valid until the next call, as placed
+    const struct spot *placed; // each point of the mesh, in the viewer's axes, metres
+    int front, ribbon;         // how many of each
+    float low[2], high[2];     // between which all of it lies, x and y where z is 1; infinite: some is beside the camera
 };
 struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
                                           float (*shift)[3], const bool *absent);

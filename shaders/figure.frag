@@ -10,7 +10,8 @@ in vec2 lighting;
 
 uniform highp sampler2D atlas;       // colours in the mean light
 uniform highp sampler2D now_picture;
-uniform highp sampler2D now_depth;   // millimetres (high, low byte); blue: 0 at the person's edge and elsewhere, 1 well within
+uniform highp sampler2D now_depth;   // millimetres (high, low byte); blue: 0 at the person's edge and elsewhere,
+                                     // 1 well within
 
 out vec4 color;
 

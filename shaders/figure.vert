@@ -3,15 +3,15 @@
 // was worked out before (frame_loader.h).
 precision highp float;
 
-layout(location = 0) in vec4 point;  // in the tablet camera's axes, metres; w: 0 for its double at the outline's outer rim
+layout(location = 0) in vec4 point;  // in the tablet camera's axes, metres; w: 0 for its double at the outer rim, else 1
 layout(location = 1) in vec4 places; // in the atlas, and in the shown frame's colours; of their sizes
-layout(location = 2) in vec4 there;  // in its depth, likewise; z: how far it should be there, metres; w: how squarely seen
+layout(location = 2) in vec4 there;  // in its depth, likewise; z: how far it should be, metres; w: how squarely seen
 layout(location = 3) in vec4 facing; // normal, in the frame's colour camera's axes; w: root of the room's light
 
 uniform vec4 viewer_from_now[3]; // rows of the turn from those axes into the tablet camera's
 uniform vec4 view_lens[3];       // (fx, fy, cx, cy), (k1, k2, p1, p2), (k3, largest r2, width, height)
 uniform vec4 view_range;         // nearest and farthest z that are drawn, metres
-uniform vec4 kind;               // x: the shown frame's time, seconds of the take; y: half of the outline's width, pixels
+uniform vec4 kind;               // x: the shown frame's time, seconds of the take; y: half the outline's width, pixels
 
 out vec4 place;    // as places
 out vec4 seen;     // as there

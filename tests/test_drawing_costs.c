@@ -133,7 +133,8 @@ static int pixels_of(const uint8_t *rgba, struct gpu_box within)
     return count;
 }
 
-// Whoever has no time to load a frame gets him in that frame's posture, with another's colours; and is told where he is.
+// Whoever has no time to load a frame gets him in that frame's posture, with another's colours; and is told where he
+// is.
 static void another_frame_stands_in(void **state)
 {
     (void)state;
