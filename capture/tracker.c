@@ -481,7 +481,7 @@ struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
     if (!any)
         return odds;
     struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = *other, .expected_sigma = 2,
-                            .shape = t->shape, .iterations = 2, .reach_m = 0.06};
+                            .shape = t->shape, .iterations = 2, .reach_m = 0.12};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     struct fit_result *judged = &t->room->other;
     body_fit(&task, other, &t->room->trial); // a fit beside a fit
