@@ -14,8 +14,8 @@ enum { VERTEX = 16 };
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_OUTLINE_PX = 0.5F;
 
 enum uniform {
-    VIEWER_FROM_PART,
-    NOW_FROM_PART,
+    VIEWER_FROM_BONE,
+    NOW_FROM_BONE,
     VIEW_LENS,
     VIEW_RANGE,
     KIND,
@@ -47,8 +47,8 @@ static const struct program_plan plans[PROGRAMS] = {
     [SOURCE] = {"figure_source.frag", 1U << WORLD_FROM_NOW | 1U << LIGHT | 1U << COLOR_LENS, {"atlas_when", "shifts", "now_depth"}, 3},
 };
 static const char *const uniform_names[UNIFORMS] = {
-    [VIEWER_FROM_PART] = "viewer_from_part",
-    [NOW_FROM_PART] = "now_from_part",
+    [VIEWER_FROM_BONE] = "viewer_from_bone",
+    [NOW_FROM_BONE] = "now_from_bone",
     [VIEW_LENS] = "view_lens",
     [VIEW_RANGE] = "view_range",
     [KIND] = "kind",
@@ -119,7 +119,7 @@ static void put_vertex(const struct likeness *f, int i, bool doubled, float v[VE
     const float values[VERTEX] = {
         (float)p->x,  (float)p->y,  (float)p->z,  m->at[i][0] / (float)m->width,
         (float)n->x,  (float)n->y,  (float)n->z,  m->at[i][1] / (float)m->height,
-        s->part[0],   s->part[1],   s->part[2],   doubled,
+        s->bone[0],   s->bone[1],   s->bone[2],   doubled,
         s->weight[0], s->weight[1], s->weight[2], 0,
     };
     memcpy(v, values, sizeof values);
@@ -300,11 +300,11 @@ void likeness_painter_close(struct likeness_painter **out)
 // ---------------------------------------------------------------- drawing
 
 static void set_maps(struct likeness_painter *p, enum uniform uniform, struct pose to, const struct posture *posture,
-                     struct part_map maps[PART_COUNT])
+                     struct part_map maps[BONE_COUNT])
 {
-    for (int part = 0; part < PART_COUNT; part++)
-        maps[part] = part_map_of(pose_multiply(to, posture->part[part]));
-    set(p, uniform, maps[0].row[0], 3 * PART_COUNT);
+    for (int b = 0; b < BONE_COUNT; b++)
+        maps[b] = part_map_of(pose_multiply(to, posture->bone[b]));
+    set(p, uniform, maps[0].row[0], 3 * BONE_COUNT);
 }
 
 static void set_turn(struct likeness_painter *p, enum uniform uniform, struct pose turn)
@@ -402,16 +402,16 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
         return status;
     shown = posture_adjusted(&shown, &now->adjustment);
     recorded = posture_adjusted(&recorded, &now->adjustment);
-    struct part_map viewer_from_part[PART_COUNT], now_from_part[PART_COUNT];
+    struct part_map viewer_from_bone[BONE_COUNT], now_from_bone[BONE_COUNT];
     struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
-    set_maps(p, VIEWER_FROM_PART, viewer_from_world, &shown, viewer_from_part);
-    set_maps(p, NOW_FROM_PART, POSE_IDENTITY, &recorded, now_from_part);
+    set_maps(p, VIEWER_FROM_BONE, viewer_from_world, &shown, viewer_from_bone);
+    set_maps(p, NOW_FROM_BONE, POSE_IDENTITY, &recorded, now_from_bone);
     set_turn(p, WORLD_FROM_NOW, e->world_from_camera);
     set_turn(p, VIEWER_FROM_NOW, pose_multiply(viewer_from_world, e->world_from_camera));
     set(p, NOW_WINDOWS, now->windows[0], 2);
     float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
     set(p, KIND, (const float[4]){now->seen, time_s, HALF_OUTLINE_PX, 0}, 1);
-    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part, now->shift, absent);
+    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_bone, now->shift, absent);
     if (corners.front == 0)
         return OK;
     gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.front + corners.ribbon);

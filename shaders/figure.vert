@@ -1,15 +1,15 @@
 #version 300 es
-// The person's figure: from the rest pose, part by part, to the tablet's picture,
+// The person's figure: from the rest pose, bone by bone, to the tablet's picture,
 // lens and all; and to where the shown frame may have seen it.
 precision highp float;
 
 layout(location = 0) in vec4 point;  // rest pose, metres; w: where its colours lie, across
 layout(location = 1) in vec4 facing; // its normal; w: where its colours lie, down
-layout(location = 2) in vec4 part;   // the three parts it goes with; w: 1 for its double at the outline's outer rim
+layout(location = 2) in vec4 bone;   // the three bones it goes with; w: 1 for its double at the outline's outer rim
 layout(location = 3) in vec4 share;  // and how much with each
 
-uniform vec4 viewer_from_part[33]; // rows of each part's map into the tablet camera's axes, metres
-uniform vec4 now_from_part[33];    // the same into the colour camera's axes of the shown frame
+uniform vec4 viewer_from_bone[45]; // rows of each bone's map into the tablet camera's axes, metres
+uniform vec4 now_from_bone[45];    // the same into the colour camera's axes of the shown frame
 uniform vec4 world_from_now[3];    // rows of the turn from those into the world's
 uniform vec4 viewer_from_now[3];   // and into the tablet camera's
 uniform vec4 depth_from_color[3];  // rows, metres
@@ -72,18 +72,18 @@ void main()
     vec4 h = vec4(shifted(point.xyz), 1.0), f = vec4(facing.xyz, 0.0);
     vec3 p = vec3(0.0), now = vec3(0.0), turned = vec3(0.0);
     for (int i = 0; i < 3; i++) {
-        int number = int(part[i] + 0.5), row = 3 * number;
-        p += share[i] * vec3(dot(viewer_from_part[row], h), dot(viewer_from_part[row + 1], h),
-                             dot(viewer_from_part[row + 2], h));
-        now += share[i] * vec3(dot(now_from_part[row], h), dot(now_from_part[row + 1], h),
-                               dot(now_from_part[row + 2], h));
-        turned += share[i] * vec3(dot(now_from_part[row], f), dot(now_from_part[row + 1], f),
-                                  dot(now_from_part[row + 2], f));
+        int number = int(bone[i] + 0.5), row = 3 * number;
+        p += share[i] * vec3(dot(viewer_from_bone[row], h), dot(viewer_from_bone[row + 1], h),
+                             dot(viewer_from_bone[row + 2], h));
+        now += share[i] * vec3(dot(now_from_bone[row], h), dot(now_from_bone[row + 1], h),
+                               dot(now_from_bone[row + 2], h));
+        turned += share[i] * vec3(dot(now_from_bone[row], f), dot(now_from_bone[row + 1], f),
+                                  dot(now_from_bone[row + 2], f));
     }
     turned = normalize(turned);
     vec3 world = vec3(dot(world_from_now[0].xyz, turned), dot(world_from_now[1].xyz, turned),
                       dot(world_from_now[2].xyz, turned));
-    lighting = vec2(sqrt(lit(world)), 1.0 - part.w);
+    lighting = vec2(sqrt(lit(world)), 1.0 - bone.w);
 
     vec4 now1 = vec4(now, 1.0);
     vec3 d = vec3(dot(depth_from_color[0], now1), dot(depth_from_color[1], now1), dot(depth_from_color[2], now1));
@@ -101,7 +101,7 @@ void main()
                          dot(viewer_from_now[2].xyz, turned));
     vec2 aside = outwards.xy - p.xy * (outwards.z / p.z);
     float sine = max(length(aside), 1e-3);
-    px += (2.0 * part.w - 1.0) * kind.z * p.z * smoothstep(0.8, 0.95, sine) / sine * aside;
+    px += (2.0 * bone.w - 1.0) * kind.z * p.z * smoothstep(0.8, 0.95, sine) / sine * aside;
     float n = view_range.x, far = view_range.y;
     gl_Position = vec4(2.0 * px / view_lens[2].zw - p.z, ((far + n) * p.z - 2.0 * far * n) / (far - n), p.z);
 }
