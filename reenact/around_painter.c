@@ -100,17 +100,19 @@ enum status around_painter_give(struct around_painter *a, struct room *room)
                          a->room.corner_count);
 }
 
-bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
-                         const struct skeleton *in_viewer)
+void around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
+                         const struct room_hidden *hidden)
 {
-    if (!a->walls || !room_may_hide(&a->room, viewer_from_room, in_viewer))
-        return false;
     const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, 0}, none[4] = {0};
+    struct gpu_job job = {.target = target, .program = a->program, .mesh = a->walls, .depth_test = true};
+    int ball = 0;
+    if (!a->walls)
+        return;
     gpu_program_set(a->program, VIEWER_FROM_POINT, viewer_from_room->row[0], 3);
     gpu_program_set(a->program, VIEW_RANGE, range, 1);
     gpu_program_set(a->program, SHADOW, none, 1);
-    gpu_draw(&(struct gpu_job){.target = target, .program = a->program, .mesh = a->walls, .depth_test = true});
-    return true;
+    while (room_next_before(&a->room, viewer_from_room, hidden, &ball, &job.first, &job.count))
+        gpu_draw(&job);
 }
 
 static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double radius)
@@ -136,16 +138,16 @@ static void put_feet(float (*bones)[4], const struct skeleton *s)
     }
 }
 
-void around_painter_shadow(struct around_painter *a, struct gpu_target *target, struct pose world_from_viewer,
-                           const struct skeleton *skeleton, const struct body *body)
+void around_painter_shadow(struct around_painter *a, struct gpu_target *target, const struct around_view *view)
 {
+    const struct skeleton *skeleton = view->skeleton;
     float bones[2 * PART_COUNT + 4][4] = {{0}};
     struct vec3 low = v3(INFINITY, INFINITY, 0), high = v3(-INFINITY, -INFINITY, 0);
     for (int p = 0; p < PART_COUNT; p++) {
         struct vec3 ends[2] = {skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]};
-        if (!part_is_known(body, skeleton, (enum part)p))
+        if (!part_is_known(view->body, skeleton, (enum part)p))
             continue;
-        put_bone(&bones[2 * p], ends[0], ends[1], body->radius_rate[p] * v3_distance(ends[0], ends[1]));
+        put_bone(&bones[2 * p], ends[0], ends[1], view->body->radius_rate[p] * v3_distance(ends[0], ends[1]));
         for (int e = 0; e < 2; e++) {
             low = v3(fmin(low.x, ends[e].x), fmin(low.y, ends[e].y), 0);
             high = v3(fmax(high.x, ends[e].x), fmax(high.y, ends[e].y), 0);
@@ -156,9 +158,12 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
     put_feet(&bones[(size_t)2 * PART_COUNT], skeleton);
     double reach = fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M;
     struct vec3 middle = v3_mix(low, high, 0.5);
+    const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
+    const struct room_hidden hidden = {pose_apply(viewer_from_world, middle), reach}; // it fades out within a circle
+    if (view->viewer_from_room)
+        around_painter_room(a, target, view->viewer_from_room, &hidden);
     struct part_map world = {{{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
-    struct part_map viewer_from_world = part_map_of(pose_inverse(world_from_viewer));
-    struct part_map viewer = part_map_multiply(&viewer_from_world, &world);
+    struct part_map map = part_map_of(viewer_from_world), viewer = part_map_multiply(&map, &world);
     const float range[4] = {NEAREST_M, FARTHEST_M, FLOOR_BACK_M, 0};
     const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARK};
     gpu_program_set(a->program, VIEWER_FROM_POINT, viewer.row[0], 3);
