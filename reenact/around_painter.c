@@ -6,6 +6,8 @@
 #include <stdlib.h>
 
 enum { PATCH = 16 }; // quads a side, so that the lens bends the shadow, too
+enum { ROUND = 12 };
+static const double PI = 3.14159265358979323846, FLOOR_M = 0.02;
 
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
 static const float ROOM_BACK_M = 0.06F;  // what the actor touches is not to cut into him
@@ -159,7 +161,12 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
     double reach = fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M;
     struct vec3 middle = v3_mix(low, high, 0.5);
     const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
-    const struct room_hidden hidden = {pose_apply(viewer_from_world, middle), reach}; // it fades out within a circle
+    struct room_hidden hidden = {0};
+    for (int i = 0; i < ROUND; i++) { // it fades out within a circle
+        const double turn = 2 * PI * i / ROUND, r = reach / cos(PI / ROUND);
+        const struct vec3 rim = v3(middle.x + r * cos(turn), middle.y + r * sin(turn), 0);
+        room_hidden_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
+    }
     if (view->viewer_from_room)
         around_painter_room(a, target, view->viewer_from_room, &hidden);
     struct part_map world = {{{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};

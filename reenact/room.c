@@ -422,40 +422,47 @@ void room_free(struct room *room)
 
 // ---------------------------------------------------------------- does it matter
 
+void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m)
+{
+    const double across[2] = {middle.x, middle.y}, steepest = 1.4; // radians; beyond is no side
+    const bool first = !(h->farthest_m > 0);
+    if (!(middle.z + radius_m > 0))
+        return; // behind the eye
+    h->farthest_m = fmax(h->farthest_m, middle.z + radius_m);
+    for (int i = 0; i < 2; i++) {
+        const double away = hypot(across[i], middle.z), half = away > radius_m ? asin(radius_m / away) : INFINITY;
+        const double to = atan2(across[i], middle.z), from_rad = to - half, to_rad = to + half;
+        const double low = from_rad > -steepest ? tan(fmin(from_rad, steepest)) : -INFINITY;
+        const double high = to_rad < steepest ? tan(fmax(to_rad, -steepest)) : INFINITY;
+        h->low[i] = first ? low : fmin(h->low[i], low);
+        h->high[i] = first ? high : fmax(h->high[i], high);
+    }
+}
+
 struct room_hidden room_hidden_body(const struct skeleton *in_viewer)
 {
-    struct vec3 sum = v3(0, 0, 0);
-    int known = 0;
-    for (int j = 0; j < JOINT_COUNT; j++)
-        if (in_viewer->confidence[j] > 0) {
-            sum = v3_add(sum, in_viewer->joint[j]);
-            known++;
-        }
-    struct room_hidden body = {v3_scale(sum, known ? 1.0 / known : 0), -1};
+    struct room_hidden body = {0};
     for (int j = 0; j < JOINT_COUNT; j++)
         if (in_viewer->confidence[j] > 0)
-            body.radius_m = fmax(body.radius_m, v3_distance(in_viewer->joint[j], body.middle) + BODY_M);
+            room_hidden_add(&body, in_viewer->joint[j], BODY_M);
     return body;
 }
 
-// From the eye it is a cone, which the ball may reach into.
 static bool may_be_before(const struct room_ball *ball, const struct part_map *viewer_from_room,
                           const struct room_hidden *hidden)
 {
-    const double away = v3_length(hidden->middle);
-    if (hidden->radius_m < 0 || !(away > hidden->radius_m))
-        return hidden->radius_m >= 0; // the eye is in its midst
     const struct vec3 *m = &ball->middle;
     double p[3];
     for (int r = 0; r < 3; r++)
         p[r] = (double)viewer_from_room->row[r][0] * m->x + (double)viewer_from_room->row[r][1] * m->y +
                (double)viewer_from_room->row[r][2] * m->z + (double)viewer_from_room->row[r][3];
-    const struct vec3 at = v3(p[0], p[1], p[2]);
-    const double along = v3_dot(at, hidden->middle) / away, aside = sqrt(fmax(0, v3_dot(at, at) - along * along));
-    // How far the ball is outside the cone: its sides are steep to the axis by that angle.
-    const double sine = hidden->radius_m / away, cosine = sqrt(1 - sine * sine);
-    return along > -ball->radius_m && along < away + hidden->radius_m + ball->radius_m &&
-           aside * cosine - along * sine < ball->radius_m;
+    bool may = hidden->farthest_m > 0 && p[2] > -ball->radius_m && p[2] < hidden->farthest_m + ball->radius_m;
+    for (int i = 0; i < 2 && may; i++) { // how far it is beyond either side
+        const double low = hidden->low[i], high = hidden->high[i];
+        may = !(isfinite(low) && (low * p[2] - p[i]) / hypot(low, 1) > ball->radius_m) &&
+              !(isfinite(high) && (p[i] - high * p[2]) / hypot(high, 1) > ball->radius_m);
+    }
+    return may;
 }
 
 bool room_next_before(const struct room *room, const struct part_map *viewer_from_room,

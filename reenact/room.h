@@ -26,13 +26,16 @@ MUST_CHECK enum status room_make(struct room *out, const struct place *place, st
                                  const struct likeness_watch *watch);
 void room_free(struct room *room); // leaves it zeroed
 
-// What the room may hide, as a ball around it: tablet camera axes, metres. Radius below 0: nothing.
+// What the room may hide, as the wedge from the eye that holds it, tablet camera axes. Zeroed: nothing yet.
 struct room_hidden {
-    struct vec3 middle;
-    double radius_m;
+    double low[2], high[2]; // of x / z and y / z; infinite: it has no such side
+    double farthest_m;      // z. 0: nothing
 };
 
-// A body whose joints those are (camera axes, metres).
+// A ball more, metres.
+void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m);
+
+// A body whose joints those are.
 struct room_hidden room_hidden_body(const struct skeleton *in_viewer);
 
 // The triangles that may lie before it, run by run: the next one's corners, *count of them from *first on. *ball: 0 at
