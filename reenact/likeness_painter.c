@@ -358,10 +358,10 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
         return status;
     shown = posture_adjusted(&shown, &now->adjustment);
     const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
-    struct part_map viewer_from_part[PART_COUNT];
-    for (int part = 0; part < PART_COUNT; part++)
-        viewer_from_part[part] = part_map_of(pose_multiply(viewer_from_world, shown.part[part]));
-    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part, now->shift, absent);
+    struct part_map viewer_from_bone[BONE_COUNT];
+    for (int b = 0; b < BONE_COUNT; b++)
+        viewer_from_bone[b] = part_map_of(pose_multiply(viewer_from_world, shown.bone[b]));
+    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_bone, now->shift, absent);
     if (corners.front == 0)
         return OK;
     bring_shown(p, now, &corners);
