@@ -1,6 +1,6 @@
-// Work that nobody waits for just now, beside what is to be seen.
+// Work beside what is to be seen, which can do without it for some pictures.
 #pragma once
 
-// From here on the calling thread, and those that it starts, leave the processors to others as long as those want
-// them, but for a tenth of a share. Where the system does not allow it, nothing changes.
+// From here on the calling thread, and those that it starts, have a third of an ordinary thread's share of the
+// processors where others want them; all that is left otherwise. Where the system does not allow it, nothing changes.
 void background_begin(void);

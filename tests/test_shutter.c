@@ -14,7 +14,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SWEEP = 20, PICTURES = 6, FILMS = 3, WIDTH = 640, HEIGHT = 480, BYTES = WIDTH * HEIGHT * 3 };
+#ifdef EMULATED
+enum { PICTURES = 3 };
+#else
+enum { PICTURES = 6 };
+#endif
+enum { SWEEP = 20, FILMS = 3, WIDTH = 640, HEIGHT = 480, BYTES = WIDTH * HEIGHT * 3 };
 static const double HZ = 30, AT_MOST_WORSE = 1.5;
 static const double READOUT_S[FILMS] = {0, 0.02, 0.03};
 
