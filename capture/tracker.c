@@ -493,6 +493,7 @@ struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
         any |= apart[k] = limb_moved_m(k, &build, &other_build) > APART_M;
     if (!any)
         return odds;
+    // As far a reach as in the search for limbs: what is left unexplained has to count.
     struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = *other, .expected_sigma = 2,
                             .shape = t->shape, .iterations = 2, .reach_m = 0.12};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
