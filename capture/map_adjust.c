@@ -18,6 +18,7 @@ struct how {
     const bool *joins;   // which points; NULL: all
     double *cost;        // NULL: not asked for
     double *depth_times; // NULL: depth is true
+    double *tag_covariance; // NULL: not asked for
 };
 
 struct sizes {
@@ -98,7 +99,7 @@ static void fill_frame(const struct map *m, int32_t i, const struct how *how, st
         double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), how->loose_px / lens->fx * s->depth) : 1;
         struct adjust_sighting *seen = &sightings[n->sightings++];
         *seen = (struct adjust_sighting){i, s->point, ray.x, ray.y, {0}, s->depth, sigma_m};
-        feature_covariance(&s->feature, seen->covariance);
+        sighting_covariance(&m->points[s->point], &s->feature, seen->covariance);
         seen->covariance[0] += how->loose_px * how->loose_px;
         seen->covariance[2] += how->loose_px * how->loose_px;
     }
@@ -176,6 +177,7 @@ static enum status adjust_all(struct map *m, const struct how *how)
             .cost = how->cost,
             .depth_times = how->depth_times,
             .depth_times_sigma = DEPTH_TIMES_SIGMA,
+            .square_covariance = how->tag_covariance,
         };
         status = adjust(&problem);
         if (status == OK && joins)
@@ -239,6 +241,11 @@ enum status map_adjust_by(struct map *m, int rounds, const bool *joins)
     return adjust_all(m, &(struct how){.rounds = rounds, .joins = joins});
 }
 
+enum status map_covariance(struct map *m, double *tags)
+{
+    return adjust_all(m, &(struct how){.tag_covariance = tags});
+}
+
 struct sum {
     double squares;
     int64_t count;
@@ -260,7 +267,8 @@ static double rms(struct sum sum)
 static void measure_tag(const struct map *m, const struct map_frame *f, int32_t k, struct sum *px, struct sum *metres)
 {
     struct map_tag *tag = &m->tags[f->which[k]];
-    struct fit_tag fit = {&f->seen[k], NULL, tag->world_from_tag, tag->side_m, 0, true, 0};
+    struct fit_tag fit = {
+        .seen = &f->seen[k], .world_from_tag = tag->world_from_tag, .side_m = tag->side_m, .used = true};
     double error = fit_tag_rms(&fit, NULL, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
     if (!tag->mapped || error > 10) // lost its weight in the adjustment
         return;

@@ -41,6 +41,7 @@ enum status map_take_in(struct map *m, const struct place *before, const struct 
     for (int32_t i = 0; i < old_tags && status == OK; i++) {
         status = add_tag(m, before->tags[i].id, before->tags[i].side_m);
         m->tags[i].world_from_tag = before->tags[i].world_from_tag;
+        memcpy(m->tags[i].covariance, before->tags[i].covariance, sizeof m->tags[i].covariance);
         m->tags[i].mapped = m->tags[i].held = true;
     }
     for (int32_t i = 0; i < tag_count && status == OK; i++)

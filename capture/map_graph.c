@@ -59,8 +59,12 @@ static double cost_of(const struct map *m, int32_t tag, const struct pose *world
         for (int32_t k = 0; f->placed && k < f->seen_count; k++) {
             if (f->which[k] != tag)
                 continue;
-            struct fit_tag t = {
-                &f->seen[k], f->depths[k].count ? &f->depths[k] : NULL, *world_from_tag, m->tags[tag].side_m, UNFINISHED_PX, true, 0};
+            struct fit_tag t = {.seen = &f->seen[k],
+                                .depth = f->depths[k].count ? &f->depths[k] : NULL,
+                                .world_from_tag = *world_from_tag,
+                                .side_m = m->tags[tag].side_m,
+                                .map_px = UNFINISHED_PX,
+                                .used = true};
             cost += fit_tag_cost(&t, &f->camera_from_world, GUESS_PX, m->calibration.color.fx, m->calibration.color.fy);
         }
     }

@@ -49,6 +49,7 @@ struct map_tag {
     struct pose world_from_tag;
     double rms_px;
     int32_t sightings;
+    float covariance[21]; // as in struct place_tag
 };
 
 struct map {
@@ -86,6 +87,8 @@ MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loos
 MUST_CHECK enum status map_adjust_depth(struct map *m, int rounds);
 // The same with those points alone for which joins[point]; the others go with the frames.
 MUST_CHECK enum status map_adjust_by(struct map *m, int rounds, const bool *joins);
+// The joint covariance of all tags, as adjust.h has it, where they are. tags: 6 tag_count on a side.
+MUST_CHECK enum status map_covariance(struct map *m, double *tags);
 // rms_px, rms_m, and each tag's rms_px and sightings.
 void map_measure(struct map *m);
 
@@ -116,6 +119,8 @@ MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
 // ---- map_sure.c
 // The covariance of each new point. Once the map is where it stays. ERR_MEMORY.
 MUST_CHECK enum status map_weigh_points(struct map *m);
+// The same of each new tag.
+MUST_CHECK enum status map_weigh_tags(struct map *m);
 
 // ---- map_follow.c: frames placed by points
 // Places frames of two possible poses by the points they show. How many.

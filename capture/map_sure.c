@@ -1,5 +1,5 @@
-// How surely the map knows where its points are: from all sightings and depth readings of each, as the adjustment
-// weighs them, with the cameras where they are.
+// How surely the map knows where things are. Points: from all sightings and depth readings of each, as the adjustment
+// weighs them, with the cameras where they are. Tags, which are known ten times better: from the whole adjustment.
 #include "capture/map_internal.h"
 #include "locate/linear.h"
 
@@ -14,12 +14,12 @@ struct known {
 
 // Where a frame shows a point: errors whitened, and their derivative by the point.
 static void add_sighting(struct known *k, const struct lens *lens, const struct map_frame *f,
-                         const struct map_feature *s, struct vec3 world)
+                         const struct map_feature *s, const struct place_point *point)
 {
-    struct vec3 p = pose_apply(f->camera_from_world, world), ray = lens_ray(lens, s->feature.at);
+    struct vec3 p = pose_apply(f->camera_from_world, point->world), ray = lens_ray(lens, s->feature.at);
     double turn[3][3], c[3], rows[3][3], e[3] = {0};
     quat_to_matrix(f->camera_from_world.rotation, turn);
-    feature_covariance(&s->feature, c);
+    sighting_covariance(point, &s->feature, c);
     double a = 1 / sqrt(c[0]), d = 1 / sqrt(c[2] - c[1] * c[1] / c[0]), b = -d * c[1] / c[0];
     double x = p.x / p.z, y = p.y / p.z, depth = s->depth > 0 ? 1 / depth_sigma(s->depth) : 0;
     double off_x = lens->fx * (x - ray.x), off_y = lens->fy * (y - ray.y);
@@ -65,11 +65,109 @@ enum status map_weigh_points(struct map *m)
         for (int32_t n = 0; f->placed && n < f->feature_count; n++) {
             const struct map_feature *s = &f->features[n];
             if (s->point >= m->held_points)
-                add_sighting(&known[s->point], &m->calibration.color, f, s, m->points[s->point].world);
+                add_sighting(&known[s->point], &m->calibration.color, f, s, &m->points[s->point]);
         }
     }
     for (int32_t i = m->held_points; i < m->point_count; i++)
         settle(&known[i], &m->points[i]);
     free(known);
     return OK;
+}
+
+// How a tag moves in its own axes, turn and shift, when the whole world turns and shifts. 6 x 6.
+static void moved_with_all(const struct map_tag *tag, double out[36])
+{
+    double r[3][3];
+    const struct vec3 t = tag->world_from_tag.translation;
+    const double aside[3][3] = {{0, t.z, -t.y}, {-t.z, 0, t.x}, {t.y, -t.x, 0}}; // the shift by a turn
+    quat_to_matrix(tag->world_from_tag.rotation, r);
+    memset(out, 0, 36 * sizeof *out);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            out[i * 6 + j] = out[(3 + i) * 6 + 3 + j] = r[j][i];
+            for (int k = 0; k < 3; k++)
+                out[(3 + i) * 6 + j] += r[k][i] * aside[k][j];
+        }
+}
+
+// The motion of the whole world that fits small motions of all tags best: `by` rows of 6, one column for each of the
+// tags' numbers. False: nothing to fit it to.
+static bool common_motion(const struct map *m, double *by)
+{
+    const int n = 6 * m->tag_count;
+    double normal[36] = {0}, inverse[36], with[36];
+    memset(by, 0, 6 * (size_t)n * sizeof *by);
+    for (int pass = 0; pass < 2; pass++) {
+        for (int32_t t = 0; t < m->tag_count; t++) {
+            const double lever = m->tags[t].side_m / 2; // a turn counts as far as it moves the corners
+            if (!m->tags[t].mapped)
+                continue;
+            moved_with_all(&m->tags[t], with);
+            for (int k = 0; k < 6; k++)
+                for (int i = 0; i < 6; i++)
+                    for (int j = 0; j < 6; j++) {
+                        double weight = (k < 3 ? lever * lever : 1) * with[k * 6 + j];
+                        if (pass)
+                            by[i * n + 6 * t + k] += inverse[i * 6 + j] * weight;
+                        else
+                            normal[i * 6 + j] += with[k * 6 + i] * weight;
+                    }
+        }
+        if (!pass && !invert_symmetric(normal, 6, inverse))
+            return false;
+    }
+    return true;
+}
+
+// What is left of each tag's covariance when all tags may be moved together: the world is where they have it.
+// all: 6 tag_count on a side; its diagonal blocks change.
+static void against_all_tags(const struct map *m, double *all, double *common, double *half)
+{
+    const int n = 6 * m->tag_count;
+    double both[36] = {0};
+    if (!common_motion(m, common))
+        return;
+    memset(half, 0, 6 * (size_t)n * sizeof *half); // of the common motion with each tag's
+    for (int i = 0; i < 6; i++)
+        for (int k = 0; k < n; k++)
+            for (int j = 0; j < n; j++)
+                half[i * n + j] += common[i * n + k] * all[k * n + j];
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++)
+            for (int k = 0; k < n; k++)
+                both[i * 6 + j] += half[i * n + k] * common[j * n + k];
+    for (int32_t t = 0; t < m->tag_count; t++) {
+        double with[36];
+        moved_with_all(&m->tags[t], with);
+        for (int a = 0; a < 6; a++)
+            for (int b = 0; b < 6; b++) {
+                double *c = &all[(6 * t + a) * n + 6 * t + b];
+                for (int i = 0; i < 6; i++) {
+                    *c -= with[a * 6 + i] * half[i * n + 6 * t + b] + with[b * 6 + i] * half[i * n + 6 * t + a];
+                    for (int j = 0; j < 6; j++)
+                        *c += with[a * 6 + i] * both[i * 6 + j] * with[b * 6 + j];
+                }
+            }
+    }
+}
+
+enum status map_weigh_tags(struct map *m)
+{
+    const int n = 6 * m->tag_count;
+    double *all = calloc((size_t)n * (size_t)n + 1, sizeof *all);
+    double *common = calloc(6 * (size_t)n + 1, sizeof *common), *half = calloc(6 * (size_t)n + 1, sizeof *half);
+    enum status status = all && common && half ? map_covariance(m, all)
+                                               : fail(ERR_MEMORY, "no memory to weigh %d tags", (int)m->tag_count);
+    if (status == OK && !m->extends)
+        against_all_tags(m, all, common, half);
+    for (int32_t t = 0; t < m->tag_count && status == OK; t++) {
+        float *out = m->tags[t].covariance;
+        for (int a = 0; a < 6 && !(m->extends && m->tags[t].held); a++)
+            for (int b = a; b < 6; b++)
+                *out++ = (float)all[(6 * t + a) * n + 6 * t + b];
+    }
+    free(all);
+    free(common);
+    free(half);
+    return status;
 }

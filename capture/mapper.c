@@ -298,9 +298,11 @@ static enum status hand_over(struct mapper *m, struct place *out)
     }
     for (int32_t i = 0; i < map->tag_count; i++) {
         const struct map_tag *t = &map->tags[i];
-        if (t->mapped)
-            out->tags[out->tag_count++] =
-                (struct place_tag){t->id, t->side_m, t->world_from_tag, t->rms_px, t->sightings};
+        if (!t->mapped)
+            continue;
+        struct place_tag *tag = &out->tags[out->tag_count++];
+        *tag = (struct place_tag){t->id, t->side_m, t->world_from_tag, t->rms_px, t->sightings, {0}};
+        memcpy(tag->covariance, t->covariance, sizeof tag->covariance);
     }
     memcpy(out->points, map->points, (size_t)map->point_count * sizeof *out->points);
     out->point_count = map->point_count;
@@ -342,6 +344,8 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
     }
     if (status == OK)
         status = map_weigh_points(&m->map);
+    if (status == OK)
+        status = map_weigh_tags(&m->map);
     if (status == OK)
         status = hand_over(m, out);
     report_tags(m, report);

@@ -87,18 +87,56 @@ static double add_depth(struct normal *n, const struct fit_tag *tag, const struc
     return cost;
 }
 
+// Where the map has the tag a little aside, all its corners err together.
+static void add_map_error(const struct fit_tag *tag, const struct pose *camera_from_world, double fx, double fy,
+                          double covariance[64])
+{
+    struct pose camera_from_tag = pose_multiply(*camera_from_world, tag->world_from_tag);
+    double half = tag->side_m / 2, turn[3][3], by[8][6], times[8][6];
+    quat_to_matrix(camera_from_tag.rotation, turn);
+    for (int k = 0; k < 4; k++) {
+        const struct vec3 own = {k == 1 || k == 2 ? half : -half, k >= 2 ? half : -half, 0};
+        struct vec3 p = pose_apply(camera_from_tag, own);
+        if (!(p.z > 1e-3))
+            return;
+        for (int row = 0; row < 2; row++) {
+            double f = row ? fy : fx, off = (row ? p.y : p.x) / p.z, *d = by[2 * k + row];
+            for (int i = 0; i < 3; i++)
+                d[3 + i] = f / p.z * (turn[row][i] - off * turn[2][i]);
+            d[0] = own.y * d[5];
+            d[1] = -own.x * d[5];
+            d[2] = own.x * d[4] - own.y * d[3];
+        }
+    }
+    memset(times, 0, sizeof times);
+    for (int a = 0, i = 0; a < 6; a++)
+        for (int b = a; b < 6; b++, i++)
+            for (int r = 0; r < 8; r++) {
+                times[r][a] += (double)tag->covariance[i] * by[r][b];
+                if (a != b)
+                    times[r][b] += (double)tag->covariance[i] * by[r][a];
+            }
+    for (int r = 0; r < 8; r++)
+        for (int c = 0; c < 8; c++)
+            for (int i = 0; i < 6; i++)
+                covariance[r * 8 + c] += times[r][i] * by[c][i];
+}
+
 // The weights of one tag's corners.
 struct weights {
     double a[64];
 };
 
-static void stage_information(const struct fit_tag *tag, double extra_px, double out[64])
+static void stage_information(const struct fit_tag *tag, double extra_px, const struct pose *camera_from_world,
+                              double fx, double fy, double out[64])
 {
     memset(out, 0, 64 * sizeof *out);
     double covariance[64], variance = extra_px * extra_px;
     if (extra_px < 1 && invert_symmetric(&tag->seen->information[0][0], 8, covariance)) {
         for (int i = 0; i < 8; i++)
             covariance[i * 8 + i] += variance + tag->map_px * tag->map_px;
+        if (tag->covariance)
+            add_map_error(tag, camera_from_world, fx, fy, covariance);
         if (invert_symmetric(covariance, 8, out))
             return;
     }
@@ -241,7 +279,7 @@ double fit_refine(const struct fit_tag *tags, int count, double tag_px, const st
     struct normal n, after;
     double damping = 1e-6;
     for (int i = 0; i < count; i++)
-        stage_information(&tags[i], tag_px, all.information[i].a);
+        stage_information(&tags[i], tag_px, pose, fx, fy, all.information[i].a);
     normal_equations(&all, pose, &n);
     for (int round = 0; round < 20; round++) {
         double a[WITH_SPEED * WITH_SPEED], d[WITH_SPEED];
@@ -293,7 +331,7 @@ static void look_closely(const struct fit_tag *tags, int count, const struct fit
                            .motion = motion,
                            .depth = true};
     for (int i = 0; i < count; i++)
-        stage_information(&tags[i], 0, all.information[i].a);
+        stage_information(&tags[i], 0, camera_from_world, fx, fy, all.information[i].a);
     normal_equations(&all, camera_from_world, n);
     for (int i = 0; i < n->size; i++)
         for (int j = 0; j < i; j++)
@@ -377,7 +415,7 @@ double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_wo
 {
     struct normal n = {.size = POSE};
     struct weights w;
-    stage_information(tag, extra_px, w.a);
+    stage_information(tag, extra_px, camera_from_world, fx, fy, w.a);
     return add_tag(&n, tag, w.a, NULL, camera_from_world, true, fx, fy);
 }
 

@@ -16,7 +16,8 @@ struct fit_tag {
     const struct tag_depth *depth; // or NULL
     struct pose world_from_tag;
     double side_m;
-    double map_px; // how well the map has its corners, beside the picture's noise: standard deviation
+    double map_px; // how well its corners are seen, beside the picture's noise: standard deviation
+    const float *covariance; // how surely the map has it, as struct place_tag; or NULL: exactly
     bool used;     // out: in agreement with the pose
     double rms_px; // out: reprojection error of its corners
 };

@@ -306,6 +306,7 @@ static int correct_tags(struct locator *l, const struct fit_tag *tags, struct fi
         }
         out[count] = tags[i];
         out[count].depth = NULL;
+        out[count].covariance = NULL; // that is among what is known
         out[count].seen = &l->corrected[count];
         count++;
     }

@@ -187,6 +187,7 @@ void locator_fit_tags(const struct locator *l, struct fit_tag *tags)
             .world_from_tag = tag->world_from_tag,
             .side_m = tag->side_m,
             .map_px = tag->rms_px / sqrt(2), // of a corner's x or y
+            .covariance = tag->covariance,
         };
     }
 }

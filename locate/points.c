@@ -79,15 +79,22 @@ static double unlikeness(const struct place_point *point, const struct feature *
     return fmax(1, 0.3 + bits * bits);
 }
 
+void sighting_covariance(const struct place_point *point, const struct feature *f, double out[3])
+{
+    double times = unlikeness(point, f);
+    feature_covariance(f, out);
+    for (int i = 0; i < 3; i++)
+        out[i] *= times;
+}
+
 void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
                        const struct pose *camera_from_world, double out[3])
 {
     struct vec3 p = pose_apply(*camera_from_world, point->world);
-    feature_covariance(f, out);
+    sighting_covariance(point, f, out);
     // The sweep's pictures showed it no better, and an edge leads all of them astray alike.
-    double times = 2 * unlikeness(point, f);
     for (int i = 0; i < 3; i++)
-        out[i] *= times;
+        out[i] *= 2;
     if (!(p.z > 0.1))
         return;
     // How far the picture of the point moves with it, world axes.

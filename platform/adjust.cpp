@@ -357,6 +357,125 @@ bool order_blocks(const adjust_problem &in, copies &c, ceres::Problem &problem, 
     return any;
 }
 
+// What is not held, points first, and in which column of the derivative each block begins.
+struct columns {
+    std::vector<double *> blocks;
+    std::vector<int> square; // of its turn, then its shift; -1: held, or nothing sees it
+    int points = 0, all = 0;
+
+    columns(const adjust_problem &in, copies &c, const ceres::Problem &problem)
+    {
+        for (int32_t i = in.held_points; i < in.point_count; i++)
+            add(problem, &c.points[(size_t)i].x, 3);
+        points = all;
+        for (moving &m : c.cameras) {
+            add(problem, m.turn, 3);
+            add(problem, m.shift, 3);
+        }
+        for (moving &m : c.squares) {
+            square.push_back(problem.HasParameterBlock(m.turn) && !problem.IsParameterBlockConstant(m.turn) ? all : -1);
+            add(problem, m.turn, 3);
+            add(problem, m.shift, 3);
+        }
+        if (in.depth_times)
+            add(problem, &c.depth_times, 1);
+    }
+
+  private:
+    void add(const ceres::Problem &problem, double *block, int size)
+    {
+        if (!problem.HasParameterBlock(block) || problem.IsParameterBlockConstant(block))
+            return;
+        blocks.push_back(block);
+        all += size;
+    }
+};
+
+// The whitened errors' derivative, row by row.
+struct derivative {
+    ceres::CRSMatrix all;
+    int points; // columns, the first ones
+
+    int begin(int row) const { return all.rows[(size_t)row]; }
+    int end(int row) const { return all.rows[(size_t)row + 1]; }
+    int column(int i) const { return all.cols[(size_t)i]; }
+    double value(int i) const { return all.values[(size_t)i]; }
+};
+
+// What errors of one point take from what is known of poses, since the point is free to follow them: times its transpose,
+// three columns.
+void add_point(const derivative &by, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
+{
+    Matrix3 own = Matrix3::Zero();
+    for (int r : rows) {
+        Vector3 by_point = Vector3::Zero();
+        for (int i = by.begin(r); i < by.end(r); i++)
+            if (by.column(i) < by.points)
+                by_point[by.column(i) % 3] = by.value(i);
+        own += by_point * by_point.transpose();
+        for (int i = by.begin(r); i < by.end(r); i++)
+            if (by.column(i) >= by.points)
+                out.row(by.column(i) - by.points) += by.value(i) * by_point.transpose();
+    }
+    const Eigen::LLT<Matrix3> factor(own);
+    out = factor.matrixL().solve(out.transpose()).transpose().eval();
+    if (!out.allFinite()) // seen along one line: it says nothing of its own, and all that it says of poses is used up
+        out.setZero();
+}
+
+// Lower half.
+Eigen::MatrixXd information_of_poses(const derivative &by)
+{
+    enum { TOGETHER = 64 };
+    const int poses = by.all.num_cols - by.points, count = by.points / 3;
+    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(poses, poses), some(poses, 3 * TOGETHER);
+    std::vector<std::vector<int>> rows((size_t)count); // of each point
+    for (int r = 0; r < by.all.num_rows; r++) {
+        int point = -1;
+        for (int i = by.begin(r); i < by.end(r); i++) {
+            if (by.column(i) < by.points)
+                point = by.column(i) / 3;
+            for (int k = by.begin(r); by.column(i) >= by.points && k < by.end(r); k++)
+                if (by.column(k) >= by.column(i))
+                    information(by.column(k) - by.points, by.column(i) - by.points) += by.value(i) * by.value(k);
+        }
+        if (point >= 0)
+            rows[(size_t)point].push_back(r);
+    }
+    for (int first = 0; first < count; first += TOGETHER) {
+        some.setZero();
+        for (int p = first; p < std::min(count, first + TOGETHER); p++)
+            add_point(by, rows[(size_t)p], some.middleCols(3 * (p - first), 3));
+        information.selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
+    }
+    return information;
+}
+
+void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &problem)
+{
+    const columns which(in, c, problem);
+    ceres::Problem::EvaluateOptions options;
+    derivative by = {{}, which.points};
+    const int n = 6 * in.square_count;
+    Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
+    out.setZero();
+    options.parameter_blocks = which.blocks;
+    if (!problem.Evaluate(options, nullptr, nullptr, nullptr, &by.all))
+        return;
+    const Eigen::LLT<Eigen::MatrixXd> factor(information_of_poses(by));
+    if (factor.info() != Eigen::Success)
+        return;
+    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(which.all - which.points, n); // by each square's own motion
+    for (int s = 0; s < in.square_count; s++) {
+        const Matrix3 turn =
+            rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
+        for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
+            moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = turn;
+    }
+    const Eigen::MatrixXd half = factor.matrixL().solve(moves);
+    out = half.transpose() * half;
+}
+
 enum status solve(const adjust_problem &in)
 {
     copies c(in);
@@ -381,6 +500,8 @@ enum status solve(const adjust_problem &in)
         return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
     if (in.cost)
         *in.cost = summary.final_cost;
+    if (in.square_covariance)
+        find_covariance(in, c, problem);
     c.take_over(in);
     return OK;
 }

@@ -57,6 +57,10 @@ struct adjust_problem {
     double *cost;        // out: the robust cost in the end; or NULL
     double *depth_times; // in and out: readings of depth times this are true; or NULL: they are true
     double depth_times_sigma; // it is about 1, within this
+    // out: 6 square_count on a side, row-major: the joint covariance of a small turn (radians) and shift (metres) of each
+    // square in its own axes, in the end, with what is held as exact. 0 for what is held or seen by nothing, and
+    // everywhere where the errors leave something open. Or NULL.
+    double *square_covariance;
 };
 
 // ERR_SOLVER: no usable solution, everything stays as it was. ERR_MEMORY.

@@ -85,13 +85,22 @@ void slope_around(const cv::Mat &picture, const cv::KeyPoint &k, float scale, fl
     }
 }
 
+// OpenCV multiplies a pixel of a copy with its scale. But the copy's first pixel is the mean of several, and the copy is
+// a whole number of pixels wide.
+double whole(float at, float scale, int length)
+{
+    double copy = std::lround((float)length * (1 / scale));
+    return ((double)(at / scale) + 0.5) * length / copy - 0.5;
+}
+
 void hand_out(const cv::Mat &picture, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step,
               int left, int top, struct feature *out, int capacity, int *count)
 {
     for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
         struct feature &f = out[(*count)++];
-        f.at = {kept[i].pt.x + (float)left, kept[i].pt.y + (float)top};
         f.scale = std::pow(step, (float)kept[i].octave);
+        f.at = {(double)left + whole(kept[i].pt.x, f.scale, picture.cols),
+                (double)top + whole(kept[i].pt.y, f.scale, picture.rows)};
         slope_around(picture, kept[i], f.scale, f.slope);
         std::memcpy(f.descriptor, descriptors.ptr((int)i), sizeof f.descriptor);
     }

@@ -148,8 +148,7 @@ static void harmonics(const float n[3], float y[LIGHT_TERMS])
     y[7] = n[0] * n[0] - n[1] * n[1], y[8] = 3 * n[2] * n[2] - 1;
 }
 
-// n: world axes, unit.
-static float lit(const struct light *light, const float n[3])
+float light_on(const struct light *light, const float n[3])
 {
     float y[LIGHT_TERMS], sum = 0;
     harmonics(n, y);
@@ -162,7 +161,7 @@ static float lit(const struct light *light, const float n[3])
 static void light_words(const struct word words[KEPT], const struct light *light, float on[KEPT])
 {
     for (int k = 0; k < KEPT; k++)
-        on[k] = words[k].weight > 0 ? lit(light, words[k].normal) : 1;
+        on[k] = words[k].weight > 0 ? light_on(light, words[k].normal) : 1;
 }
 
 // The point's own colour in the mean light, each word counting `odd` of its weight; false: nobody saw it.

@@ -2,10 +2,6 @@
 
 #include <stdlib.h>
 
-struct spot {
-    float x, y, z;
-};
-
 typedef float four __attribute__((vector_size(16))); // three of them, side by side
 
 enum { RIBBON = 6 }; // corners for each edge
@@ -182,7 +178,7 @@ struct silhouette_corners silhouette_find(struct silhouette *s, const struct par
         all = all && !absent[p];
     if (!all)
         leave_out(s, absent);
-    struct silhouette_corners out = {.corners = s->corners};
+    struct silhouette_corners out = {.corners = s->corners, .placed = s->placed};
     find_bounds(s, &out);
     out.front = put_front(s, s->corners);
     out.ribbon = put_ribbon(s, s->corners + out.front);

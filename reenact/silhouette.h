@@ -14,8 +14,12 @@ void silhouette_close(struct silhouette **s);
 // point_count + i. First come those that face the viewer, then the ribbon's. None goes for the
 // most part with absent parts of the body. viewer_from_bone: of each bone, BONE_COUNT; absent: of each part.
 // shift: of each of the mesh's points in the rest pose, metres.
+struct spot {
+    float x, y, z;
+};
 struct silhouette_corners {
-    const uint16_t *corners; // valid until the next call
+    const uint16_t *corners; // valid until the next call, as placed
+    const struct spot *placed; // each point of the mesh, in the viewer's axes
     int front, ribbon;       // how many of each
     float low[2], high[2];   // between which all of it lies, x and y where z is 1; infinite: some lies beside the camera
 };

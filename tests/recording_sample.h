@@ -90,7 +90,14 @@ static inline struct place some_place(struct dice *dice)
     p.points = calloc((size_t)p.point_count, sizeof *p.points);
     p.views = calloc((size_t)p.view_count, sizeof *p.views);
     for (int i = 0; i < p.tag_count; i++)
-        p.tags[i] = (struct place_tag){7 * i, 0.16, some_pose(dice), number(dice), 5 + i};
+        p.tags[i] = (struct place_tag){.id = 7 * i,
+                                       .side_m = 0.16,
+                                       .world_from_tag = some_pose(dice),
+                                       .rms_px = number(dice),
+                                       .sightings = 5 + i};
+    for (int i = 0; i < p.tag_count; i++)
+        for (int k = 0; k < 21; k++)
+            p.tags[i].covariance[k] = (float)(i + k) * 1e-6F;
     for (int i = 0; i < p.point_count; i++) {
         p.points[i].world = v3(number(dice), number(dice), number(dice));
         for (int k = 0; k < 6; k++)

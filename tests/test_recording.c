@@ -32,6 +32,7 @@ static void same_place(const struct place *a, const struct place *b)
         same_bytes(&a->tags[i].world_from_tag, &b->tags[i].world_from_tag, sizeof(struct pose));
         EXPECT_NEAR(a->tags[i].side_m, b->tags[i].side_m, 0);
         EXPECT_NEAR(a->tags[i].rms_px, b->tags[i].rms_px, 0);
+        same_bytes(a->tags[i].covariance, b->tags[i].covariance, sizeof a->tags[i].covariance);
     }
     same_bytes(a->points, b->points, (size_t)a->point_count * sizeof *a->points);
     for (int i = 0; i < a->view_count; i++) {
@@ -462,7 +463,7 @@ static void test_points_of_unknown_uncertainty(void **state)
     place.rms_px = 0.25; // as it was written
     write_recording(path_of("older"));
     EXPECT_STATUS(database_open(&db, path_of("older"), DATABASE_WRITE), OK);
-    EXPECT_STATUS(database_run(db, "DROP TABLE point_error"), OK);
+    EXPECT_STATUS(database_run(db, "DROP TABLE point_error; DROP TABLE tag_error"), OK);
     database_close(&db);
     EXPECT_STATUS(recording_open(&r, path_of("older")), OK);
     EXPECT_STATUS(recording_read_place(r, &got), OK);
@@ -471,6 +472,10 @@ static void test_points_of_unknown_uncertainty(void **state)
     for (int i = 0; i < got.point_count; i++)
         for (int k = 0; k < 6; k++)
             EXPECT_NEAR(got.points[i].covariance[k], 0, 0);
+    EXPECT_INT(got.tag_count, place.tag_count);
+    for (int i = 0; i < got.tag_count; i++)
+        for (int k = 0; k < 21; k++)
+            EXPECT_NEAR(got.tags[i].covariance[k], 0, 0);
     place_free(&got);
     EXPECT_STATUS(recording_append(&w, path_of("older")), OK);
     EXPECT_STATUS(recording_put_place(w, &place), OK);

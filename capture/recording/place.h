@@ -13,6 +13,9 @@ struct place_tag {
     struct pose world_from_tag;
     double rms_px;                // reprojection error of a corner over its sightings in the map; 0: exact
     int32_t sightings;
+    // How surely the map has it, against all its tags together: covariance of a small motion in the tag's own axes, turn
+    // (radians), then shift (metres); its upper half row by row. All 0: not known.
+    float covariance[21];
 };
 
 // Corner 0..3: bottom left, bottom right, top right, top left as the reader sees

@@ -38,8 +38,7 @@ static enum status check_place(struct recording *r)
     const struct calibration *c = &place.calibration;
     bool finite = isfinite(place.rms_px) && isfinite(place.rms_m);
     for (int32_t i = 0; i < place.tag_count; i++)
-        finite = finite && isfinite(place.tags[i].side_m) && isfinite(place.tags[i].rms_px) &&
-                 pose_finite(place.tags[i].world_from_tag);
+        finite = finite && tag_is_finite(&place.tags[i]);
     for (int32_t i = 0; i < place.point_count; i++)
         finite = finite && point_is_finite(&place.points[i]);
     uint8_t *rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);

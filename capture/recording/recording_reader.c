@@ -163,23 +163,32 @@ static enum status read_place_row(struct recording *r, struct place *p)
     return status;
 }
 
-// Older files have none.
-static enum status read_point_errors(struct recording *r, struct place *p)
+// How sure points are, or tags. Older files do not have both.
+static enum status read_errors(struct recording *r, bool of_tags, struct place *p)
 {
+    static const char *const count[2] = {
+        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'point_error'",
+        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'tag_error'"};
+    static const char *const select[2] = {"SELECT covariances, crc FROM point_error",
+                                          "SELECT covariances, crc FROM tag_error"};
+    const int32_t items = of_tags ? p->tag_count : p->point_count;
+    const size_t each = of_tags ? TAG_ERROR_BYTES : POINT_ERROR_BYTES;
     struct statement *s = NULL;
     int64_t tables = 0;
-    enum status status = database_number(
-        r->db, "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'point_error'",
-        &tables);
+    enum status status = database_number(r->db, count[of_tags], &tables);
     if (status == OK && tables)
-        status = statement_open(&s, r->db, "SELECT covariances, crc FROM point_error");
+        status = statement_open(&s, r->db, select[of_tags]);
     if (status == OK && tables && (status = statement_step(s)) == OK) {
         size_t bytes;
         const uint8_t *errors = statement_blob(s, 0, &bytes);
-        if (bytes != (size_t)p->point_count * POINT_ERROR_BYTES || crc32_of(0, errors, bytes) != statement_number(s, 1))
-            status = damaged(r, "the uncertainty of the place's points cannot be read");
-        for (int32_t i = 0; i < p->point_count && status == OK; i++)
-            get_point_error(errors + (size_t)i * POINT_ERROR_BYTES, &p->points[i]);
+        if (bytes != (size_t)items * each || crc32_of(0, errors, bytes) != statement_number(s, 1))
+            status = damaged(r, "how sure the place is of its points and tags cannot be read");
+        for (int32_t i = 0; i < items && status == OK; i++) {
+            if (of_tags)
+                get_tag_error(errors + (size_t)i * each, &p->tags[i]);
+            else
+                get_point_error(errors + (size_t)i * each, &p->points[i]);
+        }
     }
     statement_close(&s);
     return status == NOTHING ? OK : status;
@@ -223,7 +232,9 @@ enum status recording_read_place(struct recording *r, struct place *out)
     struct depth_coder *coder = NULL;
     enum status status = read_place_row(r, &place);
     if (status == OK)
-        status = read_point_errors(r, &place);
+        status = read_errors(r, false, &place);
+    if (status == OK)
+        status = read_errors(r, true, &place);
     if (status == OK)
         status = depth_coder_open(&coder);
     if (status == OK)

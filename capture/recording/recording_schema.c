@@ -13,7 +13,7 @@ const char *const recording_tables =
     "CREATE TABLE frame(id INTEGER PRIMARY KEY, time_ns INTEGER, located INTEGER, world_from_camera BLOB,"
     " skeleton BLOB, pictures INTEGER, crc INTEGER);"
     "CREATE TABLE picture(id INTEGER PRIMARY KEY, mask_crc INTEGER, depth_crc INTEGER, color_crc INTEGER,"
-    " mask BLOB, depth BLOB, color BLOB);" POINT_ERROR_TABLE;
+    " mask BLOB, depth BLOB, color BLOB);" ERROR_TABLES;
 
 // ------------------------------------------------------------- checksums
 
@@ -220,7 +220,29 @@ void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *ou
         out->covariance[i] = get_f32(&in);
 }
 
+void put_tag_error(uint8_t out[TAG_ERROR_BYTES], const struct place_tag *tag)
+{
+    for (size_t i = 0; i < COUNT_OF(tag->covariance); i++)
+        out = put_f32(out, tag->covariance[i]);
+}
+
+void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out)
+{
+    for (size_t i = 0; i < COUNT_OF(out->covariance); i++)
+        out->covariance[i] = get_f32(&in);
+}
+
 // ------------------------------------------------------------- senses
+
+bool tag_is_finite(const struct place_tag *tag)
+{
+    bool finite = isfinite(tag->side_m) && isfinite(tag->rms_px) && pose_finite(tag->world_from_tag);
+    for (int row = 0, i = 0; row < 6; i += 6 - row++) // of an upper half the diagonal comes first in each row
+        finite = finite && tag->covariance[i] >= 0;
+    for (size_t i = 0; i < COUNT_OF(tag->covariance); i++)
+        finite = finite && isfinite(tag->covariance[i]);
+    return finite;
+}
 
 bool point_is_finite(const struct place_point *point)
 {

@@ -14,6 +14,7 @@ enum {
     TAG_BYTES = 4 + 8 + POSE_BYTES + 8 + 4,
     POINT_BYTES = 3 * 8 + 32,
     POINT_ERROR_BYTES = 6 * 4,
+    TAG_ERROR_BYTES = 21 * 4,
     TAKE_NAME_BYTES = 200,
     PLACE_ITEMS_MOST = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
 };
@@ -23,9 +24,10 @@ static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((
 enum { FRAME_NUMBER_MOST = 0x7fffffff };
 
 extern const char *const recording_tables; // CREATE TABLE ...
-// Files made before there was this one get it with their next place.
-#define POINT_ERROR_TABLE                                                                                              \
-    "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
+// Files made before there were these get them with their next place.
+#define ERROR_TABLES                                                                                                   \
+    "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                   \
+    "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
 
 // How the statements of writer, reader and care order the columns.
 #define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
@@ -71,10 +73,13 @@ void put_point(uint8_t out[POINT_BYTES], const struct place_point *point);
 void get_point(const uint8_t in[POINT_BYTES], struct place_point *out);
 void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_point *point);
 void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *out);
+void put_tag_error(uint8_t out[TAG_ERROR_BYTES], const struct place_tag *tag);
+void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out);
 
 // Finite, and of senses that any reader can rely on. ERR_INPUT with a sentence.
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
 bool point_is_finite(const struct place_point *point); // and no variance below 0
+bool tag_is_finite(const struct place_tag *tag);       // likewise
 bool skeleton_is_finite(const struct skeleton *skeleton);
 bool body_is_finite(const struct body *body);
 

@@ -106,8 +106,7 @@ static enum status check_place(const struct place *p)
         return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
     bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
     for (int32_t i = 0; i < p->tag_count; i++)
-        finite = finite && pose_finite(p->tags[i].world_from_tag) && isfinite(p->tags[i].side_m) &&
-                 isfinite(p->tags[i].rms_px);
+        finite = finite && tag_is_finite(&p->tags[i]);
     for (int32_t i = 0; i < p->point_count; i++)
         finite = finite && point_is_finite(&p->points[i]);
     for (int32_t i = 0; i < p->view_count; i++)
@@ -147,22 +146,29 @@ static enum status put_place_row(struct database *db, const struct place *p)
     return status;
 }
 
-static enum status put_point_errors(struct database *db, const struct place *p)
+// How sure points and tags are.
+static enum status put_errors(struct database *db, const struct place *p)
 {
-    size_t bytes = (size_t)p->point_count * POINT_ERROR_BYTES;
-    uint8_t *errors = malloc(bytes + 1);
-    struct statement *s = NULL;
+    static const char *const insert[2] = {"INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)",
+                                          "INSERT INTO tag_error(id, covariances, crc) VALUES(1,?,?)"};
+    const size_t bytes[2] = {(size_t)p->point_count * POINT_ERROR_BYTES, (size_t)p->tag_count * TAG_ERROR_BYTES};
+    uint8_t *errors = malloc(bytes[0] + bytes[1] + 1);
     enum status status = errors ? OK : fail(ERR_MEMORY, "no memory to write the place");
-    if (status == OK)
-        status = statement_open(&s, db, "INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)");
-    if (status == OK) {
-        for (int32_t i = 0; i < p->point_count; i++)
-            put_point_error(errors + (size_t)i * POINT_ERROR_BYTES, &p->points[i]);
-        statement_bind_blob(s, 1, errors, bytes);
-        statement_bind_number(s, 2, crc32_of(0, errors, bytes));
-        status = statement_run(s);
+    for (int32_t i = 0; i < p->point_count && status == OK; i++)
+        put_point_error(errors + (size_t)i * POINT_ERROR_BYTES, &p->points[i]);
+    for (int32_t i = 0; i < p->tag_count && status == OK; i++)
+        put_tag_error(errors + bytes[0] + (size_t)i * TAG_ERROR_BYTES, &p->tags[i]);
+    for (int k = 0; k < 2 && status == OK; k++) {
+        const uint8_t *first = errors + (k ? bytes[0] : 0);
+        struct statement *s;
+        status = statement_open(&s, db, insert[k]);
+        if (status == OK) {
+            statement_bind_blob(s, 1, first, bytes[k]);
+            statement_bind_number(s, 2, crc32_of(0, first, bytes[k]));
+            status = statement_run(s);
+        }
+        statement_close(&s);
     }
-    statement_close(&s);
     free(errors);
     return status;
 }
@@ -200,12 +206,12 @@ enum status recording_put_place(struct recording_writer *w, const struct place *
         return status;
     status = scribe_stop(w->scribe);
     if (status == OK)
-        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" POINT_ERROR_TABLE
-                                     "DELETE FROM point_error");
+        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" ERROR_TABLES
+                                     "DELETE FROM point_error; DELETE FROM tag_error");
     if (status == OK)
         status = put_place_row(w->db, place);
     if (status == OK)
-        status = put_point_errors(w->db, place);
+        status = put_errors(w->db, place);
     if (status == OK)
         status = put_views(w->db, w->coder, place);
     if (status == OK)

@@ -91,7 +91,7 @@ static enum status add_tags(struct scene *s)
         struct vec3 u = v3_add(v3_scale(f->u, d->cosine), v3_scale(f->v, d->sine)), v = v3_cross(f->normal, u);
         double m[3][3] = {{u.x, v.x, f->normal.x}, {u.y, v.y, f->normal.y}, {u.z, v.z, f->normal.z}};
         struct vec3 at = v3_add(f->corner, v3_add(v3_scale(f->u, d->u), v3_scale(f->v, d->v)));
-        s->tags[i] = (struct place_tag){i, side, {quat_from_matrix(m), at}, 0, 0};
+        s->tags[i] = (struct place_tag){.id = i, .side_m = side, .world_from_tag = {quat_from_matrix(m), at}};
     }
     return OK;
 }
