@@ -1,5 +1,6 @@
 #include "app/ahead.h"
 
+#include "platform/background.h"
 #include "platform/clock.h"
 
 #include <pthread.h>
@@ -109,6 +110,7 @@ static void *run(void *self)
     struct take *take = NULL;
     struct source_rays *rays = NULL;
     struct frame_loader *loader = NULL;
+    background_begin();
     enum status status = recording_open(&recording, a->path);
     if (status == OK)
         status = take_open(&take, recording, a->take);

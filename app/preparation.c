@@ -1,5 +1,7 @@
 #include "app/preparation.h"
 
+#include "platform/background.h"
+
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -80,6 +82,7 @@ static enum status make(struct preparation *p)
 static void *run(void *self)
 {
     struct preparation *p = self;
+    background_begin();
     p->status = make(p);
     if (p->status < 0)
         strncpy(p->sentence, status_sentence(), sizeof p->sentence - 1);

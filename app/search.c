@@ -1,5 +1,7 @@
 #include "app/search.h"
 
+#include "platform/background.h"
+
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -81,6 +83,7 @@ static enum status search(struct search *s, struct camera_track *track, int most
 static void *run(void *self)
 {
     struct search *s = self;
+    background_begin();
     pthread_mutex_lock(&s->lock);
     while (!s->closing) {
         struct camera_track *track = s->track;

@@ -197,6 +197,17 @@ static struct nearest find_nearest(const struct body_build *build, const struct 
 
 static double point_share(const struct body_evidence *e) { return fmin(1, INDEPENDENT_POINTS / fmax(e->count, 1)); }
 
+// What the tails hide says nothing of the shape beneath: there a surface that is nearest to a point is not the one seen.
+static bool is_under_tails(const struct body_build *build, const struct body_solid *s, struct vec3 p)
+{
+    const struct body_solid *tails = &build->solid[SOLID_TAILS];
+    bool leg = s->segment >= SEG_LEFT_THIGH;
+    if (build->solids <= SOLID_TAILS || !leg)
+        return false;
+    struct vec3 axis = v3_sub(tails->b, tails->a);
+    return v3_dot(v3_sub(p, tails->a), axis) < v3_dot(axis, axis);
+}
+
 // Points against the nearest surface that the camera can see. With `system` NULL only judges.
 static double add_points(const struct fit_task *task, const struct body_build *build,
                          const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
@@ -217,13 +228,14 @@ static double add_points(const struct fit_task *task, const struct body_build *b
         const struct body_solid *s = &build->solid[best.solid];
         double radius = s->radius_a + (s->radius_b - s->radius_a) * best.t, row[SHAPE_COUNT];
         struct vec3 normal = surface_normal(s, &best, p, view);
-        if (slope)
+        bool teaches = slope && !is_under_tails(build, s, p);
+        if (teaches)
             shape_row(slope, s, best.solid, best.t, best.side_m, normal, row);
         struct vec3 at = v3_add(best.on, v3_scale(normal, radius));
         double pull = weight * fade * fade, swing = s->open ? TAILS_SWING * best.t : 0; // a hem moves with the thighs
         for (int leg = SEG_LEFT_THIGH; swing > 0 && leg <= SEG_RIGHT_THIGH; leg += SEG_RIGHT_THIGH - SEG_LEFT_THIGH)
             fit_system_pull(system, build, (enum segment)leg, at, normal, best.distance, 0.5 * swing * pull, NULL);
-        fit_system_pull(system, build, s->segment, at, normal, best.distance, (1 - swing) * pull, slope ? row : NULL);
+        fit_system_pull(system, build, s->segment, at, normal, best.distance, (1 - swing) * pull, teaches ? row : NULL);
     }
     return energy;
 }

@@ -88,17 +88,18 @@ static struct vec3 turned(double m[3][3], struct vec3 v)
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
 }
 
-// From the waist down, as wide as the hips there, round the middle between the thighs.
+// From the waist down, as wide as the hips there, below them where the pelvis and both thighs point in the mean.
 static void add_tails(const struct body_shape *shape, double hip_girth, struct body_build *out)
 {
     struct body_solid *s = &out->solid[SOLID_TAILS];
     const struct body_solid *hips = &out->solid[0];
-    struct vec3 down = v3(0, -1, 0), hanging = turned(out->axes[SEG_PELVIS], v3_scale(down, 0.3)),
+    struct vec3 down = v3(0, -1, 0), hanging = turned(out->axes[SEG_PELVIS], down),
                 left = turned(out->axes[SEG_LEFT_THIGH], down), right = turned(out->axes[SEG_RIGHT_THIGH], down),
+                middle = v3_mix(out->origin[SEG_LEFT_THIGH], out->origin[SEG_RIGHT_THIGH], 0.5),
                 along = v3_unit(v3_add(hanging, v3_add(left, right)));
     s->segment = SEG_PELVIS;
     s->a = v3_add(out->origin[SEG_PELVIS], turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth)));
-    s->b = v3_add(out->origin[SEG_PELVIS], v3_scale(along, shape->hem_m));
+    s->b = v3_add(middle, v3_scale(along, shape->hem_m - v3_distance(out->origin[SEG_PELVIS], middle)));
     along = v3_unit(v3_sub(s->b, s->a));
     s->side = v3_unit(v3_sub(hips->side, v3_scale(along, v3_dot(hips->side, along))));
     s->width_a = hips->width_b;

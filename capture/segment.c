@@ -301,7 +301,10 @@ static void clear_components(struct segmenter *s)
         s->components[c] = (struct component){.top = -1e9, .bottom = 1e9, .low = {1e9, 1e9, 1e9}, .high = {-1e9, -1e9, -1e9}};
 }
 
-// How many cells each component has, and how many of them are close to the balls.
+#define ASTRAY_M 0.30 // so far from where it is believed a hand or a foot may be
+#define SMALL 0.1     // of the main part: a limb, nobody else
+
+// How many cells each component has, and how many of them are close to the balls, or around them.
 static void count_close(struct segmenter *s, const struct ball *balls, int ball_count)
 {
     clear_components(s);
@@ -312,7 +315,7 @@ static void count_close(struct segmenter *s, const struct ball *balls, int ball_
     for (int b = 0; b < ball_count; b++)
         middle = v3_add(middle, v3_scale(balls[b].centre, 1.0 / ball_count));
     for (int b = 0; b < ball_count; b++)
-        reach = fmax(reach, v3_distance(middle, balls[b].centre) + balls[b].radius + 0.2);
+        reach = fmax(reach, v3_distance(middle, balls[b].centre) + balls[b].radius + 0.2 + ASTRAY_M);
     for (int n = 0; n < s->candidate_count; n++) {
         int i = s->candidate[n];
         struct component *c = &s->components[s->label[i]];
@@ -321,16 +324,20 @@ static void count_close(struct segmenter *s, const struct ball *balls, int ball_
         c->cells++;
         if (!(v3_dot(far, far) < reach * reach))
             continue;
+        bool around = false;
         for (int k = -1; k < ball_count; k++) {
             int b = k < 0 ? last : k; // a neighbour's first
-            double r = balls[b].radius + margin;
+            double r = balls[b].radius + margin, away = r + ASTRAY_M;
             struct vec3 d = v3_sub(p, balls[b].centre);
-            if (v3_dot(d, d) < r * r) {
+            double d2 = v3_dot(d, d);
+            around |= d2 < away * away;
+            if (d2 < r * r) {
                 c->close++;
                 last = b;
                 break;
             }
         }
+        c->around += around;
     }
 }
 
@@ -461,7 +468,8 @@ static bool belongs(const struct segmenter *s, const struct component *c, const 
     if (c->cells < 4)
         return false;
     if (ball_count)
-        return c->close > 0.5 * c->cells || (c->touching > 0.12 * c->cells && c->close > 0.1 * c->cells);
+        return c->close > 0.5 * c->cells || (c->touching > 0.12 * c->cells && c->close > 0.1 * c->cells) ||
+               (c->touching > 0.12 * c->cells && c->around == c->cells && c->cells < SMALL * main->cells); // a limb that was lost
     double away[3];
     for (int k = 0; k < 3; k++)
         away[k] = c->sum[k] / c->cells - main->sum[k] / main->cells;

@@ -47,6 +47,7 @@ struct component {
     int border_left, border_right, border_bottom, border_top;
     int overlap;              // cells that were the person's before
     int close;                // cells close to the predicted body
+    int around;               // cells not farther from it than a lost hand is from where it is believed
     int touching;             // cells beside what is the person's already
     bool mine;                // it is the person, or a part of them
     double top_width;         // how wide it is within 0.2 m of its top

@@ -113,6 +113,8 @@ enum status settle_look_back(struct settle *s, struct tracker *t, int64_t index,
         s->looked_at = m->person;
     }
     s->looking_back = true;
+    if (m->person >= 0)
+        tracker_also_there(t, &m->pose);
     enum status status = tracker_next(t, m->time_ns, depth, &told, NULL);
     if (status < 0)
         return status;

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2, HEM_EVERY = 4, HEM_PICTURES = 8 };
+enum { BALLS_MAX = 2 * 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2, HEM_EVERY = 4, HEM_PICTURES = 8 };
 
 #define ELSEWHERE_M 0.08 // a limb that a search moves further than this was lost
 #define APART_M 0.04     // two places of a limb nearer than this are the same
@@ -28,6 +28,8 @@ struct tracker {
     struct body_steady shown;        // what was reported last
     int64_t time_ns, before_ns;      // their times
     bool moving;                     // `before` is there
+    struct body_pose other;          // in the next frame: where the other way had the body
+    bool has_other;
     struct shape_belief shape;
     double learned_s;
     struct hem_belief hem;
@@ -146,9 +148,9 @@ static struct body_pose predicted(const struct tracker *t, int64_t time_ns)
     return pose;
 }
 
-static int body_balls(const struct body_build *build, struct ball balls[BALLS_MAX])
+// Adds a body's balls; returns how many there are then.
+static int add_balls(const struct body_build *build, struct ball balls[BALLS_MAX], int count)
 {
-    int count = 0;
     for (int i = 0; i < build->solids; i++) {
         const struct body_solid *s = &build->solid[i];
         for (int k = 0; k < 4; k++) {
@@ -402,8 +404,13 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     if (t->following) {
         struct body_build build;
         body_build(&t->shape.mean, &expected, &build);
-        ball_count = body_balls(&build, balls);
+        ball_count = add_balls(&build, balls, 0);
+        if (t->has_other) {
+            body_build(&t->shape.mean, &t->other, &build);
+            ball_count = add_balls(&build, balls, ball_count);
+        }
     }
+    t->has_other = false;
     enum status status = segmenter_next(t->segmenter, depth, balls, ball_count, t->mask);
     took(t, &t->times.segment);
     if (status < 0)
@@ -462,6 +469,12 @@ void tracker_turn_back(struct tracker *t, const struct body_shape *shape)
     memset(t->elsewhere_evidence, 0, sizeof t->elsewhere_evidence);
 }
 
+void tracker_also_there(struct tracker *t, const struct body_pose *pose)
+{
+    t->other = *pose;
+    t->has_other = true;
+}
+
 const struct body_pose *tracker_pose(const struct tracker *t) { return &t->shown.pose; }
 
 const struct body_shape *tracker_shape(const struct tracker *t) { return &t->shape.mean; }
@@ -481,7 +494,7 @@ struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
     if (!any)
         return odds;
     struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = *other, .expected_sigma = 2,
-                            .shape = t->shape, .iterations = 2, .reach_m = 0.06};
+                            .shape = t->shape, .iterations = 2, .reach_m = 0.12};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     struct fit_result *judged = &t->room->other;
     body_fit(&task, other, &t->room->trial); // a fit beside a fit

@@ -8,6 +8,10 @@
 // called again where an earlier person comes. Until tracker_reset.
 void tracker_turn_back(struct tracker *t, const struct body_shape *shape);
 
+// Where the other way had the person in the frame that comes next: what is close to it there is
+// the person, too, so that a limb which one way has lost is not cut off with what the other sees of it.
+void tracker_also_there(struct tracker *t, const struct body_pose *pose);
+
 // Of the last tracker_next that was OK; depth camera's axes.
 const struct body_pose *tracker_pose(const struct tracker *t); // as told
 const struct body_shape *tracker_shape(const struct tracker *t);

@@ -21,6 +21,27 @@ struct pixel lens_project(const struct lens *l, struct vec3 p)
     return (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
 }
 
+double lens_largest_r2(const struct lens *l)
+{
+    double largest = 0;
+    const struct pixel corners[] = {
+        {-0.5, -0.5}, {l->width - 0.5, -0.5}, {-0.5, l->height - 0.5}, {l->width - 0.5, l->height - 0.5}};
+    for (int i = 0; i < 4; i++) {
+        struct vec3 ray = lens_ray(l, corners[i]);
+        largest = fmax(largest, ray.x * ray.x + ray.y * ray.y);
+    }
+    return largest * 1.21;
+}
+
+struct pixel lens_project_held(const struct lens *l, double largest_r2, struct vec3 p)
+{
+    double x = p.x / p.z, y = p.y / p.z, r2 = largest_r2;
+    if (x * x + y * y <= r2)
+        return lens_project(l, p);
+    double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+    return (struct pixel){l->fx * x * radial + l->cx, l->fy * y * radial + l->cy};
+}
+
 struct vec3 lens_ray(const struct lens *l, struct pixel px)
 {
     double xd = (px.x - l->cx) / l->fx, yd = (px.y - l->cy) / l->fy;

@@ -33,6 +33,11 @@ bool lens_is_ideal(const struct lens *lens); // no distortion
 // Where point `p` (camera axes) falls. z must be > 0.
 struct pixel lens_project(const struct lens *lens, struct vec3 p);
 
+// The largest (x / z)^2 + (y / z)^2 that its distortion is meant for: a tenth farther out than the picture's corners.
+double lens_largest_r2(const struct lens *lens);
+// As lens_project, but beyond that the distortion is held, so that what lies outside does not fall into the picture.
+struct pixel lens_project_held(const struct lens *lens, double largest_r2, struct vec3 p);
+
 // The point with z = 1 that falls on `px`; distortion undone by Newton to 1e-10.
 struct vec3 lens_ray(const struct lens *lens, struct pixel px);
 

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { ROUNDS = 8, UNKNOWNS = 6 * PART_COUNT, POINTS = 4000 };
+enum { ROUNDS = 8, UNKNOWNS = 6 * BONE_COUNT, POINTS = 4000 };
 
 // Least squares in units of metres: a reading is good to this much,
 static const double READING_M = 0.01;
@@ -11,23 +11,23 @@ static const double PART_READINGS = 60;
 static const double JOINED_M = 0.004;                   // a joint's two sides meet within this,
 static const double JOINTS_M = 0.06, JOINTS_RAD = 0.5;  // the joints are known to this,
 static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from the start to that.
-static const double HEAD_RAD = 1.2;                     // joints do not tell how a head is turned
+static const double END_RAD = 1.2;                     // joints do not tell how head, hands and feet are turned
 static const double OUTLIER_M = 0.025;
 static const double SURELY_SEEN = 1; // frames; a surface that is only guessed holds nothing
 
 struct adjustment adjustment_none(void)
 {
     struct adjustment a;
-    for (int p = 0; p < PART_COUNT; p++)
-        a.part[p] = POSE_IDENTITY;
+    for (int p = 0; p < BONE_COUNT; p++)
+        a.bone[p] = POSE_IDENTITY;
     return a;
 }
 
 struct posture posture_adjusted(const struct posture *posture, const struct adjustment *adjustment)
 {
     struct posture out;
-    for (int p = 0; p < PART_COUNT; p++)
-        out.part[p] = pose_multiply(posture->part[p], adjustment->part[p]);
+    for (int p = 0; p < BONE_COUNT; p++)
+        out.bone[p] = pose_multiply(posture->bone[p], adjustment->bone[p]);
     return out;
 }
 
@@ -39,8 +39,8 @@ static struct pose pose_mix(struct pose a, struct pose b, double t)
 struct adjustment adjustment_mix(const struct adjustment *a, const struct adjustment *b, double t)
 {
     struct adjustment out;
-    for (int p = 0; p < PART_COUNT; p++)
-        out.part[p] = pose_mix(a->part[p], b->part[p], t);
+    for (int p = 0; p < BONE_COUNT; p++)
+        out.bone[p] = pose_mix(a->bone[p], b->bone[p], t);
     return out;
 }
 
@@ -90,12 +90,12 @@ struct state {
     const struct rest *rest;
     const struct sight *sight;
     struct posture joints, start, now;
-    struct vec3 middle[PART_COUNT]; // of each part, about which it turns; camera axes
+    struct vec3 middle[BONE_COUNT]; // of each bone, about which it turns; camera axes
     int every;                      // pixels between two that are used
 };
 
-// Camera-axes motion of part p: x -> x + w cross (x - middle) + t; unknowns t, w.
-static void part_row(const struct state *s, int p, struct vec3 at, struct vec3 along, int *index, double *j)
+// Camera-axes motion of bone p: x -> x + w cross (x - middle) + t; unknowns t, w.
+static void bone_row(const struct state *s, int p, struct vec3 at, struct vec3 along, int *index, double *j)
 {
     struct vec3 turn = v3_cross(v3_sub(at, s->middle[p]), along);
     const double values[6] = {along.x, along.y, along.z, turn.x, turn.y, turn.z};
@@ -122,59 +122,60 @@ static int points_of(const struct state *s, int count[PART_COUNT])
 
 static void add_readings(const struct state *s, struct system *system)
 {
-    struct pose rest_from_camera[PART_COUNT];
+    struct pose rest_from_camera[BONE_COUNT];
     int count[PART_COUNT];
     points_of(s, count);
-    for (int p = 0; p < PART_COUNT; p++)
-        rest_from_camera[p] = pose_inverse(s->now.part[p]);
+    for (int p = 0; p < BONE_COUNT; p++)
+        rest_from_camera[p] = pose_inverse(s->now.bone[p]);
     for (int y = s->sight->top; y <= s->sight->bottom; y += s->every)
         for (int x = s->sight->left; x <= s->sight->right; x += s->every) {
-            int i = y * s->sight->width + x, p = s->sight->part[i];
-            if (p >= PART_COUNT || !s->rest->known[p])
+            int i = y * s->sight->width + x, part = s->sight->part[i];
+            if (part >= PART_COUNT || !s->rest->known[part])
                 continue;
             struct vec3 at = source_rays_point(s->sight->rays, i, s->sight->depth[i]), gradient;
+            int p = rest_bone(s->rest, (enum part)part, at, rest_from_camera);
             double distance, seen;
             if (!volume_at(s->volume, pose_apply(rest_from_camera[p], at), &distance, &gradient, &seen) ||
                 v3_length(gradient) < 0.3)
                 continue;
-            struct vec3 normal = quat_rotate(s->now.part[p].rotation, v3_unit(gradient));
+            struct vec3 normal = quat_rotate(s->now.bone[p].rotation, v3_unit(gradient));
             double robust = OUTLIER_M * OUTLIER_M / (OUTLIER_M * OUTLIER_M + distance * distance);
-            double share = fmin(1, PART_READINGS / count[p]) * seen / (seen + SURELY_SEEN);
+            double share = fmin(1, PART_READINGS / count[part]) * seen / (seen + SURELY_SEEN);
             int index[6];
             double j[6];
-            part_row(s, p, at, normal, index, j);
+            bone_row(s, p, at, normal, index, j);
             add_row(system, index, j, 6, distance, robust * robust * share / (READING_M * READING_M));
         }
 }
 
 static void add_links(const struct state *s, struct system *system)
 {
-    for (int l = 0; l < PART_LINKS; l++) {
-        const struct part_link *link = &part_links[l];
+    for (int l = 0; l < BONE_LINKS; l++) {
+        const struct bone_link *link = &bone_links[l];
         if (!s->rest->known[link->a] || !s->rest->known[link->b])
             continue;
         struct vec3 joint = s->rest->skeleton.joint[link->joint];
-        struct vec3 a = pose_apply(s->now.part[link->a], joint), b = pose_apply(s->now.part[link->b], joint);
+        struct vec3 a = pose_apply(s->now.bone[link->a], joint), b = pose_apply(s->now.bone[link->b], joint);
         // As far apart as the joints themselves have them, for bones differ in length from frame to frame.
         struct vec3 apart =
-            v3_sub(pose_apply(s->joints.part[link->b], joint), pose_apply(s->joints.part[link->a], joint));
+            v3_sub(pose_apply(s->joints.bone[link->b], joint), pose_apply(s->joints.bone[link->a], joint));
         struct vec3 gap = v3_sub(v3_sub(b, a), v3_scale(apart, 0.5));
         const struct vec3 axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
         const double gaps[3] = {gap.x, gap.y, gap.z};
         for (int axis = 0; axis < 3; axis++) {
             int index[12];
             double j[12];
-            part_row(s, (int)link->a, a, axes[axis], index, j);
-            part_row(s, (int)link->b, b, v3_scale(axes[axis], -1), index + 6, j + 6);
+            bone_row(s, link->a, a, axes[axis], index, j);
+            bone_row(s, link->b, b, v3_scale(axes[axis], -1), index + 6, j + 6);
             add_row(system, index, j, 12, gaps[axis], 1 / (JOINED_M * JOINED_M));
         }
     }
 }
 
-// Pulls part p back to `to`.
+// Pulls bone p back to `to`.
 static void add_prior(const struct state *s, struct system *system, int p, const struct pose *to, double m, double rad)
 {
-    struct pose back = pose_multiply(*to, pose_inverse(s->now.part[p])); // in camera axes
+    struct pose back = pose_multiply(*to, pose_inverse(s->now.bone[p])); // in camera axes
     struct vec3 move = v3_sub(pose_apply(back, s->middle[p]), s->middle[p]);
     struct vec3 turn = quat_to_rotation_vector(back.rotation);
     const double want[6] = {move.x, move.y, move.z, turn.x, turn.y, turn.z};
@@ -188,19 +189,19 @@ static void add_prior(const struct state *s, struct system *system, int p, const
 static void one_round(struct state *s, struct system *system)
 {
     memset(system, 0, sizeof *system);
-    for (int p = 0; p < PART_COUNT; p++) {
-        const struct vec3 *joint = s->rest->skeleton.joint;
-        s->middle[p] = pose_apply(s->now.part[p], v3_mix(joint[part_ends[p].from], joint[part_ends[p].to], 0.5));
-        add_prior(s, system, p, &s->joints.part[p], JOINTS_M, p == PART_HEAD ? HEAD_RAD : JOINTS_RAD);
-        add_prior(s, system, p, &s->start.part[p], BEFORE_M, BEFORE_RAD);
+    for (int p = 0; p < BONE_COUNT; p++) {
+        const struct part_frame *f = &s->rest->frame[p];
+        s->middle[p] = pose_apply(s->now.bone[p], v3_add(f->origin, v3_scale(f->z, f->length / 2)));
+        add_prior(s, system, p, &s->joints.bone[p], JOINTS_M, p == PART_HEAD || p >= PART_COUNT ? END_RAD : JOINTS_RAD);
+        add_prior(s, system, p, &s->start.bone[p], BEFORE_M, BEFORE_RAD);
     }
     add_readings(s, system);
     add_links(s, system);
     solve(system);
-    for (int p = 0; p < PART_COUNT; p++) {
+    for (int p = 0; p < BONE_COUNT; p++) {
         const double *x = system->b + 6 * p;
         struct quat turn = quat_from_rotation_vector(v3(x[3], x[4], x[5]));
-        struct pose *now = &s->now.part[p];
+        struct pose *now = &s->now.bone[p];
         struct vec3 moved = v3_add(s->middle[p], v3(x[0], x[1], x[2]));
         now->translation = v3_add(quat_rotate(turn, v3_sub(now->translation, s->middle[p])), moved);
         now->rotation = quat_unit(quat_multiply(turn, now->rotation));
@@ -225,7 +226,7 @@ struct adjustment align(const struct volume *volume, const struct rest *rest, st
         one_round(&s, &system);
     }
     struct adjustment out;
-    for (int p = 0; p < PART_COUNT; p++)
-        out.part[p] = pose_multiply(pose_inverse(joints->part[p]), s.now.part[p]);
+    for (int p = 0; p < BONE_COUNT; p++)
+        out.bone[p] = pose_multiply(pose_inverse(joints->bone[p]), s.now.bone[p]);
     return out;
 }

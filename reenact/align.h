@@ -1,12 +1,12 @@
 // Lays the person's likeness on what one frame saw of it: joints are a few
-// centimetres wrong, depth is not. Every part may move and turn a little; parts
+// centimetres wrong, depth is not. Every bone may move and turn a little; parts
 // that meet stay together, and what was not seen stays where the joints say. Pure.
 #pragma once
 #include "reenact/volume.h"
 
-// What turns the joints' posture into the better one, in each part's rest axes.
+// What turns the joints' posture into the better one, in each bone's rest axes.
 struct adjustment {
-    struct pose part[PART_COUNT]; // posture = joints' posture * adjustment
+    struct pose bone[BONE_COUNT]; // posture = joints' posture * adjustment
 };
 struct adjustment adjustment_none(void);
 struct posture posture_adjusted(const struct posture *posture, const struct adjustment *adjustment);

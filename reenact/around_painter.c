@@ -6,6 +6,8 @@
 #include <stdlib.h>
 
 enum { PATCH = 16 }; // quads a side, so that the lens bends the shadow, too
+enum { ROUND = 12 };
+static const double PI = 3.14159265358979323846, FLOOR_M = 0.02;
 
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
 static const float ROOM_BACK_M = 0.06F;  // what the actor touches is not to cut into him
@@ -100,17 +102,19 @@ enum status around_painter_give(struct around_painter *a, struct room *room)
                          a->room.corner_count);
 }
 
-bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
-                         const struct skeleton *in_viewer)
+void around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
+                         const struct room_hidden *hidden)
 {
-    if (!a->walls || !room_may_hide(&a->room, viewer_from_room, in_viewer))
-        return false;
     const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, 0}, none[4] = {0};
+    struct gpu_job job = {.target = target, .program = a->program, .mesh = a->walls, .depth_test = true};
+    int ball = 0;
+    if (!a->walls)
+        return;
     gpu_program_set(a->program, VIEWER_FROM_POINT, viewer_from_room->row[0], 3);
     gpu_program_set(a->program, VIEW_RANGE, range, 1);
     gpu_program_set(a->program, SHADOW, none, 1);
-    gpu_draw(&(struct gpu_job){.target = target, .program = a->program, .mesh = a->walls, .depth_test = true});
-    return true;
+    while (room_next_before(&a->room, viewer_from_room, hidden, &ball, &job.first, &job.count))
+        gpu_draw(&job);
 }
 
 static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double radius)
@@ -136,16 +140,16 @@ static void put_feet(float (*bones)[4], const struct skeleton *s)
     }
 }
 
-void around_painter_shadow(struct around_painter *a, struct gpu_target *target, struct pose world_from_viewer,
-                           const struct skeleton *skeleton, const struct body *body)
+void around_painter_shadow(struct around_painter *a, struct gpu_target *target, const struct around_view *view)
 {
+    const struct skeleton *skeleton = view->skeleton;
     float bones[2 * PART_COUNT + 4][4] = {{0}};
     struct vec3 low = v3(INFINITY, INFINITY, 0), high = v3(-INFINITY, -INFINITY, 0);
     for (int p = 0; p < PART_COUNT; p++) {
         struct vec3 ends[2] = {skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]};
-        if (!part_is_known(body, skeleton, (enum part)p))
+        if (!part_is_known(view->body, skeleton, (enum part)p))
             continue;
-        put_bone(&bones[2 * p], ends[0], ends[1], body->radius_rate[p] * v3_distance(ends[0], ends[1]));
+        put_bone(&bones[2 * p], ends[0], ends[1], view->body->radius_rate[p] * v3_distance(ends[0], ends[1]));
         for (int e = 0; e < 2; e++) {
             low = v3(fmin(low.x, ends[e].x), fmin(low.y, ends[e].y), 0);
             high = v3(fmax(high.x, ends[e].x), fmax(high.y, ends[e].y), 0);
@@ -156,9 +160,17 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
     put_feet(&bones[(size_t)2 * PART_COUNT], skeleton);
     double reach = fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M;
     struct vec3 middle = v3_mix(low, high, 0.5);
+    const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
+    struct room_hidden hidden = {0};
+    for (int i = 0; i < ROUND; i++) { // it fades out within a circle
+        const double turn = 2 * PI * i / ROUND, r = reach / cos(PI / ROUND);
+        const struct vec3 rim = v3(middle.x + r * cos(turn), middle.y + r * sin(turn), 0);
+        room_hidden_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
+    }
+    if (view->viewer_from_room)
+        around_painter_room(a, target, view->viewer_from_room, &hidden);
     struct part_map world = {{{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
-    struct part_map viewer_from_world = part_map_of(pose_inverse(world_from_viewer));
-    struct part_map viewer = part_map_multiply(&viewer_from_world, &world);
+    struct part_map map = part_map_of(viewer_from_world), viewer = part_map_multiply(&map, &world);
     const float range[4] = {NEAREST_M, FARTHEST_M, FLOOR_BACK_M, 0};
     const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARK};
     gpu_program_set(a->program, VIEWER_FROM_POINT, viewer.row[0], 3);

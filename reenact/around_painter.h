@@ -15,11 +15,17 @@ void around_painter_set_lens(struct around_painter *a, const struct lens *view);
 // From here on this room. Its contents go over and *room is zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status around_painter_give(struct around_painter *a, struct room *room);
 
-// The room's depth, where any of it may be before the actor (in_viewer: tablet
-// camera axes); the target's colours stay transparent. True: something was drawn.
-bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
-                         const struct skeleton *in_viewer);
+// The room's depth, as far as it may lie before what it may hide; the target's colours stay transparent.
+void around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
+                         const struct room_hidden *hidden);
 
-// The shadow of a body, premultiplied: black with what it takes of the floor's light. skeleton: in the world.
-void around_painter_shadow(struct around_painter *a, struct gpu_target *target, struct pose world_from_viewer,
-                           const struct skeleton *skeleton, const struct body *body);
+// Where a body and its shadow are.
+struct around_view {
+    struct pose world_from_viewer;
+    const struct part_map *viewer_from_room; // NULL: no room hides the shadow
+    const struct skeleton *skeleton;         // in the world
+    const struct body *body;
+};
+
+// The shadow of a body into a cleared target, premultiplied: black with what it takes of the floor's light.
+void around_painter_shadow(struct around_painter *a, struct gpu_target *target, const struct around_view *view);

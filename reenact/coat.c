@@ -76,7 +76,7 @@ static bool vouched(const struct coat_maker *m, const struct sight *s, struct ve
     if (x < 0 || y < 0 || x >= s->width || y >= s->height)
         return false;
     int i = y * s->width + x;
-    if (s->edge[i] < RIM_PX || s->part[i] >= PART_COUNT || !parts_meet((enum part)s->part[i], part) ||
+    if (s->edge[i] < RIM_PX || s->part[i] >= PART_COUNT || !bones_meet(s->part[i], (int)part) ||
         fabs(s->depth[i] * 1e-3 - p.z) > NEAR_M)
         return false;
     return true;
@@ -119,7 +119,7 @@ static void add_stretch(void *context, int stretch)
         double facing = -v3_dot(n, v3_unit(p));
         struct word word = {.time_s = (float)a->time_s};
         if (!(p.z > 0.05) || facing < LEAST_FACING ||
-            !vouched(m, a->sight, pose_apply(m->depth_from_color, p), (enum part)m->skins[i].part[0]) ||
+            !vouched(m, a->sight, pose_apply(m->depth_from_color, p), bone_part(m->skins[i].bone[0])) ||
             !read_color(m, a->rgb, p, word.rgb))
             continue;
         struct vec3 world = quat_rotate(a->world_from_camera.rotation, n);
@@ -148,8 +148,7 @@ static void harmonics(const float n[3], float y[LIGHT_TERMS])
     y[7] = n[0] * n[0] - n[1] * n[1], y[8] = 3 * n[2] * n[2] - 1;
 }
 
-// n: world axes, unit.
-static float lit(const struct light *light, const float n[3])
+float light_on(const struct light *light, const float n[3])
 {
     float y[LIGHT_TERMS], sum = 0;
     harmonics(n, y);
@@ -162,7 +161,7 @@ static float lit(const struct light *light, const float n[3])
 static void light_words(const struct word words[KEPT], const struct light *light, float on[KEPT])
 {
     for (int k = 0; k < KEPT; k++)
-        on[k] = words[k].weight > 0 ? lit(light, words[k].normal) : 1;
+        on[k] = words[k].weight > 0 ? light_on(light, words[k].normal) : 1;
 }
 
 // The point's own colour in the mean light, each word counting `odd` of its weight; false: nobody saw it.

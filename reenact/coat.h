@@ -15,6 +15,7 @@ enum { LIGHT_TERMS = 9 };
 struct light {
     float term[LIGHT_TERMS];
 };
+float light_on(const struct light *light, const float n[3]); // n: unit
 
 struct coat {
     float (*color)[3]; // of each point of the surface, linear, in the mean light

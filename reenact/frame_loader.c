@@ -8,6 +8,9 @@
 
 enum { INNER_PX = 3, EDGE_PX = 4 }; // EDGE_PX: for which more than INNER_PX is enough
 
+static const double BESIDE_M = 0.05;                 // nearer or behind, a camera sees nothing
+static const double ASIDE = 0.15, SQUARELY = 0.45; // cosines between which what it sees begins to count
+
 struct frame_loader {
     struct take *take;
     const struct likeness *likeness;
@@ -20,8 +23,8 @@ void loaded_frame_free(struct loaded_frame *f)
 {
     free(f->color.pixels);
     free(f->depth.pixels);
-    free(f->shifts.pixels);
     free(f->shift);
+    free(f->points);
     *f = (struct loaded_frame){0};
 }
 
@@ -29,7 +32,7 @@ static size_t texels(const struct loaded_picture *p) { return (size_t)p->width *
 
 size_t loaded_frame_bytes(const struct loaded_frame *f)
 {
-    return 4 * (texels(&f->color) + texels(&f->depth) + texels(&f->shifts));
+    return 4 * (texels(&f->color) + texels(&f->depth)) + (sizeof *f->shift + sizeof *f->points) * (size_t)f->point_count;
 }
 
 enum status frame_loader_open(struct frame_loader **out, struct take *take, const struct source_rays *rays,
@@ -124,27 +127,51 @@ static enum status cut_nobody(struct loaded_frame *out)
     return status;
 }
 
-// What is kept is what the texture can hold, so that whoever asks here and the GPU shift alike.
-static enum status code_shifts(const struct frame_loader *l, struct loaded_frame *out)
+static void put(float out[3], struct vec3 v) { out[0] = (float)v.x, out[1] = (float)v.y, out[2] = (float)v.z; }
+
+static double smoothstep(double low, double high, double x)
 {
-    const struct unfolded *m = &l->likeness->atlas.mesh;
-    enum status status =
-        make_picture(&out->shifts, 2 * SHIFTS_WIDE, (m->point_count + SHIFTS_WIDE - 1) / SHIFTS_WIDE, 4);
-    out->shift = malloc(sizeof *out->shift * (size_t)m->point_count);
-    if (status == OK && !out->shift)
-        status = fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < m->point_count && status == OK; i++) {
-        struct vec3 d = v3_scale(warp_at(l->warp, l->likeness->atlas.points[i]), 32767 / WARP_MOST_M);
-        const double steps[3] = {d.x, d.y, d.z};
-        uint8_t *code = out->shifts.pixels + 4 * (size_t)(i / SHIFTS_WIDE * 2 * SHIFTS_WIDE + i % SHIFTS_WIDE);
-        for (int a = 0; a < 3; a++) {
-            const int coded = (int)(32768.5 + steps[a]);
-            code[a] = (uint8_t)(coded >> 8);
-            code[4 * SHIFTS_WIDE + a] = (uint8_t)(coded & 255);
-            out->shift[i][a] = (float)(coded - 32768) * (float)(WARP_MOST_M / 32767);
-        }
+    double t = fmin(fmax((x - low) / (high - low), 0), 1);
+    return t * t * (3 - 2 * t);
+}
+
+static void place_in(const struct lens *lens, double largest_r2, struct vec3 p, const float window[4], float out[2])
+{
+    const struct pixel px = lens_project_held(lens, largest_r2, p);
+    out[0] = (float)((px.x + 0.5 - (double)window[0]) / (double)window[2]);
+    out[1] = (float)((px.y + 0.5 - (double)window[1]) / (double)window[3]);
+}
+
+// posture: the frame's own, colour camera's axes.
+static enum status know_points(const struct frame_loader *l, const struct posture *posture, struct loaded_frame *out)
+{
+    const struct calibration *c = take_calibration(l->take);
+    const struct atlas *a = &l->likeness->atlas;
+    const struct quat world_from_color = take_entry(l->take, out->frame)->world_from_camera.rotation;
+    const struct pose depth_from_color = c->registered ? POSE_IDENTITY : pose_inverse(c->color_from_depth);
+    const double color_r2 = lens_largest_r2(&c->color), depth_r2 = lens_largest_r2(&c->depth);
+    out->point_count = a->mesh.point_count;
+    out->shift = malloc(sizeof *out->shift * (size_t)out->point_count);
+    out->points = calloc((size_t)out->point_count, sizeof *out->points);
+    if (!out->shift || !out->points)
+        return fail(ERR_MEMORY, "out of memory");
+    for (int i = 0; i < out->point_count; i++) {
+        struct loaded_point *to = &out->points[i];
+        const struct vec3 shift = warp_at(l->warp, a->points[i]);
+        struct vec3 p, n;
+        skin_place(&l->likeness->skins[a->mesh.points[i]], posture, v3_add(a->points[i], shift), a->normals[i], &p, &n);
+        const struct vec3 w = quat_rotate(world_from_color, n), d = pose_apply(depth_from_color, p);
+        put(out->shift[i], shift);
+        put(to->facing, n);
+        to->light = sqrtf(light_on(&l->likeness->coat.light, (const float[3]){(float)w.x, (float)w.y, (float)w.z}));
+        if (!out->seen || p.z < BESIDE_M || d.z < BESIDE_M)
+            continue;
+        place_in(&c->color, color_r2, p, out->windows[0], to->in_color);
+        place_in(&c->depth, depth_r2, d, out->windows[1], to->in_depth);
+        to->away_m = (float)d.z;
+        to->seen = (float)smoothstep(ASIDE, SQUARELY, -v3_dot(n, v3_unit(p)));
     }
-    return status;
+    return OK;
 }
 
 // Lays the likeness on what the sight shows and bends it.
@@ -157,16 +184,11 @@ static void fit(struct frame_loader *l, const struct posture *joints, struct adj
     warp_fit(l->warp, &model, &l->sight, &laid);
 }
 
-// Reads the frame and fits the likeness to it. NOTHING: it does not show the person.
-static enum status read_frame(struct frame_loader *l, struct loaded_frame *out)
+// Reads the frame and fits the likeness, which is in `joints`, to it. NOTHING: it does not show the person.
+static enum status read_frame(struct frame_loader *l, const struct posture *joints, struct loaded_frame *out)
 {
-    struct posture joints;
     struct take_pictures pictures;
-    out->adjustment = likeness_adjustment(l->likeness, out->frame);
-    warp_clear(l->warp);
     enum status status = sight_read(&l->sight, l->take, out->frame);
-    if (status == OK)
-        status = carried_posture(&l->likeness->rest, l->take, out->frame, &joints);
     if (status != OK)
         return status;
     status = take_read(l->take, out->frame, TAKE_COLOR, &pictures);
@@ -177,23 +199,33 @@ static enum status read_frame(struct frame_loader *l, struct loaded_frame *out)
         status = sight_colors(&l->sight, take_calibration(l->take), pictures.color, l->rgb);
     if (status < 0)
         return status;
-    fit(l, &joints, &out->adjustment);
+    fit(l, joints, &out->adjustment);
     return out->seen ? OK : NOTHING;
+}
+
+static enum status cut(const struct frame_loader *l, struct loaded_frame *out)
+{
+    if (!out->seen)
+        return cut_nobody(out);
+    enum status status = cut_depth(&l->sight, out);
+    return status == OK ? cut_color(l, out) : status;
 }
 
 enum status frame_loader_load(struct frame_loader *l, int64_t frame, struct loaded_frame *out)
 {
-    *out = (struct loaded_frame){.frame = frame};
-    enum status status = read_frame(l, out);
-    if (status == OK) {
-        status = cut_depth(&l->sight, out);
-        if (status == OK)
-            status = cut_color(l, out);
-    } else if (status == NOTHING) {
-        status = cut_nobody(out);
+    struct posture joints;
+    *out = (struct loaded_frame){.frame = frame, .adjustment = likeness_adjustment(l->likeness, frame)};
+    warp_clear(l->warp);
+    enum status status = carried_posture(&l->likeness->rest, l->take, frame, &joints);
+    const bool posed = status == OK;
+    if (posed)
+        status = read_frame(l, &joints, out);
+    if (status >= 0)
+        status = cut(l, out);
+    if (status == OK && posed) {
+        joints = posture_adjusted(&joints, &out->adjustment);
+        status = know_points(l, &joints, out);
     }
-    if (status == OK)
-        status = code_shifts(l, out);
     if (status != OK)
         loaded_frame_free(out);
     return status;

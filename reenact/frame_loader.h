@@ -7,7 +7,15 @@
 #pragma once
 #include "reenact/likeness.h"
 
-enum { SHIFTS_WIDE = 128 };
+// What the frame knows of a point of the atlas's mesh.
+struct loaded_point {
+    float in_color[2]; // where it saw it: in its colours, of their size
+    float in_depth[2]; // likewise
+    float away_m;      // in depth, if nothing is before it
+    float seen;        // how squarely: 1 straight on, 0 aside, away, or not at all
+    float facing[3];   // its normal, colour camera's axes
+    float light;       // root of the room's light on it
+};
 
 struct loaded_picture {
     uint8_t *pixels; // rows without padding
@@ -23,11 +31,11 @@ struct loaded_frame {
     float windows[2][4];          // colours' and depth's: left, top, width, height in the frame's own pixels
     struct adjustment adjustment; // of the joints' posture
     float (*shift)[3];            // beyond it (warp.h), of each point of the atlas's mesh in the rest pose, metres
-    struct loaded_picture shifts; // RGBA, the same: 32767 t + 32768 is a component of WARP_MOST_M * t; its high bytes,
-                                  // and SHIFTS_WIDE texels to the right its low bytes
+    struct loaded_point *points;  // of each; NULL, as shift: the frame's posture is not known
+    int point_count;
 };
 void loaded_frame_free(struct loaded_frame *f); // zeroed is fine
-size_t loaded_frame_bytes(const struct loaded_frame *f); // as textures, four a pixel
+size_t loaded_frame_bytes(const struct loaded_frame *f); // pictures as textures, four a pixel
 
 struct frame_loader;
 

@@ -13,61 +13,40 @@ enum { VERTEX = 16 };
 
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_OUTLINE_PX = 0.5F;
 
-enum uniform {
-    VIEWER_FROM_PART,
-    NOW_FROM_PART,
-    VIEW_LENS,
-    VIEW_RANGE,
-    KIND,
-    VIEWER_FROM_NOW,
-    SHIFT_RANGE,
-    WORLD_FROM_NOW,
-    LIGHT,
-    COLOR_LENS,
-    DEPTH_LENS,
-    DEPTH_FROM_COLOR,
-    NOW_WINDOWS,
-    UNIFORMS
-};
+enum uniform { VIEW_LENS, VIEW_RANGE, KIND, VIEWER_FROM_NOW, UNIFORMS };
 
 // The same mesh each time.
 enum program { FIGURE, RIBBON, SOURCE, PROGRAMS };
 struct program_plan {
     const char *fragment;
-    uint32_t unused; // uniforms that it has not, a bit each
-    const char *samplers[4];
+    const char *samplers[3];
     int sampler_count;
 };
 static const struct program_plan plans[PROGRAMS] = {
-    [FIGURE] = {"figure.frag", 0, {"atlas", "shifts", "now_picture", "now_depth"}, 4},
-    [RIBBON] = {"figure_ribbon.frag",
-             1U << COLOR_LENS | 1U << DEPTH_LENS | 1U << DEPTH_FROM_COLOR | 1U << NOW_WINDOWS,
-             {"atlas", "shifts"},
-             2},
-    [SOURCE] = {"figure_source.frag", 1U << WORLD_FROM_NOW | 1U << LIGHT | 1U << COLOR_LENS, {"atlas_when", "shifts", "now_depth"}, 3},
+    [FIGURE] = {"figure.frag", {"atlas", "now_picture", "now_depth"}, 3},
+    [RIBBON] = {"figure_ribbon.frag", {"atlas"}, 1},
+    [SOURCE] = {"figure_source.frag", {"atlas_when", "now_depth"}, 2},
 };
 static const char *const uniform_names[UNIFORMS] = {
-    [VIEWER_FROM_PART] = "viewer_from_part",
-    [NOW_FROM_PART] = "now_from_part",
     [VIEW_LENS] = "view_lens",
     [VIEW_RANGE] = "view_range",
     [KIND] = "kind",
     [VIEWER_FROM_NOW] = "viewer_from_now",
-    [SHIFT_RANGE] = "shift_range",
-    [WORLD_FROM_NOW] = "world_from_now",
-    [LIGHT] = "light",
-    [COLOR_LENS] = "color_lens",
-    [DEPTH_LENS] = "depth_lens",
-    [DEPTH_FROM_COLOR] = "depth_from_color",
-    [NOW_WINDOWS] = "now_windows",
 };
 
 // What comes to the GPU bit by bit.
 struct brought {
-    struct gpu_mesh *mesh;
     struct gpu_texture *color, *when;
-    float *vertices; // what they are made of, with the likeness's atlas, until all is there
-    int float_count, floats, color_rows, when_rows; // the last three: brought
+    int color_rows, when_rows; // brought
+};
+
+// What comes to it for each picture: the points that the picture shows.
+struct shown_mesh {
+    struct gpu_mesh *mesh; // NULL: no likeness was given
+    float (*vertices)[VERTEX];
+    uint16_t *corners;
+    int32_t *number; // of a point, then of its double, among the vertices; -1: it is not there yet
+    int vertex_count;
 };
 
 struct likeness_painter {
@@ -76,28 +55,16 @@ struct likeness_painter {
     struct lens view; // the tablet's
     struct likeness likeness;
     struct gpu_program *programs[PROGRAMS];
-    struct brought brought; // without a mesh: no likeness was given
+    struct brought brought;
+    struct shown_mesh shown;
     struct silhouette *silhouette;
     struct shown_frames *frames;
 };
 
-// Of x / z and y / z: the lens's polynomial is held beyond.
-static double largest_r2(const struct lens *l)
-{
-    double largest = 0;
-    const struct pixel corners[] = {
-        {-0.5, -0.5}, {l->width - 0.5, -0.5}, {-0.5, l->height - 0.5}, {l->width - 0.5, l->height - 0.5}};
-    for (int i = 0; i < 4; i++) {
-        struct vec3 ray = lens_ray(l, corners[i]);
-        largest = fmax(largest, ray.x * ray.x + ray.y * ray.y);
-    }
-    return largest * 1.21;
-}
-
 void lens_uniform(const struct lens *l, float out[12])
 {
     const double values[12] = {l->fx, l->fy, l->cx, l->cy,          l->k1,    l->k2,
-                               l->p1, l->p2, l->k3, largest_r2(l), l->width, l->height};
+                               l->p1, l->p2, l->k3, lens_largest_r2(l), l->width, l->height};
     for (int i = 0; i < 12; i++)
         out[i] = (float)values[i];
 }
@@ -107,58 +74,49 @@ void lens_uniform(const struct lens *l, float out[12])
 static void set(struct likeness_painter *p, enum uniform uniform, const float *vec4s, int count)
 {
     for (int i = 0; i < PROGRAMS; i++)
-        if (!(plans[i].unused >> uniform & 1))
-            gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
-}
-
-static void put_vertex(const struct likeness *f, int i, bool doubled, float v[VERTEX])
-{
-    const struct unfolded *m = &f->atlas.mesh;
-    const struct vec3 *p = &f->atlas.points[i], *n = &f->atlas.normals[i];
-    const struct skin *s = &f->skins[m->points[i]];
-    const float values[VERTEX] = {
-        (float)p->x,  (float)p->y,  (float)p->z,  m->at[i][0] / (float)m->width,
-        (float)n->x,  (float)n->y,  (float)n->z,  m->at[i][1] / (float)m->height,
-        s->part[0],   s->part[1],   s->part[2],   doubled,
-        s->weight[0], s->weight[1], s->weight[2], 0,
-    };
-    memcpy(v, values, sizeof values);
+        gpu_program_set(p->programs[i], (int)uniform, vec4s, count);
 }
 
 static void drop_likeness(struct likeness_painter *p)
 {
-    struct brought *b = &p->brought;
-    gpu_mesh_close(&b->mesh);
-    gpu_texture_close(&b->color);
-    gpu_texture_close(&b->when);
-    free(b->vertices);
-    *b = (struct brought){0};
+    gpu_texture_close(&p->brought.color);
+    gpu_texture_close(&p->brought.when);
+    p->brought = (struct brought){0};
+    gpu_mesh_close(&p->shown.mesh);
+    free(p->shown.vertices);
+    free(p->shown.corners);
+    free(p->shown.number);
+    p->shown = (struct shown_mesh){0};
     silhouette_close(&p->silhouette);
     likeness_free(&p->likeness);
     if (p->frames)
         shown_frames_forget(p->frames);
 }
 
+static enum status open_shown(struct likeness_painter *p)
+{
+    struct shown_mesh *m = &p->shown;
+    const int points = p->likeness.atlas.mesh.point_count, most = silhouette_most(p->silhouette);
+    if (2 * points > UINT16_MAX)
+        return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
+    m->vertices = malloc(sizeof *m->vertices * 2 * (size_t)points);
+    m->number = malloc(sizeof *m->number * 2 * (size_t)points);
+    m->corners = malloc(sizeof *m->corners * (size_t)most);
+    if (!m->vertices || !m->number || !m->corners)
+        return fail(ERR_MEMORY, "out of memory");
+    return gpu_mesh_open(&m->mesh, p->gpu, NULL, VERTEX, 2 * points, NULL, most);
+}
+
 static enum status open_brought(struct likeness_painter *p)
 {
     const struct unfolded *m = &p->likeness.atlas.mesh;
     struct brought *b = &p->brought;
-    if (2 * m->point_count > UINT16_MAX)
-        return fail(ERR_INPUT, "the person is too large to be drawn as one mesh");
-    b->float_count = 2 * VERTEX * m->point_count;
-    b->vertices = malloc(sizeof *b->vertices * (size_t)b->float_count);
-    if (!b->vertices)
-        return fail(ERR_MEMORY, "out of memory");
-    for (int i = 0; i < 2 * m->point_count; i++)
-        put_vertex(&p->likeness, i % m->point_count, i >= m->point_count, b->vertices + VERTEX * (size_t)i);
     enum status status = gpu_texture_open(&b->color, p->gpu, GPU_RGB8, m->width, m->height, GPU_LINEAR, NULL);
     if (status == OK)
         status = gpu_texture_open(&b->when, p->gpu, GPU_RGBA8, m->width, m->height, GPU_NEAREST, NULL);
     if (status == OK)
         status = silhouette_open(&p->silhouette, &p->likeness);
-    if (status != OK)
-        return status;
-    return gpu_mesh_open(&b->mesh, p->gpu, NULL, VERTEX, 2 * m->point_count, NULL, silhouette_most(p->silhouette));
+    return status == OK ? open_shown(p) : status;
 }
 
 enum status likeness_painter_give(struct likeness_painter *p, struct likeness *likeness)
@@ -166,18 +124,13 @@ enum status likeness_painter_give(struct likeness_painter *p, struct likeness *l
     drop_likeness(p);
     p->likeness = *likeness;
     *likeness = (struct likeness){0};
-    float light[LIGHT_TERMS][4] = {{0}};
-    for (int i = 0; i < LIGHT_TERMS; i++)
-        light[i][0] = p->likeness.coat.light.term[i];
-    set(p, LIGHT, light[0], LIGHT_TERMS);
-    set(p, SHIFT_RANGE, (const float[4]){(float)WARP_MOST_M, (float)p->likeness.atlas.mesh.point_count, 0, 0}, 1);
     enum status status = open_brought(p);
     if (status != OK)
         drop_likeness(p);
     return status;
 }
 
-bool likeness_painter_given(const struct likeness_painter *p) { return p->brought.mesh; }
+bool likeness_painter_given(const struct likeness_painter *p) { return p->shown.mesh; }
 
 const struct likeness *likeness_painter_likeness(const struct likeness_painter *p)
 {
@@ -219,18 +172,9 @@ bool likeness_painter_bring(struct likeness_painter *p, size_t bytes)
     struct atlas *a = &p->likeness.atlas;
     if (!likeness_painter_given(p))
         return false;
-    if (!b->vertices)
-        return true;
-    int floats = share_of(&bytes, b->float_count - b->floats, sizeof(float));
-    gpu_mesh_write_vertices(b->mesh, b->floats, b->vertices + b->floats, floats);
-    b->floats += floats;
     bring_rows(b->color, a->color, &a->mesh, 3, &b->color_rows, &bytes);
     bring_rows(b->when, a->when, &a->mesh, 4, &b->when_rows, &bytes);
-    if (b->when_rows < a->mesh.height)
-        return false;
-    free(b->vertices);
-    b->vertices = NULL;
-    return true;
+    return b->when_rows == a->mesh.height;
 }
 
 void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *view)
@@ -244,27 +188,16 @@ void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *vi
 static enum status open_programs(struct likeness_painter *p, const struct lens *view)
 {
     for (int i = 0; i < PROGRAMS; i++) {
-        const char *names[UNIFORMS];
-        for (int u = 0; u < UNIFORMS; u++)
-            names[u] = plans[i].unused >> u & 1 ? NULL : uniform_names[u];
         const struct gpu_program_text text = {
-            plans[i].fragment, shader_find("figure.vert"), shader_find(plans[i].fragment), names, UNIFORMS,
+            plans[i].fragment, shader_find("figure.vert"), shader_find(plans[i].fragment), uniform_names, UNIFORMS,
             plans[i].samplers, plans[i].sampler_count};
         enum status status = gpu_program_open(&p->programs[i], p->gpu, &text);
         if (status != OK)
             return status;
     }
-    const struct calibration *c = take_calibration(p->take);
     const float range[4] = {NEAREST_M, FARTHEST_M, 0, 0};
-    float lens[12];
     likeness_painter_set_lens(p, view);
-    lens_uniform(&c->color, lens);
-    set(p, COLOR_LENS, lens, 3);
-    lens_uniform(&c->depth, lens);
-    set(p, DEPTH_LENS, lens, 3);
     set(p, VIEW_RANGE, range, 1);
-    struct part_map map = part_map_of(c->registered ? POSE_IDENTITY : pose_inverse(c->color_from_depth));
-    set(p, DEPTH_FROM_COLOR, map.row[0], 3);
     return OK;
 }
 
@@ -299,20 +232,6 @@ void likeness_painter_close(struct likeness_painter **out)
 
 // ---------------------------------------------------------------- drawing
 
-static void set_maps(struct likeness_painter *p, enum uniform uniform, struct pose to, const struct posture *posture,
-                     struct part_map maps[PART_COUNT])
-{
-    for (int part = 0; part < PART_COUNT; part++)
-        maps[part] = part_map_of(pose_multiply(to, posture->part[part]));
-    set(p, uniform, maps[0].row[0], 3 * PART_COUNT);
-}
-
-static void set_turn(struct likeness_painter *p, enum uniform uniform, struct pose turn)
-{
-    struct part_map map = part_map_of(turn);
-    set(p, uniform, map.row[0], 3);
-}
-
 // How many parts there are to draw; the others are marked as absent.
 static int find_absent(const struct likeness_painter *p, const struct likeness_view *view, bool absent[PART_COUNT])
 {
@@ -336,7 +255,7 @@ static struct gpu_box box_of(const struct lens *lens, const struct silhouette_co
 {
     enum { SIDE = 16, OUTLINE_PX = 2 };
     const struct gpu_box all = {0, 0, 0, 0};
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, largest = largest_r2(lens);
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, largest = lens_largest_r2(lens);
     for (int i = 0; i < 4 * (SIDE + 1); i++) { // along the sides, which a lens may bend
         const double along = i / 4 / (double)SIDE, u = i % 4 == 0 ? 0 : i % 4 == 1 ? 1 : along,
                      v = i % 4 == 2 ? 0 : i % 4 == 3 ? 1 : along;
@@ -361,13 +280,50 @@ static struct gpu_box box_of(const struct lens *lens, const struct silhouette_co
     return (struct gpu_box){(int)low[0], (int)low[1], (int)(high[0] - low[0]) + 1, (int)(high[1] - low[1]) + 1};
 }
 
+// The vertex of a point or, from point_count on, of a point's double.
+static void put_vertex(const struct likeness_painter *p, const struct shown_frame *now,
+                       const struct silhouette_corners *from, int i, float v[VERTEX])
+{
+    const struct unfolded *m = &p->likeness.atlas.mesh;
+    const int point = i % m->point_count;
+    const struct loaded_point *k = &now->points[point];
+    const struct spot *at = &from->placed[point];
+    const float values[VERTEX] = {
+        at->x,          at->y,          at->z,        i < m->point_count,
+        m->at[point][0] / (float)m->width, m->at[point][1] / (float)m->height, k->in_color[0], k->in_color[1],
+        k->in_depth[0], k->in_depth[1], k->away_m,    k->seen,
+        k->facing[0],   k->facing[1],   k->facing[2], k->light,
+    };
+    memcpy(v, values, sizeof values);
+}
+
+// Only the points that are drawn, in the order in which they are wanted.
+static void bring_shown(struct likeness_painter *p, const struct shown_frame *now,
+                        const struct silhouette_corners *from)
+{
+    struct shown_mesh *m = &p->shown;
+    const int count = from->front + from->ribbon;
+    memset(m->number, 0xff, sizeof *m->number * 2 * (size_t)p->likeness.atlas.mesh.point_count);
+    m->vertex_count = 0;
+    for (int i = 0; i < count; i++) {
+        int32_t *number = &m->number[from->corners[i]];
+        if (*number < 0) {
+            *number = m->vertex_count++;
+            put_vertex(p, now, from, from->corners[i], m->vertices[*number]);
+        }
+        m->corners[i] = (uint16_t)*number;
+    }
+    gpu_mesh_write_vertices(m->mesh, 0, m->vertices[0], VERTEX * m->vertex_count);
+    gpu_mesh_write_indices(m->mesh, 0, m->corners, count);
+}
+
 static void draw_colors(struct likeness_painter *p, const struct likeness_view *view, const struct shown_frame *now,
                         const struct silhouette_corners *corners, struct gpu_box box)
 {
     struct gpu_job job = {.target = view->actor,
                           .program = p->programs[FIGURE],
-                          .mesh = p->brought.mesh,
-                          .textures = {p->brought.color, now->shifts, now->color, now->depth},
+                          .mesh = p->shown.mesh,
+                          .textures = {p->brought.color, now->color, now->depth},
                           .closed = true,
                           .depth_test = true,
                           .count = corners->front,
@@ -392,37 +348,35 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
         return NOTHING;
     const struct take_entry *e = take_entry(p->take, view->frame);
     const struct shown_frame *now;
-    struct posture shown, recorded;
+    struct posture shown;
     enum status status = shown_frames_of(p->frames, &p->likeness, view->frame, &now);
+    if (status == OK && !now->points)
+        return NOTHING;
     if (status == OK)
         status = posture_of(&p->likeness.rest, &view->skeleton, &shown); // world axes
-    if (status == OK)
-        status = carried_posture(&p->likeness.rest, p->take, view->frame, &recorded);
     if (status != OK)
         return status;
     shown = posture_adjusted(&shown, &now->adjustment);
-    recorded = posture_adjusted(&recorded, &now->adjustment);
-    struct part_map viewer_from_part[PART_COUNT], now_from_part[PART_COUNT];
-    struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
-    set_maps(p, VIEWER_FROM_PART, viewer_from_world, &shown, viewer_from_part);
-    set_maps(p, NOW_FROM_PART, POSE_IDENTITY, &recorded, now_from_part);
-    set_turn(p, WORLD_FROM_NOW, e->world_from_camera);
-    set_turn(p, VIEWER_FROM_NOW, pose_multiply(viewer_from_world, e->world_from_camera));
-    set(p, NOW_WINDOWS, now->windows[0], 2);
-    float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
-    set(p, KIND, (const float[4]){now->seen, time_s, HALF_OUTLINE_PX, 0}, 1);
-    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_part, now->shift, absent);
+    const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
+    struct part_map viewer_from_bone[BONE_COUNT];
+    for (int b = 0; b < BONE_COUNT; b++)
+        viewer_from_bone[b] = part_map_of(pose_multiply(viewer_from_world, shown.bone[b]));
+    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_bone, now->shift, absent);
     if (corners.front == 0)
         return OK;
-    gpu_mesh_write_indices(p->brought.mesh, 0, corners.corners, corners.front + corners.ribbon);
+    bring_shown(p, now, &corners);
+    const struct part_map turn = part_map_of(pose_multiply(viewer_from_world, e->world_from_camera));
+    set(p, VIEWER_FROM_NOW, turn.row[0], 3);
+    const float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
+    set(p, KIND, (const float[4]){time_s, HALF_OUTLINE_PX, 0, 0}, 1);
     const struct gpu_box box = *within = box_of(&p->view, &corners);
     draw_colors(p, view, now, &corners, box);
     if (view->source) {
-        gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){now->seen, time_s, 0, 0}, 1);
+        gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){time_s, 0, 0, 0}, 1);
         gpu_draw(&(struct gpu_job){.target = view->source,
                                    .program = p->programs[SOURCE],
-                                   .mesh = p->brought.mesh,
-                                   .textures = {p->brought.when, now->shifts, now->depth},
+                                   .mesh = p->shown.mesh,
+                                   .textures = {p->brought.when, now->depth},
                                    .closed = true,
                                    .depth_test = true,
                                    .count = corners.front,

@@ -1,11 +1,11 @@
 #include "reenact/outline.h"
 
 enum { INWARD_PX = 3, EVERY_PX = 2, ROOM_MM = 100 };
-enum { SURE = 50 }; // places; a part with fewer keeps nearer to what it is
+enum { SURE = 50 }; // places; a bone with fewer keeps nearer to what it is
 
 static const double BEFORE_M = 0.10, BEHIND_M = 0.15, STEP_M = 0.01; // along the line of sight, about what is seen
 
-// The least distance between the shape, as `part` goes, and the line of sight through `px`. NAN: it is nowhere near.
+// The least distance between the shape, as one bone goes, and the line of sight through `px`. NAN: it is nowhere near.
 static double passing(const struct volume *v, const struct lens *lens, struct pose rest_from_depth, struct pixel px,
                       double z)
 {
@@ -26,6 +26,9 @@ void outline_measure(const struct volume *v, const struct calibration *calibrati
 {
     static const int steps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
     const struct pose color_from_depth = calibration->registered ? POSE_IDENTITY : calibration->color_from_depth;
+    struct pose rest_from_color[BONE_COUNT];
+    for (int b = 0; b < BONE_COUNT; b++)
+        rest_from_color[b] = pose_inverse(posture->bone[b]);
     int margin = INWARD_PX + 1;
     for (int i = sight->top * sight->width; i < (sight->bottom + 1) * sight->width; i += EVERY_PX) {
         int x = i % sight->width, y = i / sight->width;
@@ -43,20 +46,22 @@ void outline_measure(const struct volume *v, const struct calibration *calibrati
                 continue;
             double out = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
             struct pixel px = {x + out * steps[s][0], y + out * steps[s][1]};
-            struct pose rest_from_depth = pose_multiply(pose_inverse(posture->part[part]), color_from_depth);
+            struct vec3 shown = source_rays_point(sight->rays, inside, sight->depth[inside]);
+            int bone = rest_bone(volume_rest(v), (enum part)part, shown, rest_from_color);
+            struct pose rest_from_depth = pose_multiply(rest_from_color[bone], color_from_depth);
             double gap = passing(v, &calibration->depth, rest_from_depth, px, sight->depth[inside] * 1e-3);
             if (isnan(gap))
                 continue;
-            gaps->sum[part] += gap;
-            gaps->count[part]++;
+            gaps->sum[bone] += gap;
+            gaps->count[bone]++;
         }
     }
 }
 
 void outline_meet(struct volume *v, const struct outline_gaps *gaps)
 {
-    double out_m[PART_COUNT];
-    for (int p = 0; p < PART_COUNT; p++)
+    double out_m[BONE_COUNT];
+    for (int p = 0; p < BONE_COUNT; p++)
         out_m[p] = gaps->sum[p] / (gaps->count[p] + SURE);
     volume_grow(v, out_m);
 }

@@ -5,13 +5,13 @@
 
 // How far lines of sight along the person's outline pass by the shape (+, metres: it is too thin) or cut into it (-).
 struct outline_gaps {
-    double sum[PART_COUNT];
-    int count[PART_COUNT];
+    double sum[BONE_COUNT];
+    int count[BONE_COUNT];
 };
 
 // Adds what one frame says, the person being in `posture`.
 void outline_measure(const struct volume *v, const struct calibration *calibration, const struct sight *sight,
                      const struct posture *posture, struct outline_gaps *gaps);
 
-// Moves each part's surface out (or in) by its mean gap.
+// Moves each bone's surface out (or in) by its mean gap.
 void outline_meet(struct volume *v, const struct outline_gaps *gaps);

@@ -411,21 +411,21 @@ static void clear(struct painter *p)
 // An empty picture, but for the room that may hide the actor.
 static void begin(struct painter *p, const struct painter_view *view, const struct scene *scene)
 {
+    const struct room_hidden body = room_hidden_body(&scene->in_viewer);
     clear(p);
-    if (view->viewer_from_room &&
-        around_painter_room(p->around, p->actor, view->viewer_from_room, &scene->in_viewer) && p->coding)
-        around_painter_room(p->around, p->source, view->viewer_from_room, &scene->in_viewer);
+    if (view->viewer_from_room)
+        around_painter_room(p->around, p->actor, view->viewer_from_room, &body);
+    if (view->viewer_from_room && p->coding)
+        around_painter_room(p->around, p->source, view->viewer_from_room, &body);
 }
 
-static void draw_shadow(struct painter *p, const struct painter_view *view, const struct scene *scene,
-                        const struct skeleton *skeleton)
+static void draw_shadow(struct painter *p, const struct painter_view *view, const struct skeleton *skeleton)
 {
     if (!p->shadow)
         return;
+    const struct around_view about = {view->world_from_camera, view->viewer_from_room, skeleton, take_body(p->take)};
     gpu_target_clear(p->shadow);
-    if (view->viewer_from_room)
-        around_painter_room(p->around, p->shadow, view->viewer_from_room, &scene->in_viewer);
-    around_painter_shadow(p->around, p->shadow, view->world_from_camera, skeleton, take_body(p->take));
+    around_painter_shadow(p->around, p->shadow, &about);
     p->shaded = true;
 }
 
@@ -486,7 +486,7 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     status = choose_level(p, &scene, result);
     if (status != OK)
         return status;
-    draw_shadow(p, view, &scene, &moment.skeleton);
+    draw_shadow(p, view, &moment.skeleton);
     bool coding = p->coding;
     if (result->level == DETAIL_PAPER || view->also_paper) {
         p->coding = coding && result->level == DETAIL_PAPER;

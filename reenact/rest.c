@@ -5,7 +5,7 @@
 // Half of a bend is spread over this far on either side of a joint.
 static const double BLEND_M = 0.05;
 
-const struct part_link part_links[PART_LINKS] = {
+const struct bone_link bone_links[BONE_LINKS] = {
     {PART_UPPER_TORSO, PART_HEAD, JOINT_NECK},
     {PART_UPPER_TORSO, PART_LOWER_TORSO, JOINT_TORSO},
     {PART_UPPER_TORSO, PART_LEFT_UPPER_ARM, JOINT_LEFT_SHOULDER},
@@ -16,13 +16,30 @@ const struct part_link part_links[PART_LINKS] = {
     {PART_LOWER_TORSO, PART_RIGHT_THIGH, JOINT_RIGHT_HIP},
     {PART_LEFT_THIGH, PART_LEFT_SHIN, JOINT_LEFT_KNEE},
     {PART_RIGHT_THIGH, PART_RIGHT_SHIN, JOINT_RIGHT_KNEE},
+    {PART_LEFT_SHIN, BONE_LEFT_FOOT, JOINT_LEFT_FOOT},
+    {PART_RIGHT_SHIN, BONE_RIGHT_FOOT, JOINT_RIGHT_FOOT},
+    {PART_LEFT_FOREARM, BONE_LEFT_HAND, JOINT_LEFT_HAND},
+    {PART_RIGHT_FOREARM, BONE_RIGHT_HAND, JOINT_RIGHT_HAND},
 };
 
-bool parts_meet(enum part a, enum part b)
+// What hangs on the end of a part, in the part's own axes; of the part's length.
+static const struct end {
+    enum part part;
+    struct vec3 along;
+} hung[BONE_COUNT - PART_COUNT] = {
+    {PART_LEFT_SHIN, {0, 0.4, 0.15}},
+    {PART_RIGHT_SHIN, {0, 0.4, 0.15}},
+    {PART_LEFT_FOREARM, {0, 0, 0.4}},
+    {PART_RIGHT_FOREARM, {0, 0, 0.4}},
+};
+
+enum part bone_part(int bone) { return bone < PART_COUNT ? (enum part)bone : hung[bone - PART_COUNT].part; }
+
+bool bones_meet(int a, int b)
 {
     bool meet = a == b;
-    for (int i = 0; i < PART_LINKS; i++)
-        meet |= (part_links[i].a == a && part_links[i].b == b) || (part_links[i].a == b && part_links[i].b == a);
+    for (int i = 0; i < BONE_LINKS; i++)
+        meet |= (bone_links[i].a == a && bone_links[i].b == b) || (bone_links[i].a == b && bone_links[i].b == a);
     return meet;
 }
 
@@ -103,6 +120,24 @@ static void place_joints(struct skeleton *s, const struct take *take, double *sp
     }
 }
 
+// Where it is unknown how an end is turned, it goes on as people stand.
+static void place_end(struct rest *rest, int bone)
+{
+    const struct end *end = &hung[bone - PART_COUNT];
+    const struct part_frame *f = &rest->frame[end->part];
+    rest->known[bone] = rest->known[end->part];
+    if (!rest->known[bone])
+        return;
+    struct vec3 along = v3_add(v3_scale(f->y, end->along.y), v3_scale(f->z, end->along.z));
+    struct part_frame *own = &rest->frame[bone];
+    own->origin = v3_add(f->origin, v3_scale(f->z, f->length));
+    own->length = f->length * v3_length(along);
+    own->x = f->x;
+    own->z = v3_unit(along);
+    own->y = v3_cross(own->z, own->x);
+    rest->radius[bone] = rest->radius[end->part];
+}
+
 enum status rest_make(struct rest *out, const struct take *take)
 {
     *out = (struct rest){0};
@@ -119,6 +154,8 @@ enum status rest_make(struct rest *out, const struct take *take)
         if (out->known[p])
             out->radius[p] = body->radius_rate[p] * out->frame[p].length;
     }
+    for (int b = PART_COUNT; b < BONE_COUNT; b++)
+        place_end(out, b);
     return out->known[PART_UPPER_TORSO] ? OK : NOTHING;
 }
 
@@ -133,19 +170,19 @@ static struct pose frame_pose(const struct part_frame *f)
 
 enum status posture_of(const struct rest *rest, const struct skeleton *skeleton, struct posture *out)
 {
-    bool placed[PART_COUNT] = {false};
-    for (int p = 0; p < PART_COUNT; p++) {
+    bool placed[BONE_COUNT] = {false};
+    for (int p = 0; p < BONE_COUNT; p++) {
         struct part_frame f;
-        out->part[p] = POSE_IDENTITY;
-        placed[p] = rest->known[p] && part_frame_bodily(skeleton, (enum part)p, &f);
+        out->bone[p] = POSE_IDENTITY;
+        placed[p] = p < PART_COUNT && rest->known[p] && part_frame_bodily(skeleton, (enum part)p, &f);
         if (placed[p])
-            out->part[p] = pose_multiply(frame_pose(&f), pose_inverse(frame_pose(&rest->frame[p])));
+            out->bone[p] = pose_multiply(frame_pose(&f), pose_inverse(frame_pose(&rest->frame[p])));
     }
     if (!placed[PART_UPPER_TORSO])
         return NOTHING;
-    for (int i = 0; i < PART_LINKS; i++) // from the trunk outwards
-        if (!placed[part_links[i].b])
-            out->part[part_links[i].b] = out->part[part_links[i].a];
+    for (int i = 0; i < BONE_LINKS; i++) // from the trunk outwards
+        if (!placed[bone_links[i].b])
+            out->bone[bone_links[i].b] = out->bone[bone_links[i].a];
     return OK;
 }
 
@@ -159,7 +196,7 @@ struct skeleton posture_skeleton(const struct rest *rest, const struct posture *
             continue;
         const enum joint ends[] = {part_ends[p].from, part_ends[p].to};
         for (int e = 0; e < 2; e++) {
-            sum[ends[e]] = v3_add(sum[ends[e]], pose_apply(posture->part[p], rest->skeleton.joint[ends[e]]));
+            sum[ends[e]] = v3_add(sum[ends[e]], pose_apply(posture->bone[p], rest->skeleton.joint[ends[e]]));
             count[ends[e]]++;
         }
     }
@@ -189,30 +226,39 @@ double rest_distance(const struct rest *rest, struct vec3 point)
     return best;
 }
 
+int rest_bone(const struct rest *rest, enum part part, struct vec3 place, const struct pose rest_from[BONE_COUNT])
+{
+    for (int b = PART_COUNT; b < BONE_COUNT; b++)
+        if (bone_part(b) == part && rest->known[b] &&
+            gap(rest, b, pose_apply(rest_from[b], place)) < gap(rest, (int)part, pose_apply(rest_from[part], place)))
+            return b;
+    return (int)part;
+}
+
 struct skin rest_skin(const struct rest *rest, struct vec3 point)
 {
-    double gaps[PART_COUNT];
+    double gaps[BONE_COUNT];
     int nearest = -1;
-    for (int p = 0; p < PART_COUNT; p++) {
+    for (int p = 0; p < BONE_COUNT; p++) {
         gaps[p] = rest->known[p] ? gap(rest, p, point) : INFINITY;
         if (nearest < 0 || gaps[p] < gaps[nearest])
             nearest = p;
     }
     struct skin s = {{(uint8_t)nearest, (uint8_t)nearest, (uint8_t)nearest}, {1, 0, 0}};
     double total = 1;
-    for (int p = 0; p < PART_COUNT; p++) {
+    for (int p = 0; p < BONE_COUNT; p++) {
         double share = 1 - (gaps[p] - gaps[nearest]) / BLEND_M;
-        if (p == nearest || !(share > 0) || !parts_meet((enum part)p, (enum part)nearest))
+        if (p == nearest || !(share > 0) || !bones_meet(p, nearest))
             continue;
         share = share * share * (3 - 2 * share);
         int slot = s.weight[1] < s.weight[2] ? 1 : 2;
         if (share <= (double)s.weight[slot])
             continue;
         total += share - (double)s.weight[slot];
-        s.part[slot] = (uint8_t)p;
+        s.bone[slot] = (uint8_t)p;
         s.weight[slot] = (float)share;
     }
-    for (int i = 0; i < SKIN_PARTS; i++)
+    for (int i = 0; i < SKIN_BONES; i++)
         s.weight[i] = (float)((double)s.weight[i] / total);
     return s;
 }
@@ -221,10 +267,10 @@ void skin_place(const struct skin *skin, const struct posture *posture, struct v
                 struct vec3 *p, struct vec3 *n)
 {
     *p = *n = v3(0, 0, 0);
-    for (int i = 0; i < SKIN_PARTS; i++) {
+    for (int i = 0; i < SKIN_BONES; i++) {
         if (!(skin->weight[i] > 0))
             continue;
-        const struct pose *t = &posture->part[skin->part[i]];
+        const struct pose *t = &posture->bone[skin->bone[i]];
         *p = v3_add(*p, v3_scale(pose_apply(*t, point), (double)skin->weight[i]));
         *n = v3_add(*n, v3_scale(quat_rotate(t->rotation, normal), (double)skin->weight[i]));
     }

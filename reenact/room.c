@@ -11,7 +11,7 @@ static const double FLOOR_M = 0.08, ABOVE_M = 0.3; // above the floor, above the
 static const double NEAR_M = 0.3, FAR_M = 5;      // readings beyond are too coarse
 static const float LEAST_WEIGHT = 0.4F;           // about two views from 2 m
 static const double BODY_M = 0.35;                // a part beyond its joints, at most
-static const double BALL_M = 0.5;
+static const double CELL_M = 0.5;
 
 enum { FRAMES = 8, FRAME_TRUST = 4, THREADS = 2, MOST_VOXELS = 8000000, BODY_FRAMES = 200 };
 
@@ -323,23 +323,58 @@ static enum status make_mesh(const struct grid *g, struct room *out)
     return status == OK && !out->corner_count ? NOTHING : status;
 }
 
+// A triangle, by the cell that it begins in.
+struct piece {
+    int cell[3];
+    uint16_t corners[3];
+};
+
+static int cell_by_cell(const void *a, const void *b)
+{
+    const struct piece *x = a, *y = b;
+    int differ = 0;
+    for (int k = 0; k < 3 && !differ; k++)
+        differ = (x->cell[k] > y->cell[k]) - (x->cell[k] < y->cell[k]);
+    return differ ? differ : memcmp(x->corners, y->corners, sizeof x->corners);
+}
+
+// About the middle of a cell, around all its triangles.
+static struct room_ball ball_around(const struct room *room, const struct piece *pieces, int first, int count)
+{
+    const int *cell = pieces[first].cell;
+    struct room_ball ball = {v3((cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M, (cell[2] + 0.5) * CELL_M), 0,
+                             3 * first, 3 * count};
+    for (int i = 0; i < 3 * count; i++) {
+        const float *p = room->points[pieces[first + i / 3].corners[i % 3]];
+        ball.radius_m = fmax(ball.radius_m, v3_distance(ball.middle, v3((double)p[0], (double)p[1], (double)p[2])));
+    }
+    return ball;
+}
+
+// Puts the triangles in order and a ball around those of each cell.
 static enum status find_balls(struct room *out)
 {
-    for (int i = 0; i < out->point_count; i++) {
-        const float *p = out->points[i];
-        struct vec3 middle = v3((floor((double)p[0] / BALL_M) + 0.5) * BALL_M, (floor((double)p[1] / BALL_M) + 0.5) * BALL_M,
-                                (floor((double)p[2] / BALL_M) + 0.5) * BALL_M);
-        bool known = false;
-        for (int b = out->ball_count - 1; b >= 0 && !known; b--)
-            known = v3_distance(out->balls[b].middle, middle) < BALL_M / 2;
-        if (known)
-            continue;
-        struct room_ball *balls = realloc(out->balls, sizeof *balls * (size_t)(out->ball_count + 1));
-        if (!balls)
-            return fail(ERR_MEMORY, "out of memory");
-        out->balls = balls;
-        out->balls[out->ball_count++] = (struct room_ball){middle, BALL_M * 0.9}; // half of a cube's diagonal
+    const int count = out->corner_count / 3;
+    struct piece *pieces = malloc(sizeof *pieces * (size_t)count);
+    out->balls = malloc(sizeof *out->balls * (size_t)count);
+    if (!pieces || !out->balls) {
+        free(pieces);
+        return fail(ERR_MEMORY, "out of memory");
     }
+    for (int i = 0; i < count; i++) {
+        memcpy(pieces[i].corners, out->corners + 3 * (size_t)i, sizeof pieces[i].corners);
+        for (int k = 0; k < 3; k++)
+            pieces[i].cell[k] = (int)floor((double)out->points[pieces[i].corners[0]][k] / CELL_M);
+    }
+    qsort(pieces, (size_t)count, sizeof *pieces, cell_by_cell);
+    for (int i = 0, first = 0; i < count; i++) {
+        memcpy(out->corners + 3 * (size_t)i, pieces[i].corners, sizeof pieces[i].corners);
+        if (i + 1 < count && !memcmp(pieces[i].cell, pieces[i + 1].cell, sizeof pieces[i].cell))
+            continue;
+        out->balls[out->ball_count++] = ball_around(out, pieces, first, i + 1 - first);
+        first = i + 1;
+    }
+    free(pieces);
     return OK;
 }
 
@@ -387,37 +422,60 @@ void room_free(struct room *room)
 
 // ---------------------------------------------------------------- does it matter
 
-bool room_may_hide(const struct room *room, const struct part_map *viewer_from_room, const struct skeleton *in_viewer)
+void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m)
 {
-    // The actor as a cone from the eye: about the middle of the joints, as wide as they reach.
-    struct vec3 sum = v3(0, 0, 0);
-    double widest = 0, farthest = 0;
-    int known = 0;
-    for (int j = 0; j < JOINT_COUNT; j++)
-        if (in_viewer->confidence[j] > 0) {
-            sum = v3_add(sum, in_viewer->joint[j]);
-            known++;
-        }
-    struct vec3 middle = v3_scale(sum, known ? 1.0 / known : 0);
-    for (int j = 0; j < JOINT_COUNT; j++)
-        if (in_viewer->confidence[j] > 0) {
-            widest = fmax(widest, v3_distance(in_viewer->joint[j], middle) + BODY_M);
-            farthest = fmax(farthest, v3_length(in_viewer->joint[j]) + BODY_M);
-        }
-    double away = v3_length(middle);
-    if (!known || !(away > widest))
-        return known > 0;
-    for (int b = 0; b < room->ball_count; b++) {
-        const struct vec3 *m = &room->balls[b].middle;
-        double p[3];
-        for (int r = 0; r < 3; r++)
-            p[r] = (double)viewer_from_room->row[r][0] * m->x + (double)viewer_from_room->row[r][1] * m->y +
-                   (double)viewer_from_room->row[r][2] * m->z + (double)viewer_from_room->row[r][3];
-        struct vec3 at = v3(p[0], p[1], p[2]);
-        double along = v3_dot(at, middle) / away, radius = room->balls[b].radius_m;
-        double aside = sqrt(fmax(0, v3_dot(at, at) - along * along));
-        if (along > -radius && along < farthest + radius && aside < widest / away * fmax(along, 0) * 1.2 + radius)
-            return true;
+    const double across[2] = {middle.x, middle.y}, steepest = 1.4; // radians; beyond is no side
+    const bool first = !(h->farthest_m > 0);
+    if (!(middle.z + radius_m > 0))
+        return; // behind the eye
+    h->farthest_m = fmax(h->farthest_m, middle.z + radius_m);
+    for (int i = 0; i < 2; i++) {
+        const double away = hypot(across[i], middle.z), half = away > radius_m ? asin(radius_m / away) : INFINITY;
+        const double to = atan2(across[i], middle.z), from_rad = to - half, to_rad = to + half;
+        const double low = from_rad > -steepest ? tan(fmin(from_rad, steepest)) : -INFINITY;
+        const double high = to_rad < steepest ? tan(fmax(to_rad, -steepest)) : INFINITY;
+        h->low[i] = first ? low : fmin(h->low[i], low);
+        h->high[i] = first ? high : fmax(h->high[i], high);
     }
-    return false;
+}
+
+struct room_hidden room_hidden_body(const struct skeleton *in_viewer)
+{
+    struct room_hidden body = {0};
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (in_viewer->confidence[j] > 0)
+            room_hidden_add(&body, in_viewer->joint[j], BODY_M);
+    return body;
+}
+
+static bool may_be_before(const struct room_ball *ball, const struct part_map *viewer_from_room,
+                          const struct room_hidden *hidden)
+{
+    const struct vec3 *m = &ball->middle;
+    double p[3];
+    for (int r = 0; r < 3; r++)
+        p[r] = (double)viewer_from_room->row[r][0] * m->x + (double)viewer_from_room->row[r][1] * m->y +
+               (double)viewer_from_room->row[r][2] * m->z + (double)viewer_from_room->row[r][3];
+    bool may = hidden->farthest_m > 0 && p[2] > -ball->radius_m && p[2] < hidden->farthest_m + ball->radius_m;
+    for (int i = 0; i < 2 && may; i++) { // how far it is beyond either side
+        const double low = hidden->low[i], high = hidden->high[i];
+        may = !(isfinite(low) && (low * p[2] - p[i]) / hypot(low, 1) > ball->radius_m) &&
+              !(isfinite(high) && (p[i] - high * p[2]) / hypot(high, 1) > ball->radius_m);
+    }
+    return may;
+}
+
+bool room_next_before(const struct room *room, const struct part_map *viewer_from_room,
+                      const struct room_hidden *hidden, int *ball, int *first, int *count)
+{
+    const struct room_ball *b = room->balls;
+    *count = 0;
+    while (*ball < room->ball_count && !may_be_before(&b[*ball], viewer_from_room, hidden))
+        ++*ball;
+    if (*ball == room->ball_count)
+        return false;
+    *first = b[*ball].first;
+    for (; *ball < room->ball_count && may_be_before(&b[*ball], viewer_from_room, hidden); ++*ball)
+        *count += b[*ball].count;
+    return true;
 }

@@ -10,12 +10,13 @@ struct room {
     float (*points)[3];
     uint16_t *corners; // corner_count, three to a triangle
     int point_count, corner_count;
-    struct room_ball *balls; // that hold all of it, for a quick look whether any of it matters
+    struct room_ball *balls; // of the triangles, in their order, all of them: only those that matter need be drawn
     int ball_count;
 };
 struct room_ball {
     struct vec3 middle;
     double radius_m;
+    int first, count; // the corners that lie in it
 };
 
 // The take's frames have to be located in the place's world. rays: as for
@@ -25,6 +26,19 @@ MUST_CHECK enum status room_make(struct room *out, const struct place *place, st
                                  const struct likeness_watch *watch);
 void room_free(struct room *room); // leaves it zeroed
 
-// May any of it be before a body whose joints those are (camera axes, metres)?
-// viewer_from_room: into the same axes.
-bool room_may_hide(const struct room *room, const struct part_map *viewer_from_room, const struct skeleton *in_viewer);
+// What the room may hide, as the wedge from the eye that holds it, tablet camera axes. Zeroed: nothing yet.
+struct room_hidden {
+    double low[2], high[2]; // of x / z and y / z; infinite: it has no such side
+    double farthest_m;      // z. 0: nothing
+};
+
+// A ball more, metres.
+void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m);
+
+// A body whose joints those are.
+struct room_hidden room_hidden_body(const struct skeleton *in_viewer);
+
+// The triangles that may lie before it, run by run: the next one's corners, *count of them from *first on. *ball: 0 at
+// first; where to go on. False: there are no more. viewer_from_room: into the same axes.
+bool room_next_before(const struct room *room, const struct part_map *viewer_from_room,
+                      const struct room_hidden *hidden, int *ball, int *first, int *count);

@@ -41,8 +41,8 @@ static void drop(struct shown_frames *f, int i)
     f->bytes -= f->kept[i].bytes;
     gpu_texture_close(&f->kept[i].shown.color);
     gpu_texture_close(&f->kept[i].shown.depth);
-    gpu_texture_close(&f->kept[i].shown.shifts);
     free(f->kept[i].shown.shift);
+    free(f->kept[i].shown.points);
     f->kept[i] = f->kept[--f->count];
 }
 
@@ -126,16 +126,14 @@ static enum status keep(struct shown_frames *f, struct loaded_frame *loaded)
     *k = (struct kept){.frame = loaded->frame, .used = ++f->now, .bytes = bytes};
     f->bytes += bytes;
     struct shown_frame *s = &k->shown;
-    s->seen = loaded->seen;
     s->adjustment = loaded->adjustment;
-    memcpy(s->windows, loaded->windows, sizeof s->windows);
     s->shift = loaded->shift;
+    s->points = loaded->points;
     loaded->shift = NULL;
+    loaded->points = NULL;
     status = bring(&s->depth, f->gpu, GPU_RGBA8, GPU_NEAREST, &loaded->depth);
     if (status == OK)
         status = bring(&s->color, f->gpu, GPU_RGB8, GPU_LINEAR, &loaded->color);
-    if (status == OK)
-        status = bring(&s->shifts, f->gpu, GPU_RGBA8, GPU_NEAREST, &loaded->shifts);
     if (status != OK)
         drop(f, f->count - 1);
     return status;

@@ -13,11 +13,10 @@ void shown_frames_close(struct shown_frames **f);
 
 // As loaded_frame has it.
 struct shown_frame {
-    bool seen;
-    struct gpu_texture *color, *depth, *shifts;
-    float windows[2][4];
+    struct gpu_texture *color, *depth;
     struct adjustment adjustment;
     float (*shift)[3];
+    struct loaded_point *points;
 };
 
 // Loads the frame where it is not kept. *out: borrowed until the next call. As take_read; ERR_DEVICE.

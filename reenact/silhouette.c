@@ -2,10 +2,6 @@
 
 #include <stdlib.h>
 
-struct spot {
-    float x, y, z;
-};
-
 typedef float four __attribute__((vector_size(16))); // three of them, side by side
 
 enum { RIBBON = 6 }; // corners for each edge
@@ -78,10 +74,10 @@ static struct columns columns_of(const struct part_map *map)
 static struct spot skinned(const struct skin *skin, const struct columns *maps, struct spot p)
 {
     four at = {0};
-    for (int k = 0; k < SKIN_PARTS; k++) {
+    for (int k = 0; k < SKIN_BONES; k++) {
         if (!(skin->weight[k] > 0))
             continue;
-        const four *of = maps[skin->part[k]].of;
+        const four *of = maps[skin->bone[k]].of;
         at += skin->weight[k] * (of[0] * p.x + of[1] * p.y + of[2] * p.z + of[3]);
     }
     return (struct spot){at[0], at[1], at[2]};
@@ -137,9 +133,9 @@ static void leave_out(struct silhouette *s, const bool *absent)
     const struct unfolded *m = &s->likeness->atlas.mesh;
     for (int t = 0; t < m->corner_count / 3; t++) {
         float sum = 0; // of three corners
-        for (int i = 0; i < 3 * SKIN_PARTS; i++) {
-            const struct skin *skin = &s->likeness->skins[m->points[m->corners[3 * t + i / SKIN_PARTS]]];
-            sum += absent[skin->part[i % SKIN_PARTS]] ? skin->weight[i % SKIN_PARTS] : 0;
+        for (int i = 0; i < 3 * SKIN_BONES; i++) {
+            const struct skin *skin = &s->likeness->skins[m->points[m->corners[3 * t + i / SKIN_BONES]]];
+            sum += absent[bone_part(skin->bone[i % SKIN_BONES])] ? skin->weight[i % SKIN_BONES] : 0;
         }
         s->front[t] = s->front[t] && sum <= 1.5F;
     }
@@ -163,13 +159,13 @@ static void find_bounds(const struct silhouette *s, struct silhouette_corners *o
         out->low[0] = -INFINITY;
 }
 
-struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
+struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_bone,
                                           float (*shift)[3], const bool *absent)
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
-    struct columns maps[PART_COUNT];
-    for (int part = 0; part < PART_COUNT; part++)
-        maps[part] = columns_of(&viewer_from_part[part]);
+    struct columns maps[BONE_COUNT];
+    for (int b = 0; b < BONE_COUNT; b++)
+        maps[b] = columns_of(&viewer_from_bone[b]);
     for (int i = 0; i < m->point_count; i++)
         s->placed[i] = skinned(&s->likeness->skins[m->points[i]], maps, shifted(s->rest[i], shift[i]));
     for (int t = 0; t < m->corner_count / 3; t++) {
@@ -182,7 +178,7 @@ struct silhouette_corners silhouette_find(struct silhouette *s, const struct par
         all = all && !absent[p];
     if (!all)
         leave_out(s, absent);
-    struct silhouette_corners out = {.corners = s->corners};
+    struct silhouette_corners out = {.corners = s->corners, .placed = s->placed};
     find_bounds(s, &out);
     out.front = put_front(s, s->corners);
     out.ribbon = put_ribbon(s, s->corners + out.front);

@@ -12,13 +12,17 @@ void silhouette_close(struct silhouette **s);
 
 // Corners of triangles: point i of the atlas's mesh is i, and its double farther out is
 // point_count + i. First come those that face the viewer, then the ribbon's. None goes for the
-// most part with absent parts of the body. viewer_from_part, absent: of each part, PART_COUNT.
+// most part with absent parts of the body. viewer_from_bone: of each bone, BONE_COUNT; absent: of each part.
 // shift: of each of the mesh's points in the rest pose, metres.
+struct spot {
+    float x, y, z;
+};
 struct silhouette_corners {
-    const uint16_t *corners; // valid until the next call
+    const uint16_t *corners; // valid until the next call, as placed
+    const struct spot *placed; // each point of the mesh, in the viewer's axes
     int front, ribbon;       // how many of each
     float low[2], high[2];   // between which all of it lies, x and y where z is 1; infinite: some lies beside the camera
 };
-struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_part,
+struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_bone,
                                           float (*shift)[3], const bool *absent);
 int silhouette_most(const struct silhouette *s); // corners, of both together

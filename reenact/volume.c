@@ -192,9 +192,9 @@ struct addition {
     struct volume *volume;
     const struct cell *cells;
     int cell_count;
-    four maps[PART_COUNT][4]; // columns: what x, y, z and 1 come to
-    float thick[PART_COUNT];
-    uint16_t meeting[PART_COUNT]; // bit p: meets part p
+    four maps[BONE_COUNT][4]; // columns: what x, y, z and 1 come to
+    float thick[BONE_COUNT];
+    uint16_t meeting[BONE_COUNT]; // bit p: meets part p
     bool ideal; // lens: without lens_project's way round, for speed
     const struct lens *lens;
     float fx, fy, cx, cy; // likewise
@@ -230,25 +230,25 @@ static inline float least(float a, float b) { return a < b ? a : b; }
 static inline four place_cell(const struct addition *a, const struct cell *cell)
 {
     const struct skin *skin = &cell->skin;
-    const four *m = a->maps[skin->part[0]];
+    const four *m = a->maps[skin->bone[0]];
     four blend[4];
     if (skin->weight[0] < 1) {
         for (int k = 0; k < 4; k++)
             blend[k] = skin->weight[0] * m[k];
-        for (int i = 1; i < SKIN_PARTS; i++)
+        for (int i = 1; i < SKIN_BONES; i++)
             for (int k = 0; k < 4 && skin->weight[i] > 0; k++)
-                blend[k] += skin->weight[i] * a->maps[skin->part[i]][k];
+                blend[k] += skin->weight[i] * a->maps[skin->bone[i]][k];
         m = blend;
     }
     return m[0] * cell->place[0] + m[1] * cell->place[1] + m[2] * cell->place[2] + m[3];
 }
 
-// How far a place of `part` at depth z is before (+) what a pixel shows (*reading: that very
+// How far a place of `bone` at depth z is before (+) what a pixel shows (*reading: that very
 // surface); false: it says nothing of this place.
-static inline bool ask(const struct addition *a, const struct witness *w, float z, enum part part, float *distance,
+static inline bool ask(const struct addition *a, const struct witness *w, float z, int bone, float *distance,
                        float *trust, bool *reading)
 {
-    const float fx = a->fx, thick = a->thick[part];
+    const float fx = a->fx, thick = a->thick[bone];
     *reading = false;
     float d = (float)w->depth * 1e-3F;
     if (!w->depth || w->part == SIGHT_RIM)
@@ -266,13 +266,13 @@ static inline bool ask(const struct addition *a, const struct witness *w, float 
     }
     if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
         *distance = -least(aside, INSIDE_M);
-        return before > -THICK * least(thick, (float)w->half * z / fx) && w->part == part;
+        return before > -THICK * least(thick, (float)w->half * z / fx) && w->part == bone_part(bone);
     }
     *reading = before < OUTSIDE_M;
     *distance = *reading ? before : aside;
     if (*reading)
         *trust = least(1, sure);
-    return !*reading || a->meeting[part] >> w->part & 1;
+    return !*reading || a->meeting[bone] >> w->part & 1;
 }
 
 static void add_stretch(void *context, int stretch)
@@ -282,13 +282,13 @@ static void add_stretch(void *context, int stretch)
     int from = stretch * STRETCH, to = from + STRETCH < a->cell_count ? from + STRETCH : a->cell_count;
     for (int c = from; c < to; c++) {
         const struct cell *cell = &a->cells[c];
-        const enum part part = (enum part)cell->skin.part[0];
+        const int bone = cell->skin.bone[0];
         __builtin_prefetch(&v->points[a->cells[c + AHEAD < a->cell_count ? c + AHEAD : c].at], 1);
         const four p = place_cell(a, cell);
         float distance, trust;
         bool reading;
         const struct witness *w = find_witness(a, p);
-        if (!w || !ask(a, w, p[2], part, &distance, &trust, &reading))
+        if (!w || !ask(a, w, p[2], bone, &distance, &trust, &reading))
             continue;
         // What is far from the surface says on which side it is, not how far: limbs are now here, now there.
         trust *= least(1, VOTE_M / fmaxf(fabsf(distance), 1e-6F));
@@ -299,12 +299,12 @@ static void add_stretch(void *context, int stretch)
     }
 }
 
-void volume_grow(struct volume *v, const double out_m[PART_COUNT])
+void volume_grow(struct volume *v, const double out_m[BONE_COUNT])
 {
     for (int c = 0; c < v->cell_count; c++) {
         const struct skin *skin = &v->cells[c].skin;
-        for (int i = 0; i < SKIN_PARTS; i++)
-            v->points[v->cells[c].at].distance -= skin->weight[i] * (float)out_m[skin->part[i]];
+        for (int i = 0; i < SKIN_BONES; i++)
+            v->points[v->cells[c].at].distance -= skin->weight[i] * (float)out_m[skin->bone[i]];
     }
 }
 
@@ -332,13 +332,13 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
     a.lens = &v->calibration.depth;
     a.ideal = lens_is_ideal(a.lens);
     a.fx = (float)a.lens->fx, a.fy = (float)a.lens->fy, a.cx = (float)a.lens->cx, a.cy = (float)a.lens->cy;
-    for (int p = 0; p < PART_COUNT; p++) {
-        struct part_map map = part_map_of(pose_multiply(v->depth_from_color, posture->part[p]));
+    for (int p = 0; p < BONE_COUNT; p++) {
+        struct part_map map = part_map_of(pose_multiply(v->depth_from_color, posture->bone[p]));
         for (int k = 0; k < 4; k++)
             a.maps[p][k] = (four){map.row[0][k], map.row[1][k], map.row[2][k], 0};
         a.thick[p] = (float)v->rest.radius[p];
         for (int q = 0; q < PART_COUNT; q++)
-            a.meeting[p] |= (uint16_t)(parts_meet((enum part)p, (enum part)q) << q);
+            a.meeting[p] |= (uint16_t)(bones_meet((int)bone_part(p), q) << q);
     }
     call_witnesses(&a, sight);
     // Each cell is one thread's, so it does not matter how many there are.
@@ -380,6 +380,8 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
 }
 
 // ---------------------------------------------------------------- looking up
+
+const struct rest *volume_rest(const struct volume *v) { return &v->rest; }
 
 bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen)
 {

@@ -25,11 +25,13 @@ void volume_add(struct volume *v, const struct sight *sight, const struct postur
 // found to be empty, well away from the surface: there v is as `known`. For speed. ERR_MEMORY.
 MUST_CHECK enum status volume_leave_empty(struct volume *v, const struct volume *known);
 
+const struct rest *volume_rest(const struct volume *v);
+
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
 
-// Moves the surface out by out_m of each part, in between where parts meet.
-void volume_grow(struct volume *v, const double out_m[PART_COUNT]);
+// Moves the surface out by out_m of each bone, in between where they meet.
+void volume_grow(struct volume *v, const double out_m[BONE_COUNT]);
 
 // Signed distance, metres, negative inside, and its gradient at a point of the
 // rest pose. *seen: how many frames' readings speak for it; where it is 0 the surface is

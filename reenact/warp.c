@@ -285,15 +285,15 @@ static void add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more
 
 // Where a point in the camera's axes is in the rest pose, if it is of a part or of one that meets it, and the
 // direction from the camera to it.
-static struct vec3 into_rest(const struct warp *w, const struct pose back[PART_COUNT], int part, struct vec3 at,
+static struct vec3 into_rest(const struct warp *w, const struct pose back[BONE_COUNT], int part, struct vec3 at,
                              struct vec3 *ray)
 {
-    struct vec3 rest = pose_apply(back[part], at);
+    struct vec3 rest = pose_apply(back[rest_bone(&w->rest, (enum part)part, at, back)], at);
     struct skin skin = rest_skin(&w->rest, rest);
     struct vec3 mixed = v3(0, 0, 0), turned = v3(0, 0, 0);
-    for (int i = 0; i < SKIN_PARTS; i++) { // near enough to undoing the mix of maps where they differ little
-        mixed = v3_add(mixed, v3_scale(pose_apply(back[skin.part[i]], at), (double)skin.weight[i]));
-        turned = v3_add(turned, v3_scale(quat_rotate(back[skin.part[i]].rotation, at), (double)skin.weight[i]));
+    for (int i = 0; i < SKIN_BONES; i++) { // near enough to undoing the mix of maps where they differ little
+        mixed = v3_add(mixed, v3_scale(pose_apply(back[skin.bone[i]], at), (double)skin.weight[i]));
+        turned = v3_add(turned, v3_scale(quat_rotate(back[skin.bone[i]].rotation, at), (double)skin.weight[i]));
     }
     *ray = v3_unit(turned);
     return mixed;
@@ -313,9 +313,9 @@ static int every_px(const struct sight *s)
 
 static void find_readings(struct warp *w, const struct sight *s, const struct posture *posture)
 {
-    struct pose back[PART_COUNT];
-    for (int p = 0; p < PART_COUNT; p++)
-        back[p] = pose_inverse(posture->part[p]);
+    struct pose back[BONE_COUNT];
+    for (int p = 0; p < BONE_COUNT; p++)
+        back[p] = pose_inverse(posture->bone[p]);
     int every = every_px(s);
     w->reading_count = 0;
     for (int y = s->top; y <= s->bottom; y += every)
@@ -353,10 +353,10 @@ struct placed {
     struct vec3 at;
 };
 
-static void place_parts(const struct warp *w, const struct posture *posture, struct placed out[PART_COUNT])
+static void place_parts(const struct warp *w, const struct posture *posture, struct placed out[BONE_COUNT])
 {
-    for (int p = 0; p < PART_COUNT; p++) {
-        struct pose pose = pose_multiply(w->depth_from_color, posture->part[p]);
+    for (int p = 0; p < BONE_COUNT; p++) {
+        struct pose pose = pose_multiply(w->depth_from_color, posture->bone[p]);
         quat_to_matrix(pose.rotation, out[p].turn);
         out[p].at = pose.translation;
     }
@@ -370,14 +370,14 @@ static struct vec3 turned(const struct placed *by, struct vec3 v)
 }
 
 // Where a place of the surface is now; false: it is not at the outline, or not in the picture.
-static bool place_brink(const struct warp *w, const struct warp_model *m, const struct placed placed[PART_COUNT],
+static bool place_brink(const struct warp *w, const struct warp_model *m, const struct placed placed[BONE_COUNT],
                         int point, struct brink *out)
 {
     const struct skin *skin = &m->skins[point];
     struct vec3 p = v3(0, 0, 0), n = p, rest = m->surface->points[point];
     rest = v3_add(rest, shift_now(w, rest));
-    for (int i = 0; i < SKIN_PARTS; i++) {
-        const struct placed *by = &placed[skin->part[i]];
+    for (int i = 0; i < SKIN_BONES; i++) {
+        const struct placed *by = &placed[skin->bone[i]];
         const double weight = (double)skin->weight[i];
         if (!(weight > 0))
             continue;
@@ -396,7 +396,7 @@ static bool place_brink(const struct warp *w, const struct warp_model *m, const 
 static void find_brinks(struct warp *w, const struct warp_model *m, const struct posture *posture, bool first_round)
 {
     const int asked = first_round ? m->surface->point_count : w->brink_count;
-    struct placed placed[PART_COUNT];
+    struct placed placed[BONE_COUNT];
     place_parts(w, posture, placed);
     memset(w->tile, -1, sizeof *w->tile * (size_t)w->across * (size_t)w->down);
     w->brink_count = 0;
@@ -425,7 +425,7 @@ static const struct brink *nearest_brink(const struct warp *w, const struct warp
                 const struct brink *k = &w->brinks[b];
                 double dx = k->px.x - px.x, dy = k->px.y - px.y, far = dx * dx + dy * dy;
                 if (far >= least || k->nx * nx + k->ny * ny < 0.7 ||
-                    !parts_meet((enum part)m->skins[k->point].part[0], (enum part)part))
+                    !bones_meet((int)bone_part(m->skins[k->point].bone[0]), part))
                     continue;
                 least = far;
                 best = k;

@@ -5,7 +5,7 @@ precision highp float;
 in vec4 place;
 in vec4 seen;
 
-uniform vec4 kind;                 // y: the shown frame's time, seconds of the take
+uniform vec4 kind;                 // x: the shown frame's time, seconds of the take
 uniform highp sampler2D atlas_when; // hundredths of a second (high, low byte); blue: 1 if nobody saw it
 uniform highp sampler2D now_depth;
 
@@ -17,7 +17,7 @@ void main()
     float off = abs((there.r * 256.0 + there.g) * 0.255 - seen.z);
     float now = seen.w * there.b * (1.0 - smoothstep(0.05, 0.09, off)); // as figure.frag has it
     vec4 when = texture(atlas_when, place.xy);
-    float age = min(abs(floor(when.r * 255.0 + 0.5) * 256.0 + floor(when.g * 255.0 + 0.5) - floor(kind.y * 100.0 + 0.5)),
+    float age = min(abs(floor(when.r * 255.0 + 0.5) * 256.0 + floor(when.g * 255.0 + 0.5) - floor(kind.x * 100.0 + 0.5)),
                     65535.0);
     float what = now > 0.5 ? 85.0 : when.b > 0.5 ? 255.0 : 170.0;
     vec2 bytes = now > 0.5 ? vec2(0.0) : vec2(floor(age / 256.0), mod(age, 256.0));

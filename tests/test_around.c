@@ -90,19 +90,85 @@ static void draw(struct painter *p, struct pose viewer, bool hidden, uint8_t *rg
     EXPECT_STATUS(painter_read_actor(p, rgba), OK);
 }
 
-static struct painter *painter_with(const struct lens *lens, bool room_too)
+enum about { NO_ROOM, ROOM, ROOM_UNDIVIDED }; // undivided: all of it is drawn wherever any of it is
+
+static struct painter *painter_with(const struct lens *lens, enum about about)
 {
     struct painter_options o = painter_default_options();
     struct painter *p;
     o.shadow = true;
     EXPECT_STATUS(painter_open(&p, set.gpu, set.take, lens, &o), OK);
-    if (room_too) {
+    if (about != NO_ROOM) {
         struct room room;
         EXPECT_STATUS(room_make(&room, &set.place, set.take, NULL), OK);
-        print_message("the room: %d points, %d triangles\n", room.point_count, room.corner_count / 3);
+        print_message("the room: %d points, %d triangles in %d balls\n", room.point_count, room.corner_count / 3,
+                      room.ball_count);
+        if (about == ROOM_UNDIVIDED) {
+            room.ball_count = 1;
+            room.balls[0] = (struct room_ball){v3(0, 0, 0), 100, 0, room.corner_count};
+        }
         EXPECT_STATUS(painter_give_room(p, &room), OK);
     }
     return p;
+}
+
+static int triangles_before(const struct room *room, struct pose viewer, const struct room_hidden *hidden)
+{
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    int ball = 0, first, count, sum = 0;
+    while (room_next_before(room, &viewer_from_room, hidden, &ball, &first, &count)) {
+        EXPECT_AT_LEAST(count, 3);
+        EXPECT_AT_MOST(first + count, room->corner_count);
+        sum += count / 3;
+    }
+    return sum;
+}
+
+static void only_what_may_hide_him_is_drawn(void **state)
+{
+    (void)state;
+    struct room room;
+    EXPECT_STATUS(room_make(&room, &set.place, set.take, NULL), OK);
+    int all = 0;
+    for (int b = 0; b < room.ball_count; b++) {
+        EXPECT_INT(room.balls[b].first, all);
+        all += room.balls[b].count;
+    }
+    EXPECT_INT(all, room.corner_count);
+    const struct skeleton s = world_joints(set.world, 0);
+    const struct pose sensor = world_sensor_pose(set.world), beyond = look(v3(2.7, 0.3, 1.25), v3(0, 0, 0.9));
+    const struct skeleton at_sensor = skeleton_transform(pose_inverse(sensor), &s),
+                          at_table = skeleton_transform(pose_inverse(beyond), &s);
+    const struct room_hidden from_sensor = room_hidden_body(&at_sensor), over_table = room_hidden_body(&at_table),
+                             nothing = {0};
+    struct room_hidden everything = {0};
+    room_hidden_add(&everything, v3(0, 0, 1), 100);
+    const int few = triangles_before(&room, sensor, &from_sensor), many = triangles_before(&room, beyond, &over_table);
+    print_message("of %d triangles %d from the sensor's side, %d over the table\n", all / 3, few, many);
+    EXPECT_AT_MOST(few, 0.3 * all / 3);
+    EXPECT_AT_LEAST(many, few + 100);
+    EXPECT_INT(triangles_before(&room, beyond, &nothing), 0);
+    EXPECT_INT(triangles_before(&room, beyond, &everything), all / 3);
+    room_free(&room);
+}
+
+// A picture is the same as with all of the room, his shadow too.
+static void nothing_that_hides_is_left_out(void **state)
+{
+    (void)state;
+    static uint8_t rgb[2][3 * MOST], rgba[2][4 * MOST];
+    const struct lens lens = world_viewer_calibration(SCALE).color;
+    struct painter *p[2] = {painter_with(&lens, ROOM), painter_with(&lens, ROOM_UNDIVIDED)};
+    for (int e = 0; e < 8; e++) {
+        const double angle = e * 0.785;
+        struct pose viewer = look(v3(2.5 * cos(angle), 2.5 * sin(angle), 1.3), v3(0, 0, 0.7));
+        for (int i = 0; i < 2; i++)
+            draw(p[i], viewer, true, rgb[i], rgba[i]);
+        EXPECT_TRUE(!memcmp(rgb[0], rgb[1], 3 * (size_t)lens.width * (size_t)lens.height));
+        EXPECT_TRUE(!memcmp(rgba[0], rgba[1], 4 * (size_t)lens.width * (size_t)lens.height));
+    }
+    painter_close(&p[0]);
+    painter_close(&p[1]);
 }
 
 static void a_table_hides_him(void **state)
@@ -110,7 +176,7 @@ static void a_table_hides_him(void **state)
     (void)state;
     static uint8_t seen[MOST], there[MOST], rgb[3 * MOST], with[4 * MOST], without[4 * MOST];
     const struct lens lens = world_viewer_calibration(SCALE).color;
-    struct painter *p = painter_with(&lens, true);
+    struct painter *p = painter_with(&lens, ROOM);
     const struct vec3 eyes[] = {{2.7, 0.3, 1.25}, {2.4, -0.9, 1.0}, {2.6, 0, 0.9}};
     for (size_t e = 0; e < COUNT_OF(eyes); e++) {
         struct pose viewer = look(eyes[e], v3(0, 0, 0.9));
@@ -145,7 +211,7 @@ static void his_shadow_lies_under_his_feet(void **state)
     (void)state;
     static uint8_t rgb[3 * MOST], rgba[4 * MOST];
     const struct lens lens = world_viewer_calibration(SCALE).color;
-    struct painter *p = painter_with(&lens, false);
+    struct painter *p = painter_with(&lens, NO_ROOM);
     struct skeleton s = world_joints(set.world, 0);
     struct vec3 foot = v3_mix(s.joint[JOINT_LEFT_FOOT], s.joint[JOINT_RIGHT_FOOT], 0.5);
     struct pose viewer = look(v3(foot.x, foot.y - 2, 2.3), v3(foot.x, foot.y, 0.3));
@@ -204,6 +270,8 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(only_what_may_hide_him_is_drawn),
+        cmocka_unit_test(nothing_that_hides_is_left_out),
         cmocka_unit_test(a_table_hides_him),
         cmocka_unit_test(his_shadow_lies_under_his_feet),
     };

@@ -51,11 +51,11 @@ static struct seen see(const struct likeness *l, int i, const struct warp *warp,
     const int point = m->points[i];
     struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0), rest = l->atlas.points[i];
     rest = v3_add(rest, warp_at(warp, rest));
-    for (int s = 0; s < SKIN_PARTS; s++) {
+    for (int s = 0; s < SKIN_BONES; s++) {
         const double share = (double)l->skins[point].weight[s];
-        const int part = l->skins[point].part[s];
-        p = v3_add(p, v3_scale(pose_apply(viewer->part[part], rest), share));
-        n = v3_add(n, v3_scale(quat_rotate(world->part[part].rotation, l->atlas.normals[i]), share));
+        const int bone = l->skins[point].bone[s];
+        p = v3_add(p, v3_scale(pose_apply(viewer->bone[bone], rest), share));
+        n = v3_add(n, v3_scale(quat_rotate(world->bone[bone].rotation, l->atlas.normals[i]), share));
     }
     struct vec3 facing = v3_unit(quat_rotate(viewer_from_world, n));
     double aside[2] = {facing.x - p.x * facing.z / p.z, facing.y - p.y * facing.z / p.z};
@@ -208,9 +208,9 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     const struct warp_model model = {l->volume, &l->surface, l->skins};
     EXPECT_STATUS(warp_open(&warp, &l->rest, &l->surface, take_calibration(s->take)), OK);
     warp_fit(warp, &model, &sight, &joints);
-    for (int p = 0; p < PART_COUNT; p++) {
-        into_viewer.part[p] = pose_multiply(pose_inverse(s->viewer), shown.part[p]);
-        into_world.part[p] = pose_multiply(e->world_from_camera, joints.part[p]);
+    for (int p = 0; p < BONE_COUNT; p++) {
+        into_viewer.bone[p] = pose_multiply(pose_inverse(s->viewer), shown.bone[p]);
+        into_world.bone[p] = pose_multiply(e->world_from_camera, joints.bone[p]);
     }
     const struct unfolded *m = &l->atlas.mesh;
     const int points = m->point_count;

@@ -11,7 +11,7 @@
 static double mean_gap_mm(const struct outline_gaps *g)
 {
     double sum = 0, count = 0;
-    for (int p = 0; p < PART_COUNT; p++) {
+    for (int p = 0; p < BONE_COUNT; p++) {
         sum += g->sum[p];
         count += g->count[p];
     }
@@ -67,8 +67,8 @@ static void the_figure_lies_on_what_was_seen(void **state)
     print_message("joints %.1f mm off, then %.1f mm\n", before * 1000, after * 1000);
     EXPECT_AT_MOST(after, before / 2);
 
-    double thinner[PART_COUNT]; // the frame's outline says by how much
-    for (int p = 0; p < PART_COUNT; p++)
+    double thinner[BONE_COUNT]; // the frame's outline says by how much
+    for (int p = 0; p < BONE_COUNT; p++)
         thinner[p] = -0.010;
     struct outline_gaps as_made = {0}, thinned = {0}, met = {0};
     outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &as_made);
