@@ -153,6 +153,8 @@ static void against_all_tags(const struct map *m, double *all, double *common, d
 
 enum status map_weigh_tags(struct map *m)
 {
+    if (!m->tag_count)
+        return OK;
     const int n = 6 * m->tag_count;
     double *all = calloc((size_t)n * (size_t)n + 1, sizeof *all);
     double *common = calloc(6 * (size_t)n + 1, sizeof *common), *half = calloc(6 * (size_t)n + 1, sizeof *half);

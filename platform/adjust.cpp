@@ -460,7 +460,7 @@ void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &proble
     Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
     out.setZero();
     options.parameter_blocks = which.blocks;
-    if (!problem.Evaluate(options, nullptr, nullptr, nullptr, &by.all))
+    if (which.all == which.points || !problem.Evaluate(options, nullptr, nullptr, nullptr, &by.all))
         return;
     const Eigen::LLT<Eigen::MatrixXd> factor(information_of_poses(by));
     if (factor.info() != Eigen::Success)
@@ -500,7 +500,7 @@ enum status solve(const adjust_problem &in)
         return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
     if (in.cost)
         *in.cost = summary.final_cost;
-    if (in.square_covariance)
+    if (in.square_covariance && in.square_count)
         find_covariance(in, c, problem);
     c.take_over(in);
     return OK;

@@ -2,33 +2,51 @@
 // many lie inside the 95 % ellipsoid as should.
 //
 //     test_covariance [PICTURES]      of each kind; default 20
+#include "tests/dice.h"
 #include "tests/honesty.h"
 #include "tests/tag_picture.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 enum { WIDTH = 320, HEIGHT = 240 };
 static const double F_PX = 300;
 static uint8_t rgb[WIDTH * HEIGHT * 3];
 static int pictures = 20;
 
+// Where a map has a tag that errs by so much in each of its own axes.
+static const double MAP_TURN = 0.01, MAP_SHIFT_M = 0.002;
+static void map_badly(struct place_tag *tag, struct dice *dice)
+{
+    struct pose off = {quat_from_rotation_vector(dice_normal3(dice, MAP_TURN)), dice_normal3(dice, MAP_SHIFT_M)};
+    tag->world_from_tag = pose_multiply(tag->world_from_tag, off);
+    memset(tag->covariance, 0, sizeof tag->covariance);
+    for (int k = 0, i = 0; k < 6; i += 6 - k++)
+        tag->covariance[i] = (float)(k < 3 ? MAP_TURN * MAP_TURN : MAP_SHIFT_M * MAP_SHIFT_M);
+}
+
 // Pictures with `noise` grey levels of the first `count` tags from near and far, steep and straight.
-static void look_at_tags(int count, double noise, struct tally *all)
+static void look_at_tags(int count, double noise, bool badly_mapped, struct tally *all)
 {
     struct place_tag tags[3] = {
         {.id = 3, .side_m = 0.16, .world_from_tag = {{0, 0, 0, 1}, {-0.15, 0.1, 0}}},
         {.id = 58, .side_m = 0.16, .world_from_tag = {{0, 0, 0, 1}, {0.15, 0.05, 0}}},
         {.id = 201, .side_m = 0.16, .world_from_tag = {{0, 0.2588, 0, 0.9659}, {0, -0.15, 0.05}}},
     };
-    const struct place place = {.tags = tags, .tag_count = count};
+    struct place_tag mapped[3];
+    const struct place place = {.tags = mapped, .tag_count = count};
+    struct dice errors = {31 + (uint64_t)count};
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
     struct locator_options options = locator_default_options();
     struct locator *l;
     uint64_t dice = 77 + (uint64_t)count;
     struct tally t = {0};
     options.max_position_sigma_m = 10;
-    EXPECT_STATUS(locator_open(&l, &place, &lens, &options), OK);
     for (int i = 0; i < pictures; i++) {
+        memcpy(mapped, tags, sizeof mapped);
+        for (int k = 0; k < count && badly_mapped; k++)
+            map_badly(&mapped[k], &errors);
+        EXPECT_STATUS(locator_open(&l, &place, &lens, &options), OK);
         double distance = 0.7 + 0.8 * tag_picture_uniform(&dice), yaw = 1.6 * tag_picture_uniform(&dice) - 0.8,
                pitch = 1 * tag_picture_uniform(&dice) - 0.5, roll = 6.28 * tag_picture_uniform(&dice);
         struct tag_picture p = {.lens = lens,
@@ -42,12 +60,12 @@ static void look_at_tags(int count, double noise, struct tally *all)
         struct location at;
         EXPECT_TRUE(tag_picture_draw(&p));
         enum status status = locator_find(l, rgb, NULL, &at);
+        locator_close(&l);
         if (status != OK || at.tags_used < count)
             continue;
         take_in(&t, &at, p.world_from_camera);
     }
-    locator_close(&l);
-    printf("%d tags, noise %.0f: ", count, noise);
+    printf("%d tags, noise %.0f%s: ", count, noise, badly_mapped ? ", mapped badly" : "");
     tell(&t);
     EXPECT_AT_LEAST(t.found, 0.9 * pictures);
     judge(&t);
@@ -61,14 +79,16 @@ static void tags_are_as_sure_as_they_say(void **state)
 {
     (void)state;
     struct tally all = {0};
-    look_at_tags(1, 4, &all);
-    look_at_tags(2, 4, &all);
-    look_at_tags(3, 4, &all);
+    look_at_tags(1, 4, false, &all);
+    look_at_tags(2, 4, false, &all);
+    look_at_tags(3, 4, false, &all);
+    look_at_tags(1, 4, true, &all);
 #ifndef EMULATED
-    look_at_tags(1, 8, &all);
-    look_at_tags(2, 2, &all);
-    look_at_tags(2, 8, &all);
-    look_at_tags(3, 8, &all);
+    look_at_tags(1, 8, false, &all);
+    look_at_tags(2, 2, false, &all);
+    look_at_tags(2, 8, false, &all);
+    look_at_tags(3, 8, false, &all);
+    look_at_tags(3, 4, true, &all);
 #endif
     printf("together: ");
     tell(&all);
