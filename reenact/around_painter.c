@@ -32,6 +32,7 @@ struct around_painter {
     struct gpu_mesh *patch; // of the floor, -1 to 1
     struct room room;
     struct gpu_mesh *walls; // NULL: there is none
+    uint16_t *before;       // corners of what is drawn of it
 };
 
 static enum status open_patch(struct around_painter *a)
@@ -77,6 +78,7 @@ void around_painter_close(struct around_painter **a)
         return;
     room_free(&(*a)->room);
     gpu_mesh_close(&(*a)->walls);
+    free((*a)->before);
     gpu_mesh_close(&(*a)->patch);
     gpu_program_close(&(*a)->program);
     free(*a);
@@ -93,28 +95,32 @@ void around_painter_set_lens(struct around_painter *a, const struct lens *view)
 enum status around_painter_give(struct around_painter *a, struct room *room)
 {
     gpu_mesh_close(&a->walls);
+    free(a->before);
+    a->before = NULL;
     room_free(&a->room);
     a->room = *room;
     *room = (struct room){0};
     if (!a->room.corner_count)
         return OK;
-    return gpu_mesh_open(&a->walls, a->gpu, a->room.points[0], 3, a->room.point_count, a->room.corners,
-                         a->room.corner_count);
+    a->before = malloc(sizeof *a->before * (size_t)a->room.corner_count);
+    if (!a->before)
+        return fail(ERR_MEMORY, "out of memory");
+    return gpu_mesh_open(&a->walls, a->gpu, a->room.points[0], 3, a->room.point_count, NULL, a->room.corner_count);
 }
 
 void around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
                          const struct room_hidden *hidden)
 {
     const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, 0}, none[4] = {0};
-    struct gpu_job job = {.target = target, .program = a->program, .mesh = a->walls, .depth_test = true};
-    int ball = 0;
-    if (!a->walls)
+    const int count = a->walls ? room_before(&a->room, viewer_from_room, hidden, a->before) : 0;
+    if (!count)
         return;
+    gpu_mesh_write_indices(a->walls, 0, a->before, count);
     gpu_program_set(a->program, VIEWER_FROM_POINT, viewer_from_room->row[0], 3);
     gpu_program_set(a->program, VIEW_RANGE, range, 1);
     gpu_program_set(a->program, SHADOW, none, 1);
-    while (room_next_before(&a->room, viewer_from_room, hidden, &ball, &job.first, &job.count))
-        gpu_draw(&job);
+    gpu_draw(&(struct gpu_job){
+        .target = target, .program = a->program, .mesh = a->walls, .depth_test = true, .count = count});
 }
 
 static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double radius)

@@ -465,17 +465,15 @@ static bool may_be_before(const struct room_ball *ball, const struct part_map *v
     return may;
 }
 
-bool room_next_before(const struct room *room, const struct part_map *viewer_from_room,
-                      const struct room_hidden *hidden, int *ball, int *first, int *count)
+int room_before(const struct room *room, const struct part_map *viewer_from_room, const struct room_hidden *hidden,
+                uint16_t *corners)
 {
-    const struct room_ball *b = room->balls;
-    *count = 0;
-    while (*ball < room->ball_count && !may_be_before(&b[*ball], viewer_from_room, hidden))
-        ++*ball;
-    if (*ball == room->ball_count)
-        return false;
-    *first = b[*ball].first;
-    for (; *ball < room->ball_count && may_be_before(&b[*ball], viewer_from_room, hidden); ++*ball)
-        *count += b[*ball].count;
-    return true;
+    int count = 0;
+    for (const struct room_ball *b = room->balls; b < room->balls + room->ball_count; b++) {
+        if (!may_be_before(b, viewer_from_room, hidden))
+            continue;
+        memcpy(corners + count, room->corners + b->first, sizeof *corners * (size_t)b->count);
+        count += b->count;
+    }
+    return count;
 }

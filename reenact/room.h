@@ -38,7 +38,7 @@ void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m)
 // A body whose joints those are.
 struct room_hidden room_hidden_body(const struct skeleton *in_viewer);
 
-// The triangles that may lie before it, run by run: the next one's corners, *count of them from *first on. *ball: 0 at
-// first; where to go on. False: there are no more. viewer_from_room: into the same axes.
-bool room_next_before(const struct room *room, const struct part_map *viewer_from_room,
-                      const struct room_hidden *hidden, int *ball, int *first, int *count);
+// The corners of the triangles that may lie before it, into `corners`, which has room for all of them; how many.
+// viewer_from_room: into the same axes.
+int room_before(const struct room *room, const struct part_map *viewer_from_room, const struct room_hidden *hidden,
+                uint16_t *corners);

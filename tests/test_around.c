@@ -115,13 +115,11 @@ static struct painter *painter_with(const struct lens *lens, enum about about)
 static int triangles_before(const struct room *room, struct pose viewer, const struct room_hidden *hidden)
 {
     const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
-    int ball = 0, first, count, sum = 0;
-    while (room_next_before(room, &viewer_from_room, hidden, &ball, &first, &count)) {
-        EXPECT_AT_LEAST(count, 3);
-        EXPECT_AT_MOST(first + count, room->corner_count);
-        sum += count / 3;
-    }
-    return sum;
+    uint16_t *corners = malloc(sizeof *corners * (size_t)room->corner_count);
+    EXPECT_TRUE(corners);
+    const int count = room_before(room, &viewer_from_room, hidden, corners);
+    free(corners);
+    return count / 3;
 }
 
 static void only_what_may_hide_him_is_drawn(void **state)
