@@ -1,6 +1,7 @@
 #include "platform/adjust.h"
 
 #include <algorithm>
+#include <array>
 #include <ceres/ceres.h>
 #include <memory>
 #include <new>
@@ -423,21 +424,35 @@ void add_point(const derivative &by, const std::vector<int> &rows, Eigen::Ref<Ei
         out.setZero();
 }
 
-// Lower half.
-Eigen::MatrixXd information_of_poses(const derivative &by)
+// Of whitened errors, in the order in which they are added. PRIOR: what is known of the depth's scale before.
+enum kind { CORNERS, PLANE_DEPTHS, SIGHTINGS, PRIOR, KINDS };
+
+kind kind_of_row(const adjust_problem &in, int row, int rows)
+{
+    const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count;
+    if (in.depth_times && row == rows - 1)
+        return PRIOR;
+    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : SIGHTINGS;
+}
+
+// What each kind of errors says of the poses when points follow them. Lower halves.
+std::array<Eigen::MatrixXd, KINDS> information_of_poses(const adjust_problem &in, const derivative &by)
 {
     enum { TOGETHER = 64 };
     const int poses = by.all.num_cols - by.points, count = by.points / 3;
-    Eigen::MatrixXd information = Eigen::MatrixXd::Zero(poses, poses), some(poses, 3 * TOGETHER);
+    std::array<Eigen::MatrixXd, KINDS> information;
+    information.fill(Eigen::MatrixXd::Zero(poses, poses));
+    Eigen::MatrixXd some(poses, 3 * TOGETHER);
     std::vector<std::vector<int>> rows((size_t)count); // of each point
     for (int r = 0; r < by.all.num_rows; r++) {
+        Eigen::MatrixXd &own = information[kind_of_row(in, r, by.all.num_rows)];
         int point = -1;
         for (int i = by.begin(r); i < by.end(r); i++) {
             if (by.column(i) < by.points)
                 point = by.column(i) / 3;
             for (int k = by.begin(r); by.column(i) >= by.points && k < by.end(r); k++)
                 if (by.column(k) >= by.column(i))
-                    information(by.column(k) - by.points, by.column(i) - by.points) += by.value(i) * by.value(k);
+                    own(by.column(k) - by.points, by.column(i) - by.points) += by.value(i) * by.value(k);
         }
         if (point >= 0)
             rows[(size_t)point].push_back(r);
@@ -446,34 +461,63 @@ Eigen::MatrixXd information_of_poses(const derivative &by)
         some.setZero();
         for (int p = first; p < std::min(count, first + TOGETHER); p++)
             add_point(by, rows[(size_t)p], some.middleCols(3 * (p - first), 3));
-        information.selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
+        information[SIGHTINGS].selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
     }
     return information;
 }
 
+// How much larger the errors of each kind are, squared, than they were taken to be: by what is left of them, beside as
+// many as can differ from nought (variance components; Foerstner, 1979). Too few to tell: 1.
+std::array<double, KINDS> times_expected(const adjust_problem &in, const std::vector<double> &errors, int points,
+                                         const std::array<Eigen::MatrixXd, KINDS> &information,
+                                         const Eigen::MatrixXd &covariance)
+{
+    const double least = 20;
+    std::array<double, KINDS> squares{}, spare{}, times;
+    for (size_t r = 0; r < errors.size(); r++) {
+        const kind k = kind_of_row(in, (int)r, (int)errors.size());
+        squares[k] += errors[r] * errors[r];
+        spare[k]++;
+    }
+    spare[SIGHTINGS] -= points;
+    for (size_t k = 0; k < KINDS; k++) {
+        Eigen::MatrixXd whole = information[k].selfadjointView<Eigen::Lower>();
+        spare[k] -= covariance.cwiseProduct(whole).sum();
+        times[k] = k != PRIOR && spare[k] > least ? squares[k] / spare[k] : 1;
+    }
+    return times;
+}
+
+// The errors are weighed as they were taken to be, and are as large as they turn out to be.
 void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &problem)
 {
     const columns which(in, c, problem);
     ceres::Problem::EvaluateOptions options;
     derivative by = {{}, which.points};
-    const int n = 6 * in.square_count;
+    std::vector<double> errors;
+    const int n = 6 * in.square_count, poses = which.all - which.points;
     Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
     out.setZero();
     options.parameter_blocks = which.blocks;
-    if (which.all == which.points || !problem.Evaluate(options, nullptr, nullptr, nullptr, &by.all))
+    if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &by.all))
         return;
-    const Eigen::LLT<Eigen::MatrixXd> factor(information_of_poses(by));
+    const std::array<Eigen::MatrixXd, KINDS> information = information_of_poses(in, by);
+    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] +
+                                             information[SIGHTINGS] + information[PRIOR]);
     if (factor.info() != Eigen::Success)
         return;
-    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(which.all - which.points, n); // by each square's own motion
+    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));
+    const std::array<double, KINDS> times = times_expected(in, errors, which.points, information, covariance);
+    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(poses, n); // by each square's own motion
     for (int s = 0; s < in.square_count; s++) {
         const Matrix3 turn =
             rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
         for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
             moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = turn;
     }
-    const Eigen::MatrixXd half = factor.matrixL().solve(moves);
-    out = half.transpose() * half;
+    const Eigen::MatrixXd by_all = covariance * moves;
+    for (size_t k = 0; k < KINDS; k++)
+        out += times[k] * (by_all.transpose() * (information[k].selfadjointView<Eigen::Lower>() * by_all));
 }
 
 enum status solve(const adjust_problem &in)
