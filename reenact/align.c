@@ -11,7 +11,7 @@ static const double PART_READINGS = 60;
 static const double JOINED_M = 0.004;                   // a joint's two sides meet within this,
 static const double JOINTS_M = 0.06, JOINTS_RAD = 0.5;  // the joints are known to this,
 static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from the start to that.
-static const double END_RAD = 1.2;                     // joints do not tell how head, hands and feet are turned
+static const double END_RAD = 1.2;                      // joints do not tell how head, hands and feet are turned
 static const double OUTLIER_M = 0.025;
 static const double SURELY_SEEN = 1; // frames; a surface that is only guessed holds nothing
 
