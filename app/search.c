@@ -7,6 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+// Each time it follows the newest picture. Where following takes longer than until the next one comes, as on a busy
+// machine, it is always behind: then whoever lent the track goes on from there, over the gap.
+enum { MOST_FOLLOWED = 3 };
+
 struct search_picture {
     uint8_t *color;
     int64_t time_ns;
@@ -67,14 +71,17 @@ static bool take_newer(struct search *s, bool wait)
 static enum status search(struct search *s, struct camera_track *track, int most, int *finds)
 {
     enum status status = find(track, &s->in_hand);
+    int followed = 0; // since it was found
     *finds = is_found(status);
-    while (status >= 0 && take_newer(s, !is_found(status))) {
+    while (status >= 0 && followed < MOST_FOLLOWED && take_newer(s, !is_found(status))) {
         status = follow(track, &s->in_hand);
+        followed++;
         if (status == ERR_ORDER || (status == NOTHING && *finds == most))
             return NOTHING; // the camera's clock began anew, or to know its speed does not help
         if (status == NOTHING) {
             status = find(track, &s->in_hand);
             *finds += is_found(status);
+            followed = 0;
         }
     }
     return status;
