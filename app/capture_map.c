@@ -10,15 +10,19 @@
 #include <unistd.h>
 
 struct arguments {
-    const char *sensor, *tags, *out, *into;
+    const char *sensor, *camera, *tags, *out, *into; // one of the first two
     double seconds, decimate;
     bool json;
 };
 
-enum { KEY_SENSOR = COMMAND_KEY, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
+enum { KEY_SENSOR = COMMAND_KEY, KEY_CAMERA, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
 
 static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags say how large the "
+     "place is, and it holds nothing but them",
+     0},
     {"tags", KEY_TAGS, "TAGS.json", 0,
      "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
      "the side is the outer edge of the black square; without it natural points and depth make the place",
@@ -42,6 +46,9 @@ static error_t parse(int key, char *value, struct argp_state *state)
     switch (key) {
     case KEY_SENSOR:
         a->sensor = value;
+        return 0;
+    case KEY_CAMERA:
+        a->camera = value;
         return 0;
     case KEY_TAGS:
         a->tags = value;
@@ -69,7 +76,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
         argp_error(state, "'%s' is one word too many", value);
         return 0;
     case ARGP_KEY_END:
-        command_need(state, a->sensor, "--sensor");
+        if (!a->sensor == !a->camera)
+            argp_error(state, "either --sensor URI, with depth, or --camera URI, without");
         if (!a->into == !a->out)
             argp_error(state, "either --out FILE, for a new recording, or --into FILE, for a place that is there");
         return 0;
@@ -280,7 +288,8 @@ static int map_place(const char *program, const struct arguments *a, const struc
     wanted.before = a->into ? &before : NULL;
     enum status status = a->into ? read_place(a->into, &before) : OK;
     if (status == OK)
-        status = source_open(&source, a->sensor, SOURCE_SENSOR);
+        status = a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR)
+                           : source_open(&source, a->camera, SOURCE_CAMERA);
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
     if (status == OK)
@@ -318,13 +327,14 @@ int capture_map(int argc, char **argv)
     const struct argp argp = {
         options,
         parse,
-        "--sensor URI [--tags TAGS.json] (--out FILE | --into FILE)",
+        "(--sensor URI [--tags TAGS.json] | --camera URI --tags TAGS.json) (--out FILE | --into FILE)",
         "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
         "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together. Without --tags "
         "the place is known by its natural points alone: move slowly, and come back to where you began. "
         "With --into another sweep adds what the first one did not see; what is known already must be in sight now "
-        "and then.",
+        "and then. With --camera any camera will do whose lens calibration.json describes: the places of printed tags "
+        "are all that it can tell.",
         NULL,
         NULL,
         NULL};

@@ -8,6 +8,7 @@
 #include "platform/png.h"
 #include "tests/support/process.h"
 #include "tests/support/scratch.h"
+#include "tests/tag_picture.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -114,6 +115,8 @@ static void test_help_and_usage(void **state)
     EXPECT_INT(PROCESS(REENACT, "--help").exit_code, 0);
     EXPECT_INT(PROCESS(CAPTURE, "record", "--take", "x").exit_code, 2);
     EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--out", "a", "--into", "b").exit_code, 2);
+    EXPECT_INT(PROCESS(CAPTURE, "map", "--out", "a").exit_code, 2);
+    EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--camera", "libcamera", "--out", "a").exit_code, 2);
 }
 
 static void test_an_empty_room_is_recorded_all_the_same(void **state)
@@ -169,6 +172,62 @@ static void test_bad_sensors(void **state)
     remove(scratch_file(&scratch, "depthless/depth.txt"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("depthless"), "--out", out, "--take", "x"), "depth");
 
+}
+
+// Two tags on a wall, 0.4 m between their middles, filmed by a camera that has no depth.
+static void test_a_camera_maps_tags(void **state)
+{
+    (void)state;
+    enum { ACROSS = 320, DOWN = 240, PICTURES = 4 };
+    static uint8_t rgb[ACROSS * DOWN * 3];
+    const struct place_tag tags[] = {
+        {.id = 3, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {-0.2, 0, 0}}},
+        {.id = 8, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {0.2, 0, 0}}},
+    };
+    char list[256] = "", path[600];
+    EXPECT_STATUS(folder_make(scratch_file(&scratch, "wall/rgb")), OK);
+    for (int i = 0; i < PICTURES; i++) {
+        struct tag_picture p = {.lens = tag_picture_lens(ACROSS, DOWN, 300),
+                                .tags = tags,
+                                .tag_count = 2,
+                                .world_from_camera = tag_picture_view(1.2, 0.3 * i - 0.45, 0.1 * i, 0),
+                                .noise = 2,
+                                .seed = (uint64_t)i,
+                                .rgb = rgb};
+        EXPECT_TRUE(tag_picture_draw(&p));
+        snprintf(path, sizeof path, "wall/rgb/%d.png", i);
+        EXPECT_STATUS(png_write(scratch_file(&scratch, path), PNG_RGB8, rgb, ACROSS, DOWN), OK);
+        sprintf(list + strlen(list), "100.%d rgb/%d.png\n", i, i);
+    }
+    scratch_text(&scratch, "wall/rgb.txt", list);
+    scratch_text(&scratch, "wall/calibration.json",
+                 "{\"color\": {\"width\": 320, \"height\": 240, \"fx\": 300, \"fy\": 300, "
+                 "\"cx\": 159.5, \"cy\": 119.5}}");
+    scratch_text(&scratch, "pair.json", "{\"family\": \"tag36h11\", \"side_m\": {\"3\": 0.2, \"8\": 0.2}}");
+    char file[512];
+    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "wall.reenact"));
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--out", file), "tags");
+    struct said said =
+        PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--tags", scratch_file(&scratch, "pair.json"), "--out", file);
+    if (said.exit_code)
+        print_error("%s", said.err);
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.err, "only where it sees a tag"));
+    EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 0);
+    struct recording *r;
+    struct place place;
+    EXPECT_STATUS(recording_open(&r, file), OK);
+    EXPECT_STATUS(recording_read_place(r, &place), OK);
+    EXPECT_INT(place.tag_count, 2);
+    const double apart =
+        v3_distance(place.tags[0].world_from_tag.translation, place.tags[1].world_from_tag.translation);
+    print_message("tags %.4f m apart\n", apart);
+    EXPECT_NEAR(apart, 0.4, 0.002);
+    place_free(&place);
+    recording_free(&r);
+    said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--out", scratch_file(&scratch, "wall.txt"));
+    EXPECT_INT(said.exit_code, 0);
+    EXPECT_TRUE(strstr(said.out, "4 of 4"));
 }
 
 static void test_bad_places_and_tags(void **state)
@@ -239,6 +298,7 @@ int main(void)
         cmocka_unit_test(test_help_and_usage),
         cmocka_unit_test(test_an_empty_room_is_recorded_all_the_same),
         cmocka_unit_test(test_bad_sensors),
+        cmocka_unit_test(test_a_camera_maps_tags),
         cmocka_unit_test(test_bad_places_and_tags),
         cmocka_unit_test(test_bad_recordings),
     };
