@@ -16,6 +16,7 @@ enum {
 struct map_feature {
     struct feature feature;
     double depth;  // metres; 0: none, or at the edge of something
+    double guess;  // without depth, what two pictures make of it, to begin with; 0: nothing
     int32_t point; // that it shows; -1: none
     struct pixel read_at; // `feature.at` and `depth` as they were before map_unroll
     double depth_as_read;
@@ -64,7 +65,8 @@ struct map {
     int32_t held_points; // so many, the first ones, are an earlier sweep's and stay
     int32_t held_frame;  // that holds the world still; -1: tags or points do
     bool extends;        // a place that is there: its tags and points are held
-    double depth_times; // the sensor's readings times this are true
+    bool has_depth;      // some frame does
+    double depth_times;  // the sensor's readings times this are true
     double rms_px, rms_m;
 };
 
@@ -108,13 +110,19 @@ struct map_desk {
 void map_lay_out(struct map_desk *d, const struct map *m, const struct map_frame *f);
 // Takes over the first `count` of d->matches as what the frame shows.
 void map_assign(struct map_frame *f, const struct map_desk *d, int count);
-// Features with depth that show no point of the map yet become points.
+// Features that show no point of the map yet become points, where their depth is known or can be guessed.
 void map_add_new_points(struct map *m, struct map_frame *f);
 // Finds points from placed frame to placed frame and sharpens their poses by them.
 MUST_CHECK enum status map_add_points(struct map *m);
 // Looks for all points in all frames again and adjusts everything, twice. The `most`
 // best new points stay, with their most typical descriptors.
 MUST_CHECK enum status map_polish_points(struct map *m, int32_t most);
+
+// ---- map_stereo.c
+// Guesses how deep the features of a placed frame lie, from the other placed frames.
+void map_see_in_two(const struct map *m, struct map_frame *f);
+// New points that were seen from nearly one direction only are seen no more. ERR_MEMORY.
+MUST_CHECK enum status map_forget_narrow(struct map *m);
 
 // ---- map_sure.c
 // The covariance of each new point. Once the map is where it stays. ERR_MEMORY.

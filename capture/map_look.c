@@ -109,7 +109,7 @@ static enum status see_points(struct worker *w, struct map_looked *out)
         return fail(ERR_MEMORY, "no memory for the points of a picture");
     for (int i = 0; i < count; i++) {
         double z = depth ? feature_depth(lens, depth, found[i].at) : 0;
-        f->features[i] = (struct map_feature){found[i], z, -1, found[i].at, z};
+        f->features[i] = (struct map_feature){found[i], z, 0, -1, found[i].at, z};
     }
     f->feature_count = count;
     return OK;

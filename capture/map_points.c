@@ -5,7 +5,10 @@
 
 static const double AGAIN_PX = 4;  // how near a point is looked for in an adjusted map
 static const double SAME_M = 0.03; // two points this near that look alike are one
-enum { SAME_BITS = 40, LEAST_SIGHTINGS = 2, ROUNDS = 6, POLISH_ROUNDS = 15 };
+enum { SAME_BITS = 40, ROUNDS = 6, POLISH_ROUNDS = 15 };
+
+// Two pictures agree on where anything on the line of sight lies, so without depth a third one has to.
+static int least_sightings(const struct map *m) { return m->has_depth ? 2 : 3; }
 
 void map_lay_out(struct map_desk *d, const struct map *m, const struct map_frame *f)
 {
@@ -27,13 +30,16 @@ void map_assign(struct map_frame *f, const struct map_desk *d, int count)
 void map_add_new_points(struct map *m, struct map_frame *f)
 {
     struct pose world_from_camera = pose_inverse(f->camera_from_world);
+    if (!m->has_depth)
+        map_see_in_two(m, f);
     for (int32_t i = 0; i < f->feature_count && m->point_count < m->point_capacity; i++) {
         struct map_feature *s = &f->features[i];
-        if (s->point >= 0 || !(s->depth > 0))
+        double depth = m->has_depth ? s->depth : s->guess;
+        if (s->point >= 0 || !(depth > 0))
             continue;
         struct vec3 ray = lens_ray(&m->calibration.color, s->feature.at);
         struct place_point *p = &m->points[m->point_count];
-        *p = (struct place_point){.world = pose_apply(world_from_camera, v3_scale(ray, s->depth))};
+        *p = (struct place_point){.world = pose_apply(world_from_camera, v3_scale(ray, depth))};
         memcpy(p->descriptor, s->feature.descriptor, sizeof p->descriptor);
         s->point = m->point_count++;
     }
@@ -50,7 +56,7 @@ static void visit(struct map *m, struct map_desk *d, struct map_frame *f)
                                NULL, &f->camera_from_world, d->matches, MAP_FEATURES, &count);
     map_assign(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
-        with_depth += f->features[i].depth > 0;
+        with_depth += !m->has_depth || f->features[i].depth > 0;
     // A frame placed by one tag alone is too crooked to add points by itself.
     if ((known || tag_count > 1) && 2 * count < with_depth)
         map_add_new_points(m, f);
@@ -135,7 +141,7 @@ static void forget_bad(struct map *m)
     for (int32_t i = 0; i < m->frame_count; i++)
         for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
             struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= m->held_points && m->point_sightings[s->point] < LEAST_SIGHTINGS)
+            if (s->point >= m->held_points && m->point_sightings[s->point] < least_sightings(m))
                 s->point = -1;
         }
     count_sightings(m);
@@ -272,7 +278,7 @@ static enum status keep_best(struct map *m, int32_t most)
         now[i] = i;
     for (int32_t i = held; i < m->point_count && status == OK; i++) {
         now[i] = -1;
-        if (m->point_sightings[i] >= LEAST_SIGHTINGS && v3_finite(m->points[i].world))
+        if (m->point_sightings[i] >= least_sightings(m) && v3_finite(m->points[i].world))
             order[count++] = (struct ranked){i, m->point_sightings[i]};
     }
     if (status == OK) {
@@ -335,8 +341,11 @@ enum status map_polish_points(struct map *m, int32_t most)
     enum status status = OK;
     for (int round = 0; round < 2 && status == OK; round++) {
         look_again(m, d);
+        if (!m->has_depth)
+            status = map_forget_narrow(m);
         forget_bad(m);
-        status = keep_best(m, most);
+        if (status == OK)
+            status = keep_best(m, most);
         if (status == OK)
             status = round ? map_adjust(m, POLISH_ROUNDS, false, NULL) : map_adjust_depth(m, POLISH_ROUNDS);
     }

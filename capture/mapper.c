@@ -163,6 +163,7 @@ static enum status take_frame(struct mapper *m)
         map_frame_free(&looked.shown);
         return OK;
     }
+    m->map.has_depth |= looked.frame.depth && map_depth_usable(&m->map.calibration);
     for (int32_t i = 0; i < looked.id_count; i++)
         m->seen_in[looked.ids[i]]++;
     thin_out(m);
@@ -346,6 +347,10 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
         status = map_weigh_points(&m->map);
     if (status == OK)
         status = map_weigh_tags(&m->map);
+    // Points that no depth vouches for hold the sweep together. But those of one corner err together, which no
+    // covariance of single points tells, and a camera found by them alone would say that it is surer than it is.
+    if (!m->map.has_depth)
+        m->map.point_count = m->map.held_points;
     if (status == OK)
         status = hand_over(m, out);
     report_tags(m, report);
