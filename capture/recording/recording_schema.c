@@ -208,28 +208,36 @@ void get_point(const uint8_t in[POINT_BYTES], struct place_point *out)
     memcpy(out->descriptor, in, sizeof out->descriptor);
 }
 
+static void put_floats(uint8_t *out, const float *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        out = put_f32(out, values[i]);
+}
+
+static void get_floats(const uint8_t *in, float *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        values[i] = get_f32(&in);
+}
+
 void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_point *point)
 {
-    for (size_t i = 0; i < COUNT_OF(point->covariance); i++)
-        out = put_f32(out, point->covariance[i]);
+    put_floats(out, point->covariance, COUNT_OF(point->covariance));
 }
 
 void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *out)
 {
-    for (size_t i = 0; i < COUNT_OF(out->covariance); i++)
-        out->covariance[i] = get_f32(&in);
+    get_floats(in, out->covariance, COUNT_OF(out->covariance));
 }
 
 void put_tag_error(uint8_t out[TAG_ERROR_BYTES], const struct place_tag *tag)
 {
-    for (size_t i = 0; i < COUNT_OF(tag->covariance); i++)
-        out = put_f32(out, tag->covariance[i]);
+    put_floats(out, tag->covariance, COUNT_OF(tag->covariance));
 }
 
 void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out)
 {
-    for (size_t i = 0; i < COUNT_OF(out->covariance); i++)
-        out->covariance[i] = get_f32(&in);
+    get_floats(in, out->covariance, COUNT_OF(out->covariance));
 }
 
 // ------------------------------------------------------------- senses
