@@ -18,7 +18,8 @@ static int pictures = 20;
 static const double MAP_TURN = 0.01, MAP_SHIFT_M = 0.002;
 static void map_badly(struct place_tag *tag, struct dice *dice)
 {
-    struct pose off = {quat_from_rotation_vector(dice_normal3(dice, MAP_TURN)), dice_normal3(dice, MAP_SHIFT_M)};
+    const struct vec3 turn = dice_normal3(dice, MAP_TURN);
+    const struct pose off = {quat_from_rotation_vector(turn), dice_normal3(dice, MAP_SHIFT_M)};
     tag->world_from_tag = pose_multiply(tag->world_from_tag, off);
     memset(tag->covariance, 0, sizeof tag->covariance);
     for (int k = 0, i = 0; k < 6; i += 6 - k++)
