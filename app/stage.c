@@ -137,7 +137,7 @@ struct lens stage_orbit_lens(int width, int height)
     double f = 0.9 * sqrt((double)width * height);
     // A little above the middle, for the controls are below.
     double above = width > height ? 0.41 : 0.47;
-    return (struct lens){width, height, f, f, (width - 1) / 2.0, (height - 1) * above, 0, 0, 0, 0, 0, 0};
+    return (struct lens){width, height, f, f, (width - 1) / 2.0, (height - 1) * above, 0, 0, 0, 0, 0, 0, 0};
 }
 
 // ---------------------------------------------------------------- placing

@@ -12,7 +12,7 @@ static struct rehearsal rehearsal;
 static struct recording *recording;
 static struct take *take;
 static struct gpu *gpu;
-static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0, 0};
+static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0, 0, 0};
 
 static struct pose round_him(double angle)
 {
