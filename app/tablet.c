@@ -349,6 +349,8 @@ void tablet_shown(struct tablet *t, int64_t now_ns)
     double ms[FRAME_STAGES] = {0};
     if (t->stage)
         stage_shown(t->stage);
+    if (t->eyes)
+        eyes_shown(t->eyes);
     if (t->show.page != PAGE_WATCH || (sight && sight->number == t->timed_sight))
         return;
     if (sight) {
