@@ -31,7 +31,6 @@ static const struct argp_option options[] = {
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
-    char *end;
     switch (key) {
     case KEY_CAMERA:
         a->camera = value;
@@ -43,9 +42,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->json = true;
         return 0;
     case KEY_DECIMATE:
-        a->decimate = strtod(value, &end);
-        if (end == value || *end || !(a->decimate >= 1 && a->decimate <= 8))
-            argp_error(state, "--quad-decimate takes a number from 1 to 8, not '%s'", value);
+        a->decimate = command_number(state, "--quad-decimate", value, 1, 8);
         return 0;
     case ARGP_KEY_ARG:
         if (a->file)

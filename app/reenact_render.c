@@ -46,7 +46,6 @@ static const struct argp_option options[] = {
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
-    char *end;
     switch (key) {
     case KEY_TAKE:
         a->take = value;
@@ -61,9 +60,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->layers = true;
         return 0;
     case KEY_ERROR:
-        a->error_px = strtod(value, &end);
-        if (end == value || *end || !(a->error_px >= 0 && a->error_px <= 1000))
-            argp_error(state, "--error takes pixels, not '%s'", value);
+        a->error_px = command_number(state, "--error", value, 0, 1000);
         return 0;
     case KEY_ALONE:
         a->alone = true;
@@ -72,9 +69,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->json = true;
         return 0;
     case KEY_START:
-        a->start_s = strtod(value, &end);
-        if (end == value || *end || !(fabs(a->start_s) <= 1e6))
-            argp_error(state, "--start takes seconds, not '%s'", value);
+        a->start_s = command_number(state, "--start", value, -1e6, 1e6);
         return 0;
     case KEY_DETAIL:
         for (int d = 0; d < (int)COUNT_OF(detail_names); d++)
