@@ -2,6 +2,7 @@
 
 #include "app/finder.h"
 #include "app/latest.h"
+#include "app/lull.h"
 #include "app/pace.h"
 #include "platform/clock.h"
 #include "platform/source.h"
@@ -36,6 +37,7 @@ struct eyes {
     struct picture pictures[PICTURES];
     bool borrow;
     struct latest *seen, *located;
+    struct lull *lull;
     struct picture *shown; // the looker's
     pthread_t camera_thread, finder_thread;
     bool camera_runs, finder_runs;
@@ -253,7 +255,7 @@ static void *finder_thread(void *self)
         if (e->place && !same_lens(&lens, &s->lens)) {
             finder_close(&finder);
             lens = s->lens;
-            status = finder_open(&finder, e->place, &lens);
+            status = finder_open(&finder, e->place, &lens, e->lull);
         }
         if (finder && status == OK)
             status = find_in(e, finder, p);
@@ -279,6 +281,8 @@ static enum status start(struct eyes *e)
     enum status status = latest_open(&e->seen);
     if (status == OK)
         status = latest_open(&e->located);
+    if (status == OK)
+        status = lull_open(&e->lull);
     if (status != OK)
         return status;
     e->finder_runs = !pthread_create(&e->finder_thread, NULL, finder_thread, e);
@@ -331,6 +335,7 @@ void eyes_close(struct eyes **out)
         pthread_join(e->finder_thread, NULL);
     latest_close(&e->seen);
     latest_close(&e->located);
+    lull_close(&e->lull);
     for (int i = 0; i < PICTURES; i++) {
         loan_return(&e->pictures[i].loan);
         free(e->pictures[i].rgb);
@@ -359,6 +364,8 @@ struct loan *eyes_take_loan(struct eyes *e)
         e->shown->loan = NULL;
     return loan;
 }
+
+void eyes_shown(struct eyes *e) { lull_begins(e->lull); }
 
 struct eyes_state eyes_state(struct eyes *e)
 {

@@ -17,7 +17,7 @@ struct finder {
     bool restarted; // the camera's clock began anew meanwhile
 };
 
-enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens)
+enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens, struct lull *lull)
 {
     *out = NULL;
     struct finder *f = calloc(1, sizeof *f);
@@ -26,7 +26,7 @@ enum status finder_open(struct finder **out, const struct place *place, const st
     *f = (struct finder){.lens = *lens, .last_ns = INT64_MIN, .finds = MOST_FINDS};
     enum status status = camera_track_open(&f->track, place, lens, NULL);
     if (status == OK)
-        status = search_open(&f->search, lens->width, lens->height);
+        status = search_open(&f->search, lens->width, lens->height, lull);
     if (status != OK) {
         finder_close(&f);
         return status;
