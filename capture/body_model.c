@@ -28,6 +28,9 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
     [SEG_RIGHT_FOOT] = {SEG_RIGHT_SHIN, {0, -0.238, 0}, SHAPE_SHIN, SHAPE_SHIN},
 };
 
+// Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
+#define HIPS_AHEAD_IN_TAILS 0.010
+
 // Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
 // radii and z with `girth`.
 struct solid_rule {
@@ -133,7 +136,9 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
                 }
             continue;
         }
-        struct vec3 at = v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], rule->at.z * factor[rule->tall]);
+        bool in_tails = shape->hem_m > 0 && (s == SEG_LEFT_THIGH || s == SEG_RIGHT_THIGH);
+        double ahead = in_tails ? HIPS_AHEAD_IN_TAILS : rule->at.z;
+        struct vec3 at = v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], ahead * factor[rule->tall]);
         out->origin[s] = v3_add(out->origin[rule->parent], turned(out->axes[rule->parent], at));
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++) {
