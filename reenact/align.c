@@ -12,8 +12,14 @@ static const double JOINED_M = 0.004;                   // a joint's two sides m
 static const double JOINTS_M = 0.06, JOINTS_RAD = 0.5;  // the joints are known to this,
 static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from the start to that.
 static const double END_RAD = 1.2;                      // joints do not tell how head, hands and feet are turned
+static const double TURNED_RAD = 0.02;                  // colours tell better than depth how round parts are turned
 static const double OUTLIER_M = 0.025;
 static const double SURELY_SEEN = 1; // frames; a surface that is only guessed holds nothing
+
+bool turned_by_colors(int bone)
+{
+    return bone == PART_HEAD || bone == PART_LEFT_SHIN || bone == PART_RIGHT_SHIN;
+}
 
 struct adjustment adjustment_none(void)
 {
@@ -92,6 +98,7 @@ struct state {
     struct posture joints, start, now;
     struct vec3 middle[BONE_COUNT]; // of each bone, about which it turns; camera axes
     int every;                      // pixels between two that are used
+    bool turned;                    // the start knows how round parts are turned
 };
 
 // Camera-axes motion of bone p: x -> x + w cross (x - middle) + t; unknowns t, w.
@@ -186,6 +193,17 @@ static void add_prior(const struct state *s, struct system *system, int p, const
     }
 }
 
+// Keeps bone p from turning about itself.
+static void add_turned(const struct state *s, struct system *system, int p)
+{
+    struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->rest->frame[p].z);
+    struct vec3 turn = quat_to_rotation_vector(
+        quat_multiply(s->start.bone[p].rotation, quat_conjugate(s->now.bone[p].rotation)));
+    const int index[3] = {6 * p + 3, 6 * p + 4, 6 * p + 5};
+    const double j[3] = {axis.x, axis.y, axis.z};
+    add_row(system, index, j, 3, v3_dot(axis, turn), 1 / (TURNED_RAD * TURNED_RAD));
+}
+
 static void one_round(struct state *s, struct system *system)
 {
     memset(system, 0, sizeof *system);
@@ -194,6 +212,8 @@ static void one_round(struct state *s, struct system *system)
         s->middle[p] = pose_apply(s->now.bone[p], v3_add(f->origin, v3_scale(f->z, f->length / 2)));
         add_prior(s, system, p, &s->joints.bone[p], JOINTS_M, p == PART_HEAD || p >= PART_COUNT ? END_RAD : JOINTS_RAD);
         add_prior(s, system, p, &s->start.bone[p], BEFORE_M, BEFORE_RAD);
+        if (s->turned && turned_by_colors(p))
+            add_turned(s, system, p);
     }
     add_readings(s, system);
     add_links(s, system);
@@ -209,10 +229,10 @@ static void one_round(struct state *s, struct system *system)
 }
 
 struct adjustment align(const struct volume *volume, const struct rest *rest, struct sight *sight,
-                        const struct posture *joints, const struct adjustment *start)
+                        const struct posture *joints, const struct adjustment *start, bool turned)
 {
     struct system system;
-    struct state s = {.volume = volume, .rest = rest, .sight = sight, .joints = *joints};
+    struct state s = {.volume = volume, .rest = rest, .sight = sight, .joints = *joints, .turned = turned};
     s.start = s.now = posture_adjusted(joints, start);
     s.every = 1;
     int count[PART_COUNT];

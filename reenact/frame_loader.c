@@ -179,7 +179,7 @@ static enum status know_points(const struct frame_loader *l, const struct postur
 static void fit(struct frame_loader *l, const struct posture *joints, struct adjustment *adjustment)
 {
     const struct likeness *k = l->likeness;
-    *adjustment = align(k->volume, &k->rest, &l->sight, joints, adjustment);
+    *adjustment = align(k->volume, &k->rest, &l->sight, joints, adjustment, true);
     struct posture laid = posture_adjusted(joints, adjustment);
     const struct warp_model model = {k->volume, &k->surface, k->skins};
     warp_fit(l->warp, &model, &l->sight, &laid);

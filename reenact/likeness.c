@@ -4,6 +4,7 @@
 #include "reenact/carried.h"
 #include "reenact/outline.h"
 #include "reenact/sights.h"
+#include "reenact/turns.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -72,8 +73,8 @@ static void begin(const struct likeness_watch *watch, enum likeness_step step)
 struct reading {
     struct sight sight;
     struct posture posture; // the person's, as far as it is known by then
-    uint8_t *rgb;           // of the colours' pass: the frame's own colours, nobody else's among them
-    struct warp *warp;      // likewise: how the frame bends the figure
+    uint8_t *rgb;           // of passes that need them: the frame's own colours
+    struct warp *warp;      // of the colours' pass: how the frame bends the figure
     enum status status;
     char sentence[512]; // of an error, which is known on the thread that met it
 };
@@ -89,6 +90,7 @@ struct run {
     enum likeness_step pass;
     struct volume *into;      // of the shape's passes
     struct outline_gaps gaps; // of the outlines' pass
+    struct turns *turns;      // of the turns' passes
     struct coat_maker *coat;  // of the colours' pass
     struct reading reading[IN_FLIGHT];
     int batch; // that is read
@@ -113,6 +115,7 @@ static void close_run(struct run *r)
 {
     sights_close(&r->sights);
     coat_close(&r->coat);
+    turns_close(&r->turns);
     for (int i = 0; i < IN_FLIGHT; i++) {
         sight_close(&r->reading[i].sight);
         warp_close(&r->reading[i].warp);
@@ -129,11 +132,16 @@ static void note(struct reading *reading, enum status status)
         snprintf(reading->sentence, sizeof reading->sentence, "%s", status_sentence());
 }
 
-// NOTHING: it shows nobody, or has no colours where they are wanted.
+static bool needs_colors(enum likeness_step pass)
+{
+    return pass == LIKENESS_FOLLOW || pass == LIKENESS_TURNS || pass == LIKENESS_COLORS;
+}
+
+// NOTHING: it shows nobody, or nothing is wanted but the colours that it lacks.
 static enum status read_frame(struct run *r, struct reading *reading, int i)
 {
     enum status status = sights_read(r->sights, i, &reading->sight);
-    if (status != OK || r->pass != LIKENESS_COLORS)
+    if (status != OK || !needs_colors(r->pass))
         return status;
     struct take_pictures seen;
     status = take_read(r->take, r->likeness->frames[i], TAKE_COLOR, &seen);
@@ -147,63 +155,84 @@ static enum status read_frame(struct run *r, struct reading *reading, int i)
 
 static bool measures_outlines(enum likeness_step pass)
 {
-    return pass == LIKENESS_FIRST_OUTLINES || pass == LIKENESS_OUTLINES;
+    return pass == LIKENESS_FIRST_OUTLINES || pass == LIKENESS_LAID_OUTLINES || pass == LIKENESS_OUTLINES;
+}
+
+static double time_of(const struct run *r, int i)
+{
+    return (double)(take_entry(r->take, r->likeness->frames[i])->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9;
+}
+
+static struct turns_frame turns_frame_of(const struct run *r, const struct reading *reading, int i)
+{
+    return (struct turns_frame){&reading->sight, reading->rgb, &reading->posture, time_of(r, i)};
+}
+
+// Where to begin: at first with the joints, which are wrong, but not all the same way; then with the frame before;
+// then, when it is known how each is turned, with that.
+static struct adjustment start_of(const struct run *r, int i)
+{
+    const struct adjustment none = adjustment_none(), *all = r->likeness->adjustments;
+    if (r->pass == LIKENESS_FIRST || (r->pass == LIKENESS_LAID && i == 0))
+        return none;
+    return r->pass == LIKENESS_LAID ? adjustment_mix(&none, &all[i - 1], CARRIED) : all[i];
 }
 
 // Lays a frame on what is known so far, and sorts it by that.
 static enum status lay(struct run *r, struct reading *reading, int i)
 {
     struct likeness *f = r->likeness;
-    struct adjustment *a = &f->adjustments[i], none = adjustment_none(), start = none;
+    struct adjustment *a = &f->adjustments[i], start = start_of(r, i);
     struct posture joints;
-    if (r->pass == LIKENESS_FIRST) // joints are wrong, but not all the same way
-        *a = none;
-    else if (r->pass == LIKENESS_SHAPE)
-        *a = i > 0 ? f->adjustments[i - 1] : none;
+    *a = r->pass == LIKENESS_LAID && i > 0 ? f->adjustments[i - 1] : start;
     enum status status = reading->status;
     if (status == OK)
         status = carried_posture(&f->rest, r->take, f->frames[i], &joints);
     if (status != OK)
         return status;
-    if (r->pass == LIKENESS_SHAPE) {
-        if (i > 0)
-            start = adjustment_mix(&none, &f->adjustments[i - 1], CARRIED);
-        *a = align(f->volume, &f->rest, &reading->sight, &joints, &start);
-    }
+    if (r->pass == LIKENESS_LAID || r->pass == LIKENESS_SHAPE)
+        *a = align(f->volume, &f->rest, &reading->sight, &joints, &start, r->pass == LIKENESS_SHAPE);
     reading->posture = posture_adjusted(&joints, a);
     if (measures_outlines(r->pass))
         return OK;
-    if (r->pass == LIKENESS_COLORS)
+    if (r->pass == LIKENESS_COLORS) // nobody else's among them
         status = sight_colors(&reading->sight, take_calibration(r->take), reading->rgb, reading->rgb);
     struct skeleton better = posture_skeleton(&f->rest, &reading->posture);
     sight_label(&reading->sight, &better);
-    if (r->pass != LIKENESS_COLORS)
-        return OK;
-    const struct warp_model model = {f->volume, &f->surface, f->skins};
-    warp_fit(reading->warp, &model, &reading->sight, &reading->posture);
+    if (r->pass == LIKENESS_TURNS) {
+        const struct turns_frame frame = turns_frame_of(r, reading, i);
+        turns_measure(r->turns, i, &frame);
+    }
+    if (r->pass == LIKENESS_COLORS) {
+        const struct warp_model model = {f->volume, &f->surface, f->skins};
+        warp_fit(reading->warp, &model, &reading->sight, &reading->posture);
+    }
     return status;
 }
 
 static void gather(struct run *r, const struct reading *reading, int i)
 {
-    const struct take_entry *e = take_entry(r->take, r->likeness->frames[i]);
+    const struct turns_frame frame = turns_frame_of(r, reading, i);
     if (measures_outlines(r->pass))
         outline_measure(r->likeness->volume, take_calibration(r->take), &reading->sight, &reading->posture, &r->gaps);
+    else if (r->pass == LIKENESS_FOLLOW)
+        turns_follow(r->turns, &frame);
     else if (r->pass == LIKENESS_COLORS)
-        coat_add(r->coat, &reading->sight, reading->rgb, &reading->posture, reading->warp, e->world_from_camera,
-                 (double)(e->time_ns - take_entry(r->take, 0)->time_ns) * 1e-9);
-    else
+        coat_add(r->coat, &reading->sight, reading->rgb, &reading->posture, reading->warp,
+                 take_entry(r->take, r->likeness->frames[i])->world_from_camera, time_of(r, i));
+    else if (r->into)
         volume_add(r->into, &reading->sight, &reading->posture);
 }
 
-// What goes on side by side shares nothing that any of it changes. A frame is laid starting from the one before.
+// What goes on side by side shares nothing that any of it changes. At first a frame is laid starting from the one
+// before.
 static void do_task(void *context, int task)
 {
     struct run *r = context;
     int first = (r->batch - (task == 0 ? 2 : task == 3 ? 0 : 1)) * BATCH;
     for (int i = first; i < first + BATCH && i < r->likeness->frame_count; i++) {
         struct reading *reading = reading_of(r, i < 0 ? 0 : i);
-        bool mine = r->pass == LIKENESS_SHAPE ? task == 1 : task == 1 + i - first;
+        bool mine = r->pass == LIKENESS_LAID ? task == 1 : task == 1 + i - first;
         if (i >= 0 && task == 0 && reading->status == OK)
             gather(r, reading, i);
         else if (i >= 0 && (task == 1 || task == 2) && mine)
@@ -237,13 +266,13 @@ static const struct round {
     double step_m;
 } rounds[] = {
     {LIKENESS_FIRST, LIKENESS_FIRST_OUTLINES, FIRST_STEP_M},
+    {LIKENESS_LAID, LIKENESS_LAID_OUTLINES, VOLUME_STEP_M},
     {LIKENESS_SHAPE, LIKENESS_OUTLINES, VOLUME_STEP_M},
 };
 
 static enum status make_round(struct likeness *f, struct run *r, const struct round *round,
                               const struct likeness_watch *watch)
 {
-    r->into = NULL;
     enum status status = volume_open(&r->into, &f->rest, take_calibration(r->take), round->step_m);
     if (status == OK && f->volume)
         status = volume_leave_empty(r->into, f->volume);
@@ -255,7 +284,8 @@ static enum status make_round(struct likeness *f, struct run *r, const struct ro
     }
     volume_close(&f->volume);
     f->volume = r->into;
-    if (round == &rounds[COUNT_OF(rounds) - 1])
+    r->into = NULL;
+    if (round != &rounds[0])
         status = volume_smooth(f->volume, SMOOTH_PASSES);
     r->gaps = (struct outline_gaps){0};
     if (status == OK)
@@ -265,15 +295,40 @@ static enum status make_round(struct likeness *f, struct run *r, const struct ro
     return status;
 }
 
+// How each frame's round parts are turned, by their colours.
+static enum status find_turns(struct likeness *f, struct run *r, const struct likeness_watch *watch)
+{
+    struct surface surface = {0};
+    double *time_s = malloc(sizeof *time_s * (size_t)f->frame_count);
+    enum status status = time_s ? volume_surface(f->volume, &surface) : fail(ERR_MEMORY, "out of memory");
+    if (status == OK)
+        status = turns_open(&r->turns, &f->rest, &surface, take_calibration(r->take), f->frame_count);
+    if (status == OK)
+        status = all_frames(f, r, LIKENESS_FOLLOW, watch);
+    if (status == OK)
+        status = all_frames(f, r, LIKENESS_TURNS, watch);
+    for (int i = 0; i < f->frame_count && status == OK; i++)
+        time_s[i] = time_of(r, i);
+    if (status == OK)
+        status = turns_apply(r->turns, time_s, f->adjustments);
+    surface_free(&surface);
+    free(time_s);
+    return status;
+}
+
 // The first round has the joints alone. Where a tracker takes the person for thicker or thinner than they are, joints
 // lie too far behind what the sensor sees, or not far enough, whichever way the person is turned, and front and back
 // come to lie too far from each other or too near. Outlines, which the same person shows from the side, know better:
-// each round ends with the shape made as wide as they have it, and the second lays the frames on that.
+// each round ends with the shape made as wide as they have it, and the second lays the frames on that. The third lays
+// them once more, with head and shins turned as colours say.
 static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
     enum status status = OK;
-    for (size_t i = 0; i < COUNT_OF(rounds) && status == OK; i++)
+    for (size_t i = 0; i < COUNT_OF(rounds) && status == OK; i++) {
         status = make_round(f, r, &rounds[i], watch);
+        if (status == OK && rounds[i].shape == LIKENESS_LAID)
+            status = find_turns(f, r, watch);
+    }
     if (status != OK)
         return status;
     begin(watch, LIKENESS_SURFACE);

@@ -26,7 +26,11 @@ enum { LIKENESS_FRAMES = 120 }; // more add nothing to the shape
 enum likeness_step {
     LIKENESS_FIRST,          // the shape by the joints alone
     LIKENESS_FIRST_OUTLINES, // how the outlines lie about it
-    LIKENESS_SHAPE,          // frames laid on it, and what they make of it
+    LIKENESS_LAID,           // frames laid on it, and what they make of it
+    LIKENESS_LAID_OUTLINES,  // as above
+    LIKENESS_FOLLOW,         // colours of head and shins learned
+    LIKENESS_TURNS,          // how each frame's are turned, by these
+    LIKENESS_SHAPE,          // frames laid so, and what they make of it
     LIKENESS_OUTLINES,       // as above
     LIKENESS_COLORS,         // what each frame says of the colours
     LIKENESS_SURFACE,        // between outlines and colours: the triangles

@@ -200,7 +200,7 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     EXPECT_STATUS(sight_read(&sight, s->take, s->moment.frame), OK);
     EXPECT_STATUS(posture_of(&l->rest, &e->skeleton, &joints), OK);
     struct adjustment start = likeness_adjustment(l, s->moment.frame);
-    struct adjustment a = align(l->volume, &l->rest, &sight, &joints, &start);
+    struct adjustment a = align(l->volume, &l->rest, &sight, &joints, &start, true);
     EXPECT_STATUS(posture_of(&l->rest, &s->moment.skeleton, &shown), OK);
     shown = posture_adjusted(&shown, &a);
     joints = posture_adjusted(&joints, &a);

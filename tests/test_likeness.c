@@ -56,7 +56,7 @@ static void the_figure_lies_on_what_was_seen(void **state)
     struct posture joints;
     struct adjustment none = adjustment_none();
     EXPECT_STATUS(posture_of(&figure.rest, &wrong, &joints), OK);
-    struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none);
+    struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none, false);
     joints = posture_adjusted(&joints, &found);
     struct skeleton back = posture_skeleton(&figure.rest, &joints);
     double before = 0, after = 0;
@@ -129,7 +129,7 @@ static void a_foot_turns_by_itself(void **state)
         EXPECT_STATUS(sight_read(&sight, stage.take, i), OK);
         EXPECT_STATUS(posture_of(&figure.rest, &s, &joints), OK);
         for (int frame = 0; frame < 5; frame++) // as when each follows the one before
-            a = align(figure.volume, &figure.rest, &sight, &joints, &a);
+            a = align(figure.volume, &figure.rest, &sight, &joints, &a, false);
         foot_rad[i] = -quat_to_rotation_vector(a.bone[BONE_LEFT_FOOT].rotation).y;
         shin_rad[i] = -quat_to_rotation_vector(a.bone[PART_LEFT_SHIN].rotation).y;
     }

@@ -20,7 +20,11 @@ static const double MINUTE_S = 60;
 static const char *const step_names[LIKENESS_STEPS] = {
     [LIKENESS_FIRST] = "decode, sort, first shape",
     [LIKENESS_FIRST_OUTLINES] = "its outlines",
-    [LIKENESS_SHAPE] = "lay on it, shape",
+    [LIKENESS_LAID] = "lay on it, shape",
+    [LIKENESS_LAID_OUTLINES] = "its outlines",
+    [LIKENESS_FOLLOW] = "learn colours",
+    [LIKENESS_TURNS] = "how head and shins turn",
+    [LIKENESS_SHAPE] = "lay on it so, shape",
     [LIKENESS_OUTLINES] = "outlines",
     [LIKENESS_COLORS] = "bend, gather colours",
     [LIKENESS_SURFACE] = "triangles",
@@ -143,9 +147,10 @@ static enum status tell(struct bench *b, const char *name, const struct moment_o
 static enum status tell_split(struct bench *b, const struct split *s, const struct moment_of *begun,
                               const struct moment_of *ended)
 {
-    static const enum likeness_step order[] = {LIKENESS_FIRST,    LIKENESS_FIRST_OUTLINES, LIKENESS_SHAPE,
-                                               LIKENESS_OUTLINES, LIKENESS_SURFACE,        LIKENESS_COLORS,
-                                               LIKENESS_COAT,     LIKENESS_ATLAS};
+    static const enum likeness_step order[] = {LIKENESS_FIRST,         LIKENESS_FIRST_OUTLINES, LIKENESS_LAID,
+                                               LIKENESS_LAID_OUTLINES, LIKENESS_FOLLOW,         LIKENESS_TURNS,
+                                               LIKENESS_SHAPE,         LIKENESS_OUTLINES,       LIKENESS_SURFACE,
+                                               LIKENESS_COLORS,        LIKENESS_COAT,           LIKENESS_ATLAS};
     enum status status = tell(b, "what the joints say", begun, &s->began[order[0]]);
     for (size_t i = 0; i < COUNT_OF(order) && status == OK; i++) {
         assert(s->known[order[i]]);
