@@ -42,7 +42,6 @@ static const struct argp_option options[] = {
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
-    char *end;
     switch (key) {
     case KEY_SENSOR:
         a->sensor = value;
@@ -63,14 +62,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->json = true;
         return 0;
     case KEY_SECONDS:
-        a->seconds = strtod(value, &end);
-        if (end == value || *end || !(a->seconds > 0))
-            argp_error(state, "--seconds takes a number greater than 0, not '%s'", value);
+        a->seconds = command_number(state, "--seconds", value, 0.1, 1e6);
         return 0;
     case KEY_DECIMATE:
-        a->decimate = strtod(value, &end);
-        if (end == value || *end || !(a->decimate >= 1 && a->decimate <= 8))
-            argp_error(state, "--quad-decimate takes a number from 1 to 8, not '%s'", value);
+        a->decimate = command_number(state, "--quad-decimate", value, 1, 8);
         return 0;
     case ARGP_KEY_ARG:
         argp_error(state, "'%s' is one word too many", value);
@@ -234,7 +229,8 @@ static const struct place_tag *seldom_seen(const struct place *place)
     return NULL;
 }
 
-static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
+static void warn(const char *program, const struct place *place, const struct mapper_report *r, double focal_sigma,
+                 int64_t damaged)
 {
     const struct place_tag *seldom = seldom_seen(place);
     if (!place->point_count)
@@ -270,6 +266,11 @@ static void warn(const char *program, const struct place *place, const struct ma
                 "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
                 "more slowly, with more of what was seen before in sight\n",
                 program, r->lost_from_s, r->lost_to_s);
+    if (focal_sigma > 0)
+        fprintf(stderr,
+                "%s: warning: this camera's focal length is known to %.1f %% only, and the place is bent as much; measure "
+                "its lens, or let reenact locate learn it in another place, and film this one again\n",
+                program, focal_sigma * 100);
     if (damaged)
         fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
 }
@@ -297,6 +298,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = film(source, mapper, a, &damaged);
     bool live = source && source_is_live(source);
+    const double focal_sigma = source ? source_calibration(source)->color.focal_sigma : 0;
     source_close(&source);
     if (status == OK)
         status = mapper_finish(mapper, &place, &report);
@@ -305,7 +307,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
     if (status == OK) {
-        warn(program, &place, &report, damaged);
+        warn(program, &place, &report, focal_sigma, damaged);
         if (a->json)
             print_json(file, &before, &place, &report, damaged);
         else
