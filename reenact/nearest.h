@@ -23,7 +23,7 @@ struct nearest_point {
 };
 
 // The cost of point `number`, metres; negative: it cannot be chosen. Never less
-// than `scale` (of nearest_find) times the sum of the point's own and of the
+// than `scale` (of a query) times the sum of the point's own and of the
 // distances between the places known in both points.
 typedef double nearest_cost(const void *context, int64_t number);
 
@@ -43,6 +43,14 @@ void nearest_add(struct nearest *n, const struct nearest_point *point);
 // ERR_MEMORY: nothing has changed.
 MUST_CHECK enum status nearest_settle(struct nearest *n, const void *costs_from, size_t cost_bytes);
 
-// NOTHING: no point can be chosen. Ties: the lowest number.
-MUST_CHECK enum status nearest_find(struct nearest *n, const struct nearest_point *wanted, double scale,
-                                    nearest_cost *cost, const void *context, int64_t *number, double *cost_m);
+struct nearest_query {
+    struct nearest *index;
+    struct nearest_point point; // what is looked for
+    double scale;
+    const void *context; // the cost's
+    int64_t number;      // found: the nearest, ties: the lowest; -1: no point can be chosen
+    double cost_m;       // its
+};
+enum { NEAREST_QUERIES_MOST = 16 };
+// Each in an index of its own; all settled or none. Several at once take less time than one after the other.
+void nearest_find_all(struct nearest_query *queries, int count, nearest_cost *cost);

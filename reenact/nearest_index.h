@@ -1,5 +1,5 @@
-// The inside of nearest.h's index, for adding and finding (nearest.c) and for
-// settling (nearest_settle.c) only.
+// The inside of nearest.h's index, for adding (nearest.c), finding (nearest_find.c)
+// and settling (nearest_settle.c) only.
 #pragma once
 #include "reenact/nearest.h"
 
@@ -9,6 +9,7 @@ enum {
     FAR = 8191,       // the farthest coordinate, units
     ANYWHERE = 24000, // a box this wide holds every place; its differences still fit 16 bits
     SUM_MOST = 32767,
+    LINE = 64, // bytes that the caches move at once
 };
 
 typedef int16_t lanes[LANES];
@@ -41,7 +42,7 @@ struct nearest {
     // Once settled: the boxes of whole groups, sixteen side by side.
     struct box_lanes *wide_boxes; // [sixteen groups][place]
     lanes *wide_own;              // [sixteen groups], the groups'
-    lanes *bounds;                // [group], nearest_find's working memory
+    lanes *bounds;                // [group], nearest_find_all's working memory
     const char *costs_from;       // what settle was told
     size_t cost_bytes;
 };
@@ -52,3 +53,10 @@ static inline int64_t groups_of(int64_t blocks) { return (blocks + LANES - 1) / 
 
 // The next point, in units.
 void nearest_put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32_t known, int16_t own);
+
+static inline int16_t units(double m, double unit_m)
+{
+    double u = m / unit_m;
+    u = !(u > -FAR) ? -FAR : u > FAR ? FAR : u; // a NaN, too, is somewhere
+    return (int16_t)(u < 0 ? u - 0.5 : u + 0.5);
+}

@@ -1,6 +1,6 @@
 #include "reenact/outline.h"
 
-enum { INWARD_PX = 3, EVERY_PX = 2, ROOM_MM = 100 };
+enum { EVERY_PX = 2 };
 enum { SURE = 50 }; // places; a bone with fewer keeps nearer to what it is
 
 static const double BEFORE_M = 0.10, BEHIND_M = 0.15, STEP_M = 0.01; // along the line of sight, about what is seen
@@ -29,25 +29,20 @@ void outline_measure(const struct volume *v, const struct calibration *calibrati
     struct pose rest_from_color[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)
         rest_from_color[b] = pose_inverse(posture->bone[b]);
-    int margin = INWARD_PX + 1;
+    int margin = SIGHT_INWARD_PX + 1;
     for (int i = sight->top * sight->width; i < (sight->bottom + 1) * sight->width; i += EVERY_PX) {
         int x = i % sight->width, y = i / sight->width;
         if (x < margin || y < margin || x >= sight->width - margin || y >= sight->height - margin ||
             sight->part[i] != SIGHT_ROOM)
             continue;
         for (int s = 0; s < 4; s++) {
-            int step = steps[s][1] * sight->width + steps[s][0], inside = i + step;
-            if (sight->part[inside] == SIGHT_ROOM)
-                continue;
-            for (int k = 1; k < INWARD_PX && sight->part[inside] == SIGHT_RIM; k++)
-                inside += step;
-            int part = sight->part[inside];
-            if (part >= PART_COUNT || sight->depth[i] < sight->depth[inside] + ROOM_MM)
+            const int inside = sight_inside(sight, i, steps[s][1] * sight->width + steps[s][0]);
+            if (inside < 0)
                 continue;
             double out = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
             struct pixel px = {x + out * steps[s][0], y + out * steps[s][1]};
             struct vec3 shown = source_rays_point(sight->rays, inside, sight->depth[inside]);
-            int bone = rest_bone(volume_rest(v), (enum part)part, shown, rest_from_color);
+            int bone = rest_bone(volume_rest(v), (enum part)sight->part[inside], shown, rest_from_color);
             struct pose rest_from_depth = pose_multiply(rest_from_color[bone], color_from_depth);
             double gap = passing(v, &calibration->depth, rest_from_depth, px, sight->depth[inside] * 1e-3);
             if (isnan(gap))

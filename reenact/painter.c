@@ -1,42 +1,19 @@
 #include "reenact/painter.h"
 
 #include "reenact/around_painter.h"
+#include "reenact/cylinder_painter.h"
 #include "reenact/level.h"
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
-#include "reenact/select.h"
 #include "reenact/shaders.h"
-#include "reenact/texture_cache.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDES = 4, ALONG = 24, BROUGHT_BYTES = 512 << 10 };
+enum { BROUGHT_BYTES = 512 << 10 };
 enum { SHADOW_PX = 2 }; // pixels of the picture along one of the shadow's: it is soft, and each looks at the whole body
 
-static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
-static const double OUTLINE_ERROR_PX = 0.1;
-
-enum actor_uniform {
-    VIEWER_FROM_PART,
-    SOURCE_FROM_PART,
-    VIEW_LENS,
-    VIEW_RANGE,
-    SOURCE_LENS,
-    SOURCE_WINDOW,
-    CODE,
-    ACTOR_UNIFORMS
-};
-static const char *const uniform_names[] = {
-    [VIEWER_FROM_PART] = "viewer_from_part",
-    [SOURCE_FROM_PART] = "source_from_part",
-    [VIEW_LENS] = "view_lens",
-    [VIEW_RANGE] = "view_range",
-    [SOURCE_LENS] = "source_lens",
-    [SOURCE_WINDOW] = "source_window",
-    [CODE] = "code",
-};
 
 struct painter {
     struct gpu *gpu;
@@ -44,15 +21,12 @@ struct painter {
     struct lens lens;
     enum detail detail;
     struct motion *motion;
-    struct selector *selector;
-    struct texture_cache *textures;
-    struct source_rays *rays;          // NULL: the take has no depth
+    struct cylinder_painter *cylinders;
+    struct source_rays *rays; // NULL: the take has no depth
     struct around_painter *around;
     struct likeness_painter *likeness; // NULL: too little of the person was seen; rounded cylinders then
-    struct gpu_program *actor_program, *compose_program;
-    struct gpu_mesh *whole;                      // one triangle over everything
-    struct gpu_mesh *open[SIDES];                // the paper's cylinder
-    struct gpu_mesh *rounded[PART_COUNT][SIDES]; // made when first wanted
+    struct gpu_program *compose_program;
+    struct gpu_mesh *whole; // one triangle over everything
     struct gpu_texture *camera;
     struct gpu_target *plain, *smooth, *composed; // actor at paper, actor at full, result
     struct gpu_target *actor;                     // the one of the two last drawn into
@@ -76,9 +50,7 @@ struct painter_options painter_default_options(void)
 
 static void set_view_lens(struct painter *p)
 {
-    float lens[12];
-    lens_uniform(&p->lens, lens);
-    gpu_program_set(p->actor_program, VIEW_LENS, lens, 3);
+    cylinder_painter_set_lens(p->cylinders, &p->lens);
     if (p->likeness)
         likeness_painter_set_lens(p->likeness, &p->lens);
     around_painter_set_lens(p->around, &p->lens);
@@ -88,11 +60,7 @@ static enum status open_programs(struct painter *p)
 {
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
-    static const char *const actor_samplers[] = {"source_picture"};
     static const char *const compose_samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
-    const struct gpu_program_text actor = {
-        "actor", shader_find("actor.vert"), shader_find("actor.frag"), uniform_names, ACTOR_UNIFORMS, actor_samplers,
-        1};
     const struct gpu_program_text compose = {
         "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 3};
     enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
@@ -101,18 +69,10 @@ static enum status open_programs(struct painter *p)
     if (status == OK)
         status = around_painter_open(&p->around, p->gpu, &p->lens);
     if (status == OK)
-        status = gpu_program_open(&p->actor_program, p->gpu, &actor);
-    if (status == OK)
         status = gpu_program_open(&p->compose_program, p->gpu, &compose);
-    if (status != OK)
-        return status;
-    const float range[4] = {(float)NEAREST_M, (float)FARTHEST_M, 0, 0};
-    float lens[12];
-    lens_uniform(&take_calibration(p->take)->color, lens);
-    gpu_program_set(p->actor_program, SOURCE_LENS, lens, 3);
-    gpu_program_set(p->actor_program, VIEW_RANGE, range, 1);
-    set_view_lens(p);
-    return OK;
+    if (status == OK)
+        set_view_lens(p);
+    return status;
 }
 
 static enum status open_targets(struct painter *p, bool sources, bool shadow)
@@ -159,18 +119,6 @@ enum status painter_set_lens(struct painter *p, const struct lens *lens)
     enum status opened = open_targets(p, sources, shadow);
     p->coding = coding;
     return opened;
-}
-
-static enum status open_selector(struct painter *p)
-{
-    int64_t frames = take_frame_count(p->take);
-    enum status status = selector_open(&p->selector, frames);
-    for (int64_t i = 0; i < frames && status == OK; i++) {
-        const struct take_entry *e = take_entry(p->take, i);
-        if (e->has_color && e->has_skeleton)
-            status = selector_add(p->selector, i, &e->skeleton, take_body(p->take));
-    }
-    return status == OK ? selector_settle(p->selector) : status;
 }
 
 enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
@@ -263,10 +211,9 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     p->cylinders_off_m = CYLINDERS_OFF_M;
     p->later = options->likeness_later && options->detail != DETAIL_PAPER;
     status = motion_open(&p->motion, take);
+    const size_t bytes = options->texture_bytes / (p->detail == DETAIL_PAPER ? 1 : 2);
     if (status == OK)
-        status = open_selector(p);
-    if (status == OK)
-        status = texture_cache_open(&p->textures, gpu, take, options->texture_bytes / (p->detail == DETAIL_PAPER ? 1 : 2));
+        status = cylinder_painter_open(&p->cylinders, gpu, take, bytes);
     if (status == OK)
         status = open_likeness(p, options);
     if (status == OK)
@@ -286,119 +233,27 @@ void painter_close(struct painter **out)
     struct painter *p = *out;
     if (!p)
         return;
-    for (int i = 0; i < SIDES; i++) {
-        gpu_mesh_close(&p->open[i]);
-        for (int part = 0; part < PART_COUNT; part++)
-            gpu_mesh_close(&p->rounded[part][i]);
-    }
     likeness_painter_close(&p->likeness);
     source_rays_close(&p->rays);
     around_painter_close(&p->around);
     gpu_texture_close(&p->no_shadow);
     gpu_mesh_close(&p->whole);
     close_targets(p);
-    gpu_program_close(&p->actor_program);
     gpu_program_close(&p->compose_program);
-    texture_cache_close(&p->textures);
-    selector_close(&p->selector);
+    cylinder_painter_close(&p->cylinders);
     motion_close(&p->motion);
     free(p);
     *out = NULL;
 }
 
-// ---------------------------------------------------------------- parts
-
-static enum status mesh_for(struct painter *p, enum detail level, enum part part, double radius_px,
-                            struct gpu_mesh **out)
-{
-    int sides = cylinder_sides(radius_px, OUTLINE_ERROR_PX), which = 0;
-    while (8 << which < sides)
-        which++;
-    struct gpu_mesh **kept = level == DETAIL_PAPER ? &p->open[which] : &p->rounded[part][which];
-    *out = *kept;
-    if (*out)
-        return OK;
-    struct cylinder_mesh mesh;
-    enum cylinder_shape shape = level == DETAIL_PAPER ? CYLINDER_OPEN : CYLINDER_ROUNDED;
-    enum status status = cylinder_mesh_make(shape, take_body(p->take)->radius_rate[part], sides, ALONG, &mesh);
-    if (status != OK)
-        return status;
-    status = gpu_mesh_open(kept, p->gpu, mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count);
-    cylinder_mesh_free(&mesh);
-    *out = *kept;
-    return status;
-}
-
-// The frame a part takes its colours from, and its texture. NOTHING: there is none.
-static enum status texture_for(struct painter *p, enum detail level, const struct skeleton *in_viewer, enum part part,
-                               const struct selection *whole, int64_t *frame, struct source_texture *texture)
-{
-    if (level == DETAIL_PAPER) {
-        *frame = whole->frame;
-        return texture_cache_whole(p->textures, whole->frame, texture);
-    }
-    for (;;) {
-        struct selection chosen;
-        enum status status = select_part(p->selector, in_viewer, part, &chosen);
-        if (status != OK)
-            return status;
-        *frame = chosen.frame;
-        status = texture_cache_part(p->textures, chosen.frame, part, texture);
-        if (status != NOTHING)
-            return status;
-        selector_exclude(p->selector, chosen.frame, part); // its pictures do not bear out what the joints promise
-    }
-}
+// ---------------------------------------------------------------- the actor
 
 // What is being drawn.
 struct scene {
-    enum detail level;
     int64_t shown;
     struct skeleton in_viewer;
     struct selection whole; // at paper
 };
-
-// One part as a cylinder with another frame's colours. NOTHING: not drawn.
-static enum status draw_part(struct painter *p, const struct scene *scene, enum part part)
-{
-    const struct body *body = take_body(p->take);
-    const struct vec3 eye = v3(0, 0, 0);
-    struct part_frame here, there;
-    struct gpu_mesh *mesh;
-    struct source_texture texture;
-    int64_t frame = 0;
-    if (!part_is_known(body, &scene->in_viewer, part) || !part_frame_facing(&scene->in_viewer, part, eye, &here))
-        return NOTHING;
-    double radius = body->radius_rate[part] * here.length;
-    double near = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
-    if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < NEAREST_M)
-        return NOTHING; // behind the camera
-    enum status status = texture_for(p, scene->level, &scene->in_viewer, part, &scene->whole, &frame, &texture);
-    if (status != OK)
-        return status;
-    if (!part_frame_facing(&take_entry(p->take, frame)->skeleton, part, eye, &there))
-        return NOTHING;
-    status = mesh_for(p, scene->level, part, p->lens.fx * radius / fmax(near, NEAREST_M), &mesh);
-    if (status != OK)
-        return status;
-    struct part_map viewer_from_part = cylinder_map(&here, radius);
-    struct part_map source_from_part = cylinder_map(&there, body->radius_rate[part] * there.length);
-    gpu_program_set(p->actor_program, VIEWER_FROM_PART, viewer_from_part.row[0], 3);
-    gpu_program_set(p->actor_program, SOURCE_FROM_PART, source_from_part.row[0], 3);
-    gpu_program_set(p->actor_program, SOURCE_WINDOW, texture.window, 1);
-    int64_t age = llabs(take_entry(p->take, frame)->time_ns - take_entry(p->take, scene->shown)->time_ns) / 10000000;
-    age = age < 65535 ? age : 65535;
-    for (int coded = 0; coded < (p->coding ? 2 : 1); coded++) {
-        const float code[4] = {170.0F / 255, (float)(age / 256) / 255, (float)(age % 256) / 255, (float)coded};
-        gpu_program_set(p->actor_program, CODE, code, 1);
-        gpu_draw(&(struct gpu_job){.target = coded ? p->source : p->actor,
-                                   .program = p->actor_program,
-                                   .mesh = mesh,
-                                   .textures = {texture.texture},
-                                   .depth_test = true});
-    }
-    return OK;
-}
 
 static void clear(struct painter *p)
 {
@@ -439,7 +294,7 @@ static enum status choose_level(struct painter *p, struct scene *scene, struct p
     result->error_px = px_a_m * full_m;
     if (result->level == DETAIL_FULL)
         return OK;
-    enum status status = select_whole(p->selector, &scene->in_viewer, &scene->whole);
+    enum status status = cylinder_painter_select(p->cylinders, &scene->in_viewer, &scene->whole);
     double paper_px = px_a_m * level_paper_error_m(p->cylinders_off_m, scene->whole.cost_m);
     if (status < 0)
         return status;
@@ -450,25 +305,19 @@ static enum status choose_level(struct painter *p, struct scene *scene, struct p
     return OK;
 }
 
-static enum status draw_parts(struct painter *p, const struct scene *scene, int *parts)
+static enum status draw_cylinders(struct painter *p, const struct scene *scene, const struct selection *whole,
+                                  int *parts)
 {
-    *parts = 0;
-    for (int part = 0; part < PART_COUNT; part++) {
-        enum status status = draw_part(p, scene, (enum part)part);
-        if (status < 0)
-            return status;
-        *parts += status == OK;
-    }
-    return OK;
+    const struct cylinder_view view = {whole, scene->shown, &scene->in_viewer, p->actor, p->coding ? p->source : NULL};
+    return cylinder_painter_draw(p->cylinders, &view, parts);
 }
 
 // At paper, into p->plain.
 static enum status draw_paper(struct painter *p, struct scene *scene, int *parts)
 {
     p->actor = p->plain;
-    scene->level = DETAIL_PAPER;
-    enum status status = select_whole(p->selector, &scene->in_viewer, &scene->whole);
-    return status == OK ? draw_parts(p, scene, parts) : status;
+    enum status status = cylinder_painter_select(p->cylinders, &scene->in_viewer, &scene->whole);
+    return status == OK ? draw_cylinders(p, scene, &scene->whole, parts) : status;
 }
 
 static enum status draw_actor(struct painter *p, const struct painter_view *view, struct painter_result *result)
@@ -502,12 +351,11 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     }
     p->actor = p->smooth;
     begin(p, view, &scene);
-    scene.level = result->level;
     if (!p->likeness)
-        return draw_parts(p, &scene, &result->parts);
+        return draw_cylinders(p, &scene, NULL, &result->parts);
     const int64_t near = likeness_painter_near(p->likeness, moment.frame, view->within_ns);
-    struct likeness_view shown = {near < 0 ? moment.frame : near, moment.skeleton, view->world_from_camera,
-                                  p->actor, p->coding ? p->source : NULL};
+    struct likeness_view shown = {near < 0 ? moment.frame : near, moment.skeleton, view->world_from_camera, p->actor,
+                                  p->coding ? p->source : NULL};
     int parts;
     status = likeness_painter_draw(p->likeness, &shown, &parts, &result->within);
     result->parts = status == OK ? parts : 0;

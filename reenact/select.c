@@ -11,12 +11,12 @@ enum { LINE = 64 }; // bytes that the caches move at once
 struct part_sight {
     _Alignas(LINE) bool known;
     bool excluded;
-    bool bodily;           // eye and around are in bodily axes; else the twist is unknown and they are facing ones
-    uint8_t around_known;  // bit i: around[i] means something
-    float distance_m;      // from the camera
-    float own_m;           // cost of what is hidden and of what is guessed of it, whatever it is compared with
-    float eye[3];          // unit, to the camera, in the part's bodily axes
-    float around[3][3];    // the joints of around_joints, in the part's bodily axes, metres
+    bool bodily;          // eye and around are in bodily axes; else the twist is unknown and they are facing ones
+    uint8_t around_known; // bit i: around[i] means something
+    float distance_m;     // from the camera
+    float own_m;          // cost of what is hidden and of what is guessed of it, whatever it is compared with
+    float eye[3];         // unit, to the camera, in the part's bodily axes
+    float around[3][3];   // the joints of around_joints, in the part's bodily axes, metres
 };
 static_assert(sizeof(struct part_sight) == LINE, "a line of the caches");
 
@@ -272,15 +272,12 @@ void selector_exclude(struct selector *s, int64_t frame, enum part p)
         s->sights[p][low].excluded = true;
 }
 
-static enum status choose(const struct selector *s, struct nearest *index, const struct nearest_point *point,
-                          double scale, nearest_cost *cost, const void *context, struct selection *out)
+static enum status chosen(const struct selector *s, const struct nearest_query *q, struct selection *out)
 {
-    int64_t number;
-    double cost_m;
-    enum status status = nearest_find(index, point, scale, cost, context, &number, &cost_m);
-    if (status == OK)
-        *out = (struct selection){s->frames[number], cost_m};
-    return status;
+    if (q->number < 0)
+        return NOTHING;
+    *out = (struct selection){s->frames[q->number], q->cost_m};
+    return OK;
 }
 
 // ---------------------------------------------------------------- the whole body
@@ -319,8 +316,9 @@ enum status select_whole(const struct selector *s, const struct skeleton *in_vie
     for (int j = 0; j < JOINT_COUNT; j++)
         known += in_viewer->confidence[j] > 0;
     struct whole_wanted wanted = {s->skeletons, in_viewer, (known + 1) / 2};
-    struct nearest_point point = whole_point(in_viewer);
-    return choose(s, s->whole, &point, (double)JOINT_COUNT / known, whole_cost, &wanted, out);
+    struct nearest_query query = {s->whole, whole_point(in_viewer), (double)JOINT_COUNT / known, &wanted, -1, 0};
+    nearest_find_all(&query, 1, whole_cost);
+    return chosen(s, &query, out);
 }
 
 // ---------------------------------------------------------------- one part
@@ -361,6 +359,32 @@ enum status select_part(const struct selector *s, const struct skeleton *in_view
     struct part_wanted wanted = {s->sights[p], sight_of(in_viewer, NULL, p)};
     if (!wanted.sight.known)
         return NOTHING;
-    struct nearest_point point = part_point(&wanted.sight);
-    return choose(s, s->parts[p], &point, 1, part_cost, &wanted, out);
+    struct nearest_query query = {s->parts[p], part_point(&wanted.sight), 1, &wanted, -1, 0};
+    nearest_find_all(&query, 1, part_cost);
+    return chosen(s, &query, out);
+}
+
+enum status select_parts(const struct selector *s, const struct skeleton *in_viewer, struct selection out[PART_COUNT])
+{
+    struct part_wanted wanted[PART_COUNT];
+    struct nearest_query queries[PART_COUNT];
+    int parts[PART_COUNT], count = 0;
+    enum status status = check(in_viewer);
+    if (status != OK)
+        return status;
+    for (int p = 0; p < PART_COUNT; p++) {
+        out[p] = (struct selection){-1, 0};
+        wanted[count] = (struct part_wanted){s->sights[p], sight_of(in_viewer, NULL, (enum part)p)};
+        if (!wanted[count].sight.known)
+            continue;
+        queries[count] =
+            (struct nearest_query){s->parts[p], part_point(&wanted[count].sight), 1, &wanted[count], -1, 0};
+        parts[count++] = p;
+    }
+    if (count)
+        nearest_find_all(queries, count, part_cost);
+    enum status any = NOTHING;
+    for (int i = 0; i < count; i++)
+        any = chosen(s, &queries[i], &out[parts[i]]) == OK ? OK : any;
+    return any;
 }

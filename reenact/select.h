@@ -45,3 +45,8 @@ MUST_CHECK enum status select_whole(const struct selector *s, const struct skele
 // NOTHING: the part is unknown in in_viewer or in every frame. ERR_INPUT as above.
 MUST_CHECK enum status select_part(const struct selector *s, const struct skeleton *in_viewer, enum part p,
                                    struct selection *out);
+
+// All of them, in less time than one after the other; frame -1 where select_part has nothing. NOTHING: all are so.
+// ERR_INPUT as above.
+MUST_CHECK enum status select_parts(const struct selector *s, const struct skeleton *in_viewer,
+                                    struct selection out[PART_COUNT]);

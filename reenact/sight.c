@@ -6,6 +6,7 @@
 #include <string.h>
 
 enum { PERSON = 0, SAME_MM = 60, RAGGED_PX = 2 };
+enum { ROOM_MM = 100 }; // so far behind the person it is the room for sure
 
 static const double LAMP_ASIDE_M = 0.08; // of sensors that project a pattern, at most
 
@@ -169,6 +170,14 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
     find_edges(s);
     find_widths(s);
     return OK;
+}
+
+int sight_inside(const struct sight *s, int i, int step)
+{
+    int inside = i + step;
+    for (int k = 1; k < SIGHT_INWARD_PX && s->part[inside] == SIGHT_RIM; k++)
+        inside += step;
+    return s->part[inside] < PART_COUNT && s->depth[i] >= s->depth[inside] + ROOM_MM ? inside : -1;
 }
 
 void sight_label(struct sight *s, const struct skeleton *skeleton)

@@ -9,7 +9,8 @@ enum {
 };
 
 enum { SIGHT_EDGE_MOST = 100 };
-#define SIGHT_RIM_PX 0.75 // the person goes on so far beyond the outermost pixels, which have no reading
+enum { SIGHT_INWARD_PX = 3 }; // how far sight_inside looks
+#define SIGHT_RIM_PX 0.75     // the person goes on so far beyond the outermost pixels, which have no reading
 
 struct sight {
     int width, height;
@@ -31,6 +32,10 @@ void sight_close(struct sight *s);
 // Reads frame `frame` and sorts it by its own skeleton. NOTHING: it lacks depth or
 // skeleton. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
 MUST_CHECK enum status sight_read(struct sight *s, struct take *take, int64_t frame);
+
+// From the room's pixel i to the person's beside it, `step` on, and through what is half in the air: the first pixel
+// that shows a part, at most SIGHT_INWARD_PX from i. -1: there is none, or the room is not well behind it.
+int sight_inside(const struct sight *s, int i, int step);
 
 // Which part a person's pixel shows, anew, by better joints (colour camera's axes).
 void sight_label(struct sight *s, const struct skeleton *skeleton);

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { POINTS = 3000, ROUNDS = 3, STEPS = 20, TILE_PX = 16, OUTLINE_EVERY_PX = 2, INWARD_PX = 3, ROOM_MM = 100 };
+enum { POINTS = 3000, ROUNDS = 3, STEPS = 20, TILE_PX = 16, OUTLINE_EVERY_PX = 2 };
 
 // Least squares in units of metres: a reading is good to this much,
 static const float READING_M = 0.01F;
@@ -451,17 +451,12 @@ static bool find_edge(const struct sight *s, int i, struct edge *out)
         return false;
     nx /= length, ny /= length;
     for (int k = 0; k < 4; k++) {
-        int step = steps[k][1] * s->width + steps[k][0], inside = i + step;
-        if (!of_person(s, inside) || -(steps[k][0] * nx + steps[k][1] * ny) < 0.7)
-            continue;
-        for (int j = 1; j < INWARD_PX && s->part[inside] == SIGHT_RIM; j++)
-            inside += step;
-        int part = s->part[inside];
-        if (part >= PART_COUNT || s->depth[i] < s->depth[inside] + ROOM_MM)
+        const int inside = sight_inside(s, i, steps[k][1] * s->width + steps[k][0]);
+        if (inside < 0 || -(steps[k][0] * nx + steps[k][1] * ny) < 0.7)
             continue;
         double in = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
         struct pixel px = {i % s->width + in * steps[k][0], i / s->width + in * steps[k][1]};
-        *out = (struct edge){px, nx, ny, part};
+        *out = (struct edge){px, nx, ny, s->part[inside]};
         return true;
     }
     return false;
@@ -470,7 +465,7 @@ static bool find_edge(const struct sight *s, int i, struct edge *out)
 // The person's outline in the picture; it does not change from round to round.
 static void find_edges(struct warp *w, const struct sight *s)
 {
-    enum { MARGIN = INWARD_PX + 1 };
+    enum { MARGIN = SIGHT_INWARD_PX + 1 };
     w->edge_count = 0;
     int top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN, left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN;
     for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)

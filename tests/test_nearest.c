@@ -56,8 +56,6 @@ static int compare(struct crowd *c)
     }
     c->asked = 0;
     for (int way = 0; way < WAYS; way++) {
-        int64_t got = -1;
-        double cost = -1;
         struct nearest *n;
         EXPECT_STATUS(nearest_open(&n, c->places, 1.0 / 2048, c->count), OK);
         for (int i = 0; i <= c->count; i++) {
@@ -66,10 +64,11 @@ static int compare(struct crowd *c)
             if (i < c->count)
                 nearest_add(n, &c->points[i]);
         }
-        EXPECT_STATUS(nearest_find(n, &c->wanted, c->scale, cost_of, c, &got, &cost), wanted < 0 ? NOTHING : OK);
-        EXPECT_INT(got, wanted);
+        struct nearest_query q = {n, c->wanted, c->scale, c, -1, 0};
+        nearest_find_all(&q, 1, cost_of);
+        EXPECT_INT(q.number, wanted);
         if (wanted >= 0)
-            EXPECT_TRUE(cost == least);
+            EXPECT_TRUE(q.cost_m == least);
         nearest_close(&n);
     }
     return c->asked / WAYS;

@@ -279,6 +279,8 @@ static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
         struct skeleton k = frames[shown];
         if (view % 4)
             k = limbs_turned(&k, 6 * dice_uniform(&dice), 0.02, &dice);
+        struct selection together[PART_COUNT + 1];
+        EXPECT_TRUE(select_parts(s, &k, together) >= OK);
         for (int p = 0; p <= PART_COUNT; p++) { // the last one is the whole
             struct selection best = {-1, 0}, got = {-1, 0}, one;
             for (int n = 0; n < LONG; n++)
@@ -287,6 +289,7 @@ static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
             EXPECT_STATUS(choose(s, &k, p, &got), best.frame < 0 ? NOTHING : OK);
             EXPECT_INT(got.frame, best.frame);
             EXPECT_TRUE(got.cost_m == best.cost_m);
+            EXPECT_TRUE(p == PART_COUNT || (together[p].frame == best.frame && together[p].cost_m == best.cost_m));
         }
     }
     for (int n = 0; n < LONG; n++)

@@ -66,12 +66,9 @@ static enum status search_ours(const struct take_of_limbs *t, const struct skele
 // Its answers are held by tests/test_select; here only the time is of interest.
 static enum status search_parts(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
-    struct selection found;
-    enum status status = OK;
-    for (int p = 0; p < PART_COUNT && status == OK; p++)
-        status = select_part(t->selector, k, (enum part)p, &found);
+    struct selection found[PART_COUNT];
     *frame = -1;
-    return status;
+    return select_parts(t->selector, k, found);
 }
 
 static enum status search_plainly(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
