@@ -4,9 +4,8 @@
 
 #include <stdlib.h>
 
-// Two pictures in which it is found say how fast the camera moves, and it can be followed; unless the processors were
-// busy, and it has gone on too far by then: so twice as many. If it cannot be followed then, it never will.
-enum { MOST_FINDS = 4 };
+// Two pictures in which it is found say how fast the camera moves; if it cannot be followed then, it never will.
+enum { MOST_FINDS = 2 };
 
 struct finder {
     struct camera_track *track;
