@@ -47,6 +47,7 @@ struct eyes {
     struct picture *free_pictures;
     struct eyes_state state;
     bool resting, closing;
+    struct lens lens; // as the finder knows it; width 0: nobody has looked through it yet
 };
 
 static void tell(struct eyes *e)
@@ -183,6 +184,15 @@ static enum status watch_camera(struct eyes *e, struct source *camera, int64_t *
     return OK;
 }
 
+static void keep_lens(struct eyes *e, const struct source *camera)
+{
+    pthread_mutex_lock(&e->lock);
+    const struct lens lens = e->lens;
+    pthread_mutex_unlock(&e->lock);
+    if (lens.width && source_keep_lens(camera, &lens) < 0)
+        say_trouble(e, status_sentence()); // it has to be learnt again
+}
+
 static void *camera_thread(void *self)
 {
     struct eyes *e = self;
@@ -201,6 +211,7 @@ static void *camera_thread(void *self)
         enum status status = source_open(&camera, e->camera, SOURCE_CAMERA);
         if (status == OK) {
             status = watch_camera(e, camera, &next_ns);
+            keep_lens(e, camera);
             source_close(&camera);
         }
         bool empty = status == NOTHING && eyes_state(e).came == came_before;
@@ -221,6 +232,16 @@ static bool same_lens(const struct lens *a, const struct lens *b)
            a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
 }
 
+static enum status find_in(struct eyes *e, struct finder *finder, struct picture *p)
+{
+    enum status status = finder_find(finder, p->rgb, p->time_ns, &p->sight.world_from_camera);
+    p->sight.lens = *finder_lens(finder);
+    pthread_mutex_lock(&e->lock);
+    e->lens = p->sight.lens;
+    pthread_mutex_unlock(&e->lock);
+    return status;
+}
+
 static void *finder_thread(void *self)
 {
     struct eyes *e = self;
@@ -237,7 +258,7 @@ static void *finder_thread(void *self)
             status = finder_open(&finder, e->place, &lens, e->lull);
         }
         if (finder && status == OK)
-            status = finder_find(finder, p->rgb, p->time_ns, &s->world_from_camera);
+            status = find_in(e, finder, p);
         s->placed = finder && (status == OK || status == AMBIGUOUS);
         s->located_ns = clock_now_ns();
         if (status < 0)

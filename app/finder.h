@@ -16,6 +16,9 @@ MUST_CHECK enum status finder_open(struct finder **out, const struct place *plac
                                    struct lull *lull);
 void finder_close(struct finder **f); // NULL is fine
 
+// The lens by which the camera was last looked for, see locator_lens.
+const struct lens *finder_lens(const struct finder *f);
+
 // color: RGB of the lens's size; time_ns: when it was taken, by the camera's clock.
 // OK and AMBIGUOUS: *world_from_camera is filled. NOTHING: it does not know. Errors as locator_find.
 MUST_CHECK enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns,

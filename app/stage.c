@@ -137,7 +137,7 @@ struct lens stage_orbit_lens(int width, int height, struct ui_box free)
 {
     const double f = NEAREST_M * fmax(1, fmin(free.h / TALL_M, free.w / WIDE_M));
     const double x = free.x + free.w / 2 - 0.5, y = free.y + free.h / 2 - 0.5; // (0, 0) is a pixel's centre
-    return (struct lens){width, height, f, f, x, y, 0, 0, 0, 0, 0, 0};
+    return (struct lens){width, height, f, f, x, y, 0, 0, 0, 0, 0, 0, 0};
 }
 
 // ---------------------------------------------------------------- placing

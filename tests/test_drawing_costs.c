@@ -20,7 +20,7 @@ static struct recording *recording;
 static struct take *take;
 static struct gpu *gpu;
 static struct painter *of_one_frame; // keeps one; it is prepared once, for two tests
-static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0, 0};
+static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0, 0, 0};
 
 static struct pose round_him(double angle)
 {

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 
 enum { PICTURES = 18 };
-static const double READOUT_S = 0.03, STEP_S = 0.07, STAYS = 0.1; // of what is undone
+static const double READOUT_S = 0.03, STEP_S = 0.07, STAYS = 0.05; // of what is undone
 
 static struct pose path(const void *context, double time_s)
 {
