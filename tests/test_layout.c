@@ -13,9 +13,9 @@ enum { STATES = 3 * 16 };
 
 // Less where drawing is emulated. SHARE: a screen's side is so many times smaller than a tablet's.
 #ifdef EMULATED
-enum { SHARE = 4, WAYS_UP = 1 };
+enum { SHARE = 4, WAYS_UP = 1, SHOWN = 2 };
 #else
-enum { SHARE = 2, WAYS_UP = 2 };
+enum { SHARE = 2, WAYS_UP = 2, SHOWN = 4 };
 #endif
 
 // State number n: each sheet, with and without the inset, the sources, the strip, and moving.
@@ -115,7 +115,7 @@ static void an_orbit_has_him_where_no_control_lies(void **state)
         glass_open(&g, width / SHARE, height / SHARE, &how);
         struct show *s = &g.tablet.show;
         glass_draw(&g);
-        for (int n = 0; n < 4; n++) {
+        for (int n = 0; n < SHOWN; n++) {
             glass_seek(&g, n / 4.0);
             s->sheet = n == 1 ? SHEET_LAYERS : n == 2 ? SHEET_SPEED : SHEET_NONE;
             s->inset = s->strip = n == 1;

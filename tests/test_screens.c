@@ -477,6 +477,8 @@ static void photograph_one(struct glass *g, int n, const char *folder)
         glass_draw(g); // what a tap changed is seen in the second
         if (folder && g->tablet.show.orbiting)
             glass_rest(g);
+        else if (folder)
+            glass_settle(g, n < SCREENS - 1);
         glass_read(g);
         EXPECT_TRUE(full_of_something(g));
         if (!dark)
