@@ -42,7 +42,6 @@ static const struct argp_option options[] = {
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
-    char *end;
     switch (key) {
     case KEY_SENSOR:
         a->sensor = value;
@@ -63,14 +62,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->json = true;
         return 0;
     case KEY_SECONDS:
-        a->seconds = strtod(value, &end);
-        if (end == value || *end || !(a->seconds > 0))
-            argp_error(state, "--seconds takes a number greater than 0, not '%s'", value);
+        a->seconds = command_number(state, "--seconds", value, 0.1, 1e6);
         return 0;
     case KEY_DECIMATE:
-        a->decimate = strtod(value, &end);
-        if (end == value || *end || !(a->decimate >= 1 && a->decimate <= 8))
-            argp_error(state, "--quad-decimate takes a number from 1 to 8, not '%s'", value);
+        a->decimate = command_number(state, "--quad-decimate", value, 1, 8);
         return 0;
     case ARGP_KEY_ARG:
         argp_error(state, "'%s' is one word too many", value);

@@ -60,6 +60,15 @@ void command_need(const struct argp_state *state, const void *given, const char 
         argp_error(state, "%s is needed", option);
 }
 
+double command_number(const struct argp_state *state, const char *option, const char *value, double least, double most)
+{
+    char *end;
+    const double x = strtod(value, &end);
+    if (end == value || *end || !(x >= least && x <= most)) // and a NaN
+        argp_error(state, "%s takes a number from %.12g to %.12g, not '%s'", option, least, most, value);
+    return x;
+}
+
 static error_t parse_file(int key, char *argument, struct argp_state *state)
 {
     struct file_arguments *a = state->input;

@@ -29,6 +29,10 @@ enum { COMMAND_KEY = 0x100 };
 // Ends with exit code 2 and a sentence when a needed option is missing.
 void command_need(const struct argp_state *state, const void *given, const char *option);
 
+// The value of an option that takes a number from `least` to `most`; ends with exit
+// code 2 and a sentence where it is none.
+double command_number(const struct argp_state *state, const char *option, const char *value, double least, double most);
+
 // The arguments of a command that takes one FILE and --json.
 struct file_arguments {
     const char *path;

@@ -2,6 +2,7 @@
 
 #include "app/finder.h"
 #include "app/latest.h"
+#include "app/lull.h"
 #include "app/pace.h"
 #include "platform/clock.h"
 #include "platform/source.h"
@@ -36,6 +37,7 @@ struct eyes {
     struct picture pictures[PICTURES];
     bool borrow;
     struct latest *seen, *located;
+    struct lull *lull;
     struct picture *shown; // the looker's
     pthread_t camera_thread, finder_thread;
     bool camera_runs, finder_runs;
@@ -45,6 +47,7 @@ struct eyes {
     struct picture *free_pictures;
     struct eyes_state state;
     bool resting, closing;
+    struct lens lens; // as the finder knows it; width 0: nobody has looked through it yet
 };
 
 static void tell(struct eyes *e)
@@ -181,6 +184,15 @@ static enum status watch_camera(struct eyes *e, struct source *camera, int64_t *
     return OK;
 }
 
+static void keep_lens(struct eyes *e, const struct source *camera)
+{
+    pthread_mutex_lock(&e->lock);
+    const struct lens lens = e->lens;
+    pthread_mutex_unlock(&e->lock);
+    if (lens.width && source_keep_lens(camera, &lens) < 0)
+        say_trouble(e, status_sentence()); // it has to be learnt again
+}
+
 static void *camera_thread(void *self)
 {
     struct eyes *e = self;
@@ -199,6 +211,7 @@ static void *camera_thread(void *self)
         enum status status = source_open(&camera, e->camera, SOURCE_CAMERA);
         if (status == OK) {
             status = watch_camera(e, camera, &next_ns);
+            keep_lens(e, camera);
             source_close(&camera);
         }
         bool empty = status == NOTHING && eyes_state(e).came == came_before;
@@ -219,6 +232,16 @@ static bool same_lens(const struct lens *a, const struct lens *b)
            a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
 }
 
+static enum status find_in(struct eyes *e, struct finder *finder, struct picture *p)
+{
+    enum status status = finder_find(finder, p->rgb, p->time_ns, &p->sight.world_from_camera);
+    p->sight.lens = *finder_lens(finder);
+    pthread_mutex_lock(&e->lock);
+    e->lens = p->sight.lens;
+    pthread_mutex_unlock(&e->lock);
+    return status;
+}
+
 static void *finder_thread(void *self)
 {
     struct eyes *e = self;
@@ -232,10 +255,10 @@ static void *finder_thread(void *self)
         if (e->place && !same_lens(&lens, &s->lens)) {
             finder_close(&finder);
             lens = s->lens;
-            status = finder_open(&finder, e->place, &lens);
+            status = finder_open(&finder, e->place, &lens, e->lull);
         }
         if (finder && status == OK)
-            status = finder_find(finder, p->rgb, p->time_ns, &s->world_from_camera);
+            status = find_in(e, finder, p);
         s->placed = finder && (status == OK || status == AMBIGUOUS);
         s->located_ns = clock_now_ns();
         if (status < 0)
@@ -258,6 +281,8 @@ static enum status start(struct eyes *e)
     enum status status = latest_open(&e->seen);
     if (status == OK)
         status = latest_open(&e->located);
+    if (status == OK)
+        status = lull_open(&e->lull);
     if (status != OK)
         return status;
     e->finder_runs = !pthread_create(&e->finder_thread, NULL, finder_thread, e);
@@ -310,6 +335,7 @@ void eyes_close(struct eyes **out)
         pthread_join(e->finder_thread, NULL);
     latest_close(&e->seen);
     latest_close(&e->located);
+    lull_close(&e->lull);
     for (int i = 0; i < PICTURES; i++) {
         loan_return(&e->pictures[i].loan);
         free(e->pictures[i].rgb);
@@ -338,6 +364,8 @@ struct loan *eyes_take_loan(struct eyes *e)
         e->shown->loan = NULL;
     return loan;
 }
+
+void eyes_shown(struct eyes *e) { lull_begins(e->lull); }
 
 struct eyes_state eyes_state(struct eyes *e)
 {

@@ -39,6 +39,9 @@ const struct sight *eyes_look(struct eyes *e);
 // returns it. NULL: the camera lends none.
 struct loan *eyes_take_loan(struct eyes *e);
 
+// What was drawn has been handed to the display: now there is time to look for a camera that is lost.
+void eyes_shown(struct eyes *e);
+
 struct eyes_state {
     bool seeing;         // the camera is open and gave a picture
     int64_t came_ns;     // when the last picture came; of opening before the first

@@ -10,28 +10,34 @@ enum { MOST_FINDS = 2 };
 struct finder {
     struct camera_track *track;
     struct search *search;
+    struct lens lens; // the track's, which may be lent
     int64_t last_ns;
     bool searching; // the track is lent to the search
     int finds;      // pictures in which it was found since one was followed
     bool restarted; // the camera's clock began anew meanwhile
 };
 
-enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens)
+enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens, struct lull *lull)
 {
     *out = NULL;
     struct finder *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    *f = (struct finder){.last_ns = INT64_MIN, .finds = MOST_FINDS};
+    *f = (struct finder){.lens = *lens, .last_ns = INT64_MIN, .finds = MOST_FINDS};
     enum status status = camera_track_open(&f->track, place, lens, NULL);
     if (status == OK)
-        status = search_open(&f->search, lens->width, lens->height);
+        status = search_open(&f->search, lens->width, lens->height, lull);
     if (status != OK) {
         finder_close(&f);
         return status;
     }
     *out = f;
     return OK;
+}
+
+const struct lens *finder_lens(const struct finder *f)
+{
+    return &f->lens;
 }
 
 void finder_close(struct finder **f)
@@ -44,19 +50,25 @@ void finder_close(struct finder **f)
     *f = NULL;
 }
 
+static enum status search_meanwhile(struct finder *f, const uint8_t *color, int64_t time_ns)
+{
+    search_begin(f->search, f->track, color, time_ns, MOST_FINDS - f->finds);
+    f->searching = true;
+    return NOTHING;
+}
+
 static enum status look(struct finder *f, const uint8_t *color, int64_t time_ns, struct location *location)
 {
     struct camera_motion motion;
     enum status status = camera_track_follow(f->track, color, NULL, time_ns, location, &motion);
     if (status == OK)
         f->finds = 0;
-    if (status != NOTHING)
-        return status;
-    if (f->finds >= MOST_FINDS)
-        return camera_track_find(f->track, color, NULL, location, &motion);
-    search_begin(f->search, f->track, color, time_ns, MOST_FINDS - f->finds);
-    f->searching = true;
-    return NOTHING;
+    if (status == NOTHING && f->finds >= MOST_FINDS)
+        status = camera_track_find(f->track, color, NULL, location, &motion);
+    else if (status == NOTHING)
+        return search_meanwhile(f, color, time_ns);
+    f->lens = *camera_track_lens(f->track);
+    return status;
 }
 
 enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns, struct pose *world_from_camera)

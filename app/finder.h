@@ -5,13 +5,19 @@
 // the pictures go on, and nobody knows where they were taken. Where that leads nowhere, or
 // nothing could be followed before, whoever asks waits until the picture's place is found.
 #pragma once
+#include "app/lull.h"
 #include "locate/locate.h"
 
 struct finder;
 
-// Copies what it needs of both. ERR_INPUT, ERR_MEMORY as locator_open.
-MUST_CHECK enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens);
+// Copies what it needs of both. lull: when to begin to look for a lost camera; NULL: at once. It must outlive the
+// finder. ERR_INPUT, ERR_MEMORY as locator_open.
+MUST_CHECK enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens,
+                                   struct lull *lull);
 void finder_close(struct finder **f); // NULL is fine
+
+// The lens by which the camera was last looked for, see locator_lens.
+const struct lens *finder_lens(const struct finder *f);
 
 // color: RGB of the lens's size; time_ns: when it was taken, by the camera's clock.
 // OK and AMBIGUOUS: *world_from_camera is filled. NOTHING: it does not know. Errors as locator_find.

@@ -31,7 +31,6 @@ static const struct argp_option options[] = {
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
-    char *end;
     switch (key) {
     case KEY_CAMERA:
         a->camera = value;
@@ -43,9 +42,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->json = true;
         return 0;
     case KEY_DECIMATE:
-        a->decimate = strtod(value, &end);
-        if (end == value || *end || !(a->decimate >= 1 && a->decimate <= 8))
-            argp_error(state, "--quad-decimate takes a number from 1 to 8, not '%s'", value);
+        a->decimate = command_number(state, "--quad-decimate", value, 1, 8);
         return 0;
     case ARGP_KEY_ARG:
         if (a->file)
@@ -95,6 +92,8 @@ struct summary {
     double sum_rms2;
     bool focal_wrong;
     double focal_scale; // that fits, over the calibration's
+    struct lens lens;   // as it is known in the end
+    bool learnt;        // more than it was told
 };
 
 // One picture. Negative statuses only for what ends the run.
@@ -152,6 +151,9 @@ static void report(const struct arguments *a, const struct summary *s)
     if (!a->json) {
         printf("%s: %lld of %lld pictures placed, by %.1f tags in the mean, which fit to %.2f pixels\n", a->out,
                (long long)s->placed, (long long)s->pictures, (double)s->tags_used / placed, rms);
+        if (s->learnt)
+            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, give or take %.1f %%\n",
+                   s->lens.fx, s->lens.fy, s->lens.focal_sigma * 100);
         return;
     }
     struct json *root = json_new_object();
@@ -166,6 +168,11 @@ static void report(const struct arguments *a, const struct summary *s)
     json_add_number(root, "rms_px", rms);
     json_add_bool(root, "focal_wrong", s->focal_wrong);
     json_add_number(root, "focal_scale", s->focal_scale);
+    if (s->learnt) {
+        json_add_number(root, "fx", s->lens.fx);
+        json_add_number(root, "fy", s->lens.fy);
+        json_add_number(root, "focal_sigma", s->lens.focal_sigma);
+    }
     char *text = json_print(root);
     fputs(text ? text : "{}\n", stdout);
     free(text);
@@ -226,8 +233,12 @@ int reenact_locate(int argc, char **argv)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
     if (status == OK) {
         s.focal_wrong = camera_track_doubts_focal(track, &s.focal_scale);
+        s.lens = *camera_track_lens(track);
+        s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
         report(&a, &s);
         warn(argv[0], &s);
+        const enum status kept = source_keep_lens(camera, &s.lens);
+        status = kept < 0 ? kept : OK;
     }
     free(lines.bytes);
     camera_track_close(&track);

@@ -46,7 +46,6 @@ static const struct argp_option options[] = {
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
-    char *end;
     switch (key) {
     case KEY_TAKE:
         a->take = value;
@@ -61,9 +60,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->layers = true;
         return 0;
     case KEY_ERROR:
-        a->error_px = strtod(value, &end);
-        if (end == value || *end || !(a->error_px >= 0 && a->error_px <= 1000))
-            argp_error(state, "--error takes pixels, not '%s'", value);
+        a->error_px = command_number(state, "--error", value, 0, 1000);
         return 0;
     case KEY_ALONE:
         a->alone = true;
@@ -72,9 +69,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->json = true;
         return 0;
     case KEY_START:
-        a->start_s = strtod(value, &end);
-        if (end == value || *end || !(fabs(a->start_s) <= 1e6))
-            argp_error(state, "--start takes seconds, not '%s'", value);
+        a->start_s = command_number(state, "--start", value, -1e6, 1e6);
         return 0;
     case KEY_DETAIL:
         for (int d = 0; d < (int)COUNT_OF(detail_names); d++)
@@ -263,12 +258,15 @@ static enum status draw(struct run *r, const struct frame *frame)
     r->ambiguous += found == AMBIGUOUS;
     write_pose(r->trajectory, frame->time_ns, location.world_from_camera);
     const struct part_map viewer_from_room = part_map_of(pose_inverse(location.world_from_camera));
+    enum status status = painter_set_lens(r->painter, camera_track_lens(r->track));
+    if (status != OK)
+        return status;
     struct painter_view view = {.world_from_camera = location.world_from_camera,
                                 .viewer_from_room = &viewer_from_room,
                                 .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
                                 .color = frame->color};
     struct painter_result result;
-    enum status status = painter_draw(r->painter, &view, &result);
+    status = painter_draw(r->painter, &view, &result);
     if (status != OK)
         return status;
     r->with_actor += result.parts > 0;
@@ -391,6 +389,10 @@ int reenact_render(int argc, char **argv)
         status = fail(ERR_IO, "%s/trajectory.txt cannot be written; is the disk full?", arguments.out);
     if (status == OK)
         status = write_stats(&run);
+    if (status == OK) {
+        const enum status kept = source_keep_lens(run.camera, camera_track_lens(run.track));
+        status = kept < 0 ? kept : OK;
+    }
     if (status == OK && !arguments.json)
         printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.pictures, run.placed,
                run.with_actor);

@@ -36,15 +36,6 @@ static const struct argp_option options[] = {
     {0},
 };
 
-static double number(struct argp_state *state, const char *value, double least, double most, const char *what)
-{
-    char *end;
-    double x = strtod(value, &end);
-    if (end == value || *end || !(x >= least && x <= most))
-        argp_error(state, "%s takes a number from %g to %g, not '%s'", what, least, most, value);
-    return x;
-}
-
 static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
@@ -55,10 +46,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_STATS: a->stats = true; return 0;
-    case KEY_DPI: a->dpi = number(state, value, 50, 1000, "--dpi"); return 0;
-    case KEY_SECONDS: a->seconds = number(state, value, 0.1, 1e6, "--seconds"); return 0;
+    case KEY_DPI: a->dpi = command_number(state, "--dpi", value, 50, 1000); return 0;
+    case KEY_SECONDS: a->seconds = command_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_ROTATE:
-        a->rotate = (int)number(state, value, 0, 270, "--rotate");
+        a->rotate = (int)command_number(state, "--rotate", value, 0, 270);
         if (a->rotate % 90)
             argp_error(state, "--rotate takes 0, 90, 180 or 270, not '%s'", value);
         return 0;

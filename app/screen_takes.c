@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-static const double CARD = 320, WORDS = 84, BORDER = 28, HEAD = 148;
+static const double CARD = 320, WIDEST = 520, WORDS = 84, BORDER = 28, HEAD = 148;
 
 static void take_card(const struct brush *b, struct show *s, struct screens *screens, const struct take_card *card,
                       int number, struct ui_box box)
@@ -49,9 +49,9 @@ static void take_card(const struct brush *b, struct show *s, struct screens *scr
 static void draw_cards(const struct brush *b, struct screens *screens, struct show *s, const struct takes_page *page,
                        struct ui_box in)
 {
-    int columns = (int)fmax(1, floor((in.w + MARGIN) / (CARD + MARGIN)));
-    double w = (in.w - (columns - 1) * MARGIN) / columns;
-    w = fmin(w, 420);
+    // As many in a row as there is room for, and as large as these can be.
+    int columns = (int)fmax(1, fmin(page->count, floor((in.w + MARGIN) / (CARD + MARGIN))));
+    double w = fmin((in.w - (columns - 1) * MARGIN) / columns, WIDEST);
     double h = w * 0.62 + WORDS;
     int rows = (page->count + columns - 1) / columns;
     double most = fmax(0, rows * (h + MARGIN) - in.h + BORDER);

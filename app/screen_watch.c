@@ -3,9 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-static const double PLAY = 74, SHUTTER = 78, PI = 3.14159265358979323846;
-
-static bool wide(const struct brush *b) { return ui_width(b->ui) >= ui_height(b->ui); }
+static const double PLAY = 74, PI = 3.14159265358979323846;
 
 // ---------------------------------------------------------------- the panel below
 
@@ -122,7 +120,7 @@ static void sources_card(const struct brush *b, struct ui_box at)
         const char *text;
     } rows[] = {{0x34d399ff, "seen at this instant"}, {0x38bdf8ff, "from a moment near it"},
                 {0xa73ef0ff, "from far away in time"}, {0xfb923cff, "nobody saw it: filled in"}};
-    struct ui_box box = {at.x, at.y, fmin(at.w, 262), (double)COUNT_OF(rows) * 28 + 24};
+    struct ui_box box = {at.x, at.y, at.w, layout_sources_height()};
     panel(b, box, true);
     struct ui_box in = inner(box, 12);
     for (size_t i = 0; i < COUNT_OF(rows); i++) {
@@ -134,16 +132,14 @@ static void sources_card(const struct brush *b, struct ui_box at)
 
 // Cards that only show something, down the left side.
 static void cards(const struct brush *b, const struct show *s, const struct watch_page *page, struct ui_box column,
-                  double bottom)
+                  struct ui_box strip)
 {
     if (s->inset && page->picture->inset)
         inset_card(b, page->picture, cut_top(&column, column.w / page->picture->inset_shape));
     if (s->sources && page->picture->sources)
         sources_card(b, column);
-    if (s->strip) {
-        double w = fmin(380, ui_width(b->ui) - 2 * MARGIN);
-        strip_draw(b, page->times, page->budget_ms, (struct ui_box){MARGIN, bottom - 140, w, 140});
-    }
+    if (s->strip)
+        strip_draw(b, page->times, page->budget_ms, strip);
 }
 
 // What fingers do to the picture itself; asked last, so that every control comes first.
@@ -152,17 +148,13 @@ static void feel_picture(const struct brush *b, struct screens *screens, struct 
     screens->picture_held = ui_area(b->ui, "picture", all).held;
 }
 
-static void controls(const struct brush *b, struct show *s, const struct watch_page *page, struct ui_box all,
+static void controls(const struct brush *b, struct show *s, const struct watch_page *page, const struct layout *l,
                      int64_t now_ns)
 {
-    const bool is_wide = wide(b);
-    struct ui_box free_box = inner(all, MARGIN);
-    double panel_h = s->moving ? 2 * TARGET + GAP + 28 : TARGET + PLAY + 20, panel_w = fmin(free_box.w, 720);
-    struct ui_box low = cut_bottom(&free_box, panel_h);
-    low = (struct ui_box){low.x + (low.w - panel_w) / 2, low.y, panel_w, low.h};
+    const struct ui_box low = l->panel;
     if (s->sheet != SHEET_NONE && !s->moving) {
         ui_layer(b->ui, 2);
-        sheets_draw(b, s, low, now_ns);
+        sheets_draw(b, s, l->sheet, now_ns);
     }
     ui_layer(b->ui, 1);
     panel(b, low, true);
@@ -172,14 +164,11 @@ static void controls(const struct brush *b, struct show *s, const struct watch_p
         struct ui_box in = {low.x + 20, low.y + 4, low.w - 40, low.h - 12};
         time_row(b, s, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
         button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, PLAY}, now_ns);
-        double x = all.x + all.w - MARGIN - SHUTTER;
-        double y = is_wide ? all.y + (all.h - SHUTTER) / 2 : low.y - SHUTTER - 2 * GAP;
-        if (is_wide || s->sheet == SHEET_NONE) // upright, a sheet lies over it
-            shutter(b, s, (struct ui_box){x, y, SHUTTER, SHUTTER}, now_ns);
+        if (s->sheet == SHEET_NONE) // else a sheet may lie over it
+            shutter(b, s, l->shutter, now_ns);
     }
-    top_row(b, s, page, cut_top(&free_box, TARGET), now_ns);
-    double bottom = is_wide && low.x > 380 + 2 * MARGIN ? all.y + all.h - MARGIN : low.y - GAP;
-    cards(b, s, page, (struct ui_box){free_box.x, free_box.y + GAP, fmin(262, free_box.w * 0.42), free_box.h}, bottom);
+    top_row(b, s, page, l->top, now_ns);
+    cards(b, s, page, l->cards, l->strip);
     (void)ui_area(b->ui, "panel", low);
     ui_layer(b->ui, 0);
 }
@@ -188,14 +177,15 @@ void screen_watch(const struct brush *b, struct screens *screens, struct show *s
                   int64_t now_ns)
 {
     struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)};
+    const struct layout l = layout_of(all.w, all.h, s, page->picture);
     scene_draw(b, all, page->picture, s);
     if (show_controls(s)) {
-        controls(b, s, page, all, now_ns);
+        controls(b, s, page, &l, now_ns);
     } else if (s->strip || s->inset || s->sources) {
+        const struct ui_box column = {l.cards.x, MARGIN, l.cards.w, l.cards.h};
+        const struct ui_box strip = {l.strip.x, all.h - MARGIN - l.strip.h, l.strip.w, l.strip.h};
         ui_layer(b->ui, 1);
-        struct ui_box column = inner(all, MARGIN);
-        column.w = fmin(262, column.w * 0.42);
-        cards(b, s, page, column, all.y + all.h - MARGIN);
+        cards(b, s, page, column, strip);
         ui_layer(b->ui, 0);
     }
     feel_picture(b, screens, all);

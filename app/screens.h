@@ -2,6 +2,7 @@
 // back to `show`. Each draws the whole of it, between ui_begin and ui_end.
 #pragma once
 #include "app/frame_times.h"
+#include "app/layout.h"
 #include "app/scene.h"
 
 // What a screen remembers of itself; zeroed at first.
@@ -44,4 +45,4 @@ void screen_words(const struct brush *b, const struct show *show);
 void strip_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box);
 
 // What is laid over the page of watching.
-void sheets_draw(const struct brush *b, struct show *show, struct ui_box above, int64_t now_ns);
+void sheets_draw(const struct brush *b, struct show *show, struct ui_box box, int64_t now_ns);

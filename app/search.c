@@ -18,6 +18,7 @@ struct search_picture {
 
 struct search {
     size_t bytes;
+    struct lull *lull;
     pthread_t thread;
     bool runs;
     struct search_picture in_hand; // the thread's, while it searches
@@ -28,6 +29,7 @@ struct search {
     struct search_picture newer;
     bool newer_waits, closing;
     int most_finds, finds;
+    int64_t lulls; // when it was lent
     enum status status; // of the last search
     char sentence[512];
 };
@@ -99,7 +101,10 @@ static void *run(void *self)
             continue;
         }
         const int most = s->most_finds;
+        const int64_t lulls = s->lulls;
         pthread_mutex_unlock(&s->lock);
+        if (s->lull)
+            lull_wait(s->lull, lulls);
         int finds;
         enum status status = search(s, track, most, &finds);
         pthread_mutex_lock(&s->lock);
@@ -115,13 +120,14 @@ static void *run(void *self)
 
 // ---------------------------------------------------------------- the other side
 
-enum status search_open(struct search **out, int width, int height)
+enum status search_open(struct search **out, int width, int height, struct lull *lull)
 {
     struct search *s = *out = calloc(1, sizeof *s);
     if (!s)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&s->lock, NULL);
     pthread_cond_init(&s->changed, NULL);
+    s->lull = lull;
     s->bytes = 3 * (size_t)width * (size_t)height;
     s->in_hand.color = malloc(s->bytes);
     s->newer.color = malloc(s->bytes);
@@ -159,8 +165,10 @@ static void keep(struct search_picture *p, const struct search *s, const uint8_t
 
 void search_begin(struct search *s, struct camera_track *track, const uint8_t *color, int64_t time_ns, int finds)
 {
+    const int64_t lulls = s->lull ? lull_count(s->lull) : 0;
     pthread_mutex_lock(&s->lock);
     assert(!s->track);
+    s->lulls = lulls;
     keep(&s->in_hand, s, color, time_ns);
     s->track = track;
     s->most_finds = finds;

@@ -3,11 +3,13 @@
 //
 // The track is lent from search_begin to search_end. One thread calls.
 #pragma once
+#include "app/lull.h"
 #include "locate/track.h"
 
 struct search;
 
-MUST_CHECK enum status search_open(struct search **out, int width, int height); // of the pictures. ERR_MEMORY
+// Of pictures of that size. lull: when to begin; NULL: at once. It must outlive the search. ERR_MEMORY
+MUST_CHECK enum status search_open(struct search **out, int width, int height, struct lull *lull);
 void search_close(struct search **s); // NULL is fine; waits for the picture being searched, a part of a second
 
 // A camera_track that said of the picture of time_ns that it has to be found anew. color: RGB; copied. finds: in

@@ -3,14 +3,6 @@
 #include <math.h>
 #include <stdio.h>
 
-static const double SWITCH = 58, HEADING = 44;
-
-static struct ui_box sheet_box(struct ui_box above, double width, double height)
-{
-    double w = fmin(width, above.w);
-    return (struct ui_box){above.x + above.w - w, above.y - GAP - height, w, height};
-}
-
 // By how many pixels the actor may be wrong where that is quicker to draw.
 static void error_row(const struct brush *b, struct show *s, struct ui_box row)
 {
@@ -26,7 +18,7 @@ static void error_row(const struct brush *b, struct show *s, struct ui_box row)
     label(b, FACE_BODY, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24}, b->theme->text, "Error, px");
 }
 
-static void layers_sheet(const struct brush *b, struct show *s, struct ui_box above, int64_t now_ns)
+static void layers_sheet(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
 {
     const struct {
         const char *name, *text;
@@ -42,7 +34,7 @@ static void layers_sheet(const struct brush *b, struct show *s, struct ui_box ab
         {"sheet-theme", "Dark", ICON_MOON, s->dark, DO_THEME},
     };
     const int count = (int)COUNT_OF(rows);
-    struct ui_box box = sheet_box(above, 400, HEADING + (count + 1) * SWITCH + 2 * 12 + 4);
+    assert(count + 1 == LAYER_ROWS);
     panel(b, box, false);
     struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
     label(b, FACE_HEAD, head, b->theme->text, "Show");
@@ -54,10 +46,9 @@ static void layers_sheet(const struct brush *b, struct show *s, struct ui_box ab
     (void)ui_area(b->ui, "sheet", box); // what lies beneath is out of reach
 }
 
-static void speed_sheet(const struct brush *b, struct show *s, struct ui_box above, int64_t now_ns)
+static void speed_sheet(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
 {
     static const double speeds[] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
-    struct ui_box box = sheet_box(above, 400, HEADING + 2 * SWITCH + GAP + 2 * 12 + 4);
     panel(b, box, false);
     struct ui_box in = inner(box, 12), head = {in.x + 8, in.y, in.w, HEADING};
     label(b, FACE_HEAD, head, b->theme->text, "Speed");
@@ -74,10 +65,10 @@ static void speed_sheet(const struct brush *b, struct show *s, struct ui_box abo
     (void)ui_area(b->ui, "sheet", box);
 }
 
-void sheets_draw(const struct brush *b, struct show *s, struct ui_box above, int64_t now_ns)
+void sheets_draw(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
 {
     if (s->sheet == SHEET_LAYERS)
-        layers_sheet(b, s, above, now_ns);
+        layers_sheet(b, s, box, now_ns);
     else if (s->sheet == SHEET_SPEED)
-        speed_sheet(b, s, above, now_ns);
+        speed_sheet(b, s, box, now_ns);
 }

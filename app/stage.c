@@ -33,8 +33,9 @@ struct stage {
     struct orbit orbit;
 };
 
-// From where one begins to walk round him: he is seen from head to foot, above the controls, and not lost.
-static const double NEAREST_M = 3, FARTHEST_M = 3.4;
+// From where one begins to walk round him, and what is then seen of the middle: him with a hand raised or reached out,
+// which may be nearer.
+static const double NEAREST_M = 3, FARTHEST_M = 3.4, TALL_M = 2.3, WIDE_M = 2.1;
 // While he plays, a frame that is not there is done without where another so near is.
 static const int64_t STAND_IN_NS = 500000000;
 
@@ -132,12 +133,11 @@ static int64_t frame_step_ns(const struct stage *s)
 
 struct orbit stage_orbit(const struct stage *s) { return s->orbit; }
 
-struct lens stage_orbit_lens(int width, int height)
+struct lens stage_orbit_lens(int width, int height, struct ui_box free)
 {
-    double f = 0.9 * sqrt((double)width * height);
-    // A little above the middle, for the controls are below.
-    double above = width > height ? 0.41 : 0.47;
-    return (struct lens){width, height, f, f, (width - 1) / 2.0, (height - 1) * above, 0, 0, 0, 0, 0, 0};
+    const double f = NEAREST_M * fmax(1, fmin(free.h / TALL_M, free.w / WIDE_M));
+    const double x = free.x + free.w / 2 - 0.5, y = free.y + free.h / 2 - 0.5; // (0, 0) is a pixel's centre
+    return (struct lens){width, height, f, f, x, y, 0, 0, 0, 0, 0, 0, 0};
 }
 
 // ---------------------------------------------------------------- placing

@@ -68,5 +68,6 @@ MUST_CHECK enum status stage_draw(struct stage *s, const struct stage_look *look
 // The picture has been handed to the display: now there is time to load what the next ones show.
 void stage_shown(struct stage *s);
 
-// The lens an orbit looks through, for a picture of that size.
-struct lens stage_orbit_lens(int width, int height);
+// The lens an orbit looks through, for a picture of that size, pixels. From where an orbit begins the actor is seen in
+// `free`, whole, what he circles in its middle.
+struct lens stage_orbit_lens(int width, int height, struct ui_box free);

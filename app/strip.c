@@ -34,7 +34,7 @@ void strip_draw(const struct brush *b, const struct frame_times *times, double b
     draw_bars(b, times, budget_ms, in);
     for (int i = 0; i < FRAME_STAGES; i++) {
         ui_disc(b->ui, (struct ui_point){names.x + 4, names.y + 9}, 4, colors[i]);
-        names.x += 12;
+        names.x += 14;
         double width = ui_text_width(b->ui, FACE_SMALL, frame_stage_names[i]);
         label(b, FACE_SMALL, (struct ui_box){names.x, names.y, width + 1, names.h}, t->quiet, frame_stage_names[i]);
         names.x += width + 10;

@@ -10,6 +10,7 @@
 #include <string.h>
 
 static const int64_t CHECK_NS = 1000000000;
+static const double ROOM_S = 0.07, LONGEST_STEP_S = 1 / 30.0; // of making room: its pace; a picture's time, at most
 
 double tablet_px_per_dp(double dpi) { return fmax(dpi / 160, 0.85); } // a desk's screen is looked at from farther away
 
@@ -198,6 +199,30 @@ int64_t tablet_update(struct tablet *t, int64_t now_ns)
 
 // ---------------------------------------------------------------- drawing
 
+// What the controls leave of the screen.
+static struct ui_box free_now(const struct tablet *t, const struct tablet_glass *glass)
+{
+    return layout_of(glass->width / glass->px_per_dp, glass->height / glass->px_per_dp, &t->show, &t->picture).free;
+}
+
+static double distance_between(struct ui_box a, struct ui_box b)
+{
+    return fmax(fmax(fabs(a.x - b.x), fabs(a.y - b.y)), fmax(fabs(a.w - b.w), fabs(a.h - b.h)));
+}
+
+// The orbit's picture makes room for what was opened, and takes it back.
+static void make_room(struct tablet *t, const struct tablet_glass *glass, int64_t now_ns)
+{
+    const struct ui_box to = free_now(t, glass), from = t->free;
+    const double passed_s = fmin((double)(now_ns - t->freed_ns) * 1e-9, LONGEST_STEP_S);
+    const double share = 1 - exp(-fmax(passed_s, 0) / ROOM_S);
+    t->freed_ns = now_ns;
+    t->free = (struct ui_box){from.x + share * (to.x - from.x), from.y + share * (to.y - from.y),
+                              from.w + share * (to.w - from.w), from.h + share * (to.h - from.h)};
+    if (!t->looked || distance_between(t->free, to) < 0.5)
+        t->free = to;
+}
+
 static struct stage_look look_now(struct tablet *t, const struct tablet_glass *glass, int64_t now_ns)
 {
     struct show *s = &t->show;
@@ -224,7 +249,9 @@ static struct stage_look look_now(struct tablet *t, const struct tablet_glass *g
         look.nobody = !s->ever_placed || s->presence <= 0;
         return look;
     }
-    look.lens = stage_orbit_lens(glass->width, glass->height);
+    const double px = glass->px_per_dp;
+    const struct ui_box free = {t->free.x * px, t->free.y * px, t->free.w * px, t->free.h * px};
+    look.lens = stage_orbit_lens(glass->width, glass->height, free);
     look.time_ns = player_at(&s->player, now_ns);
     look.world_from_camera = orbit_world_from_camera(&s->orbit);
     return look;
@@ -259,6 +286,7 @@ static enum status draw_picture(struct tablet *t, const struct tablet_glass *gla
     enum status status = t->show.orbiting ? OK : find_sight(t);
     if (status != OK)
         return status;
+    make_room(t, glass, now_ns);
     struct stage_look look = look_now(t, glass, now_ns);
     if (t->looked && !memcmp(&look, &t->look, sizeof look) && stage_settled(t->stage))
         return OK; // the same again
@@ -267,6 +295,7 @@ static enum status draw_picture(struct tablet *t, const struct tablet_glass *gla
     t->looked = true;
     status = stage_draw(t->stage, &look, &t->picture);
     show_model(&t->show, t->picture.prepared);
+    t->show.changed |= look.camera == NULL && distance_between(t->free, free_now(t, glass)) > 0;
     if (steady)
         follow(t);
     if (status == ERR_CORRUPT || status == ERR_IO || status == ERR_INPUT) { // this frame cannot be read; others may be
@@ -349,6 +378,8 @@ void tablet_shown(struct tablet *t, int64_t now_ns)
     double ms[FRAME_STAGES] = {0};
     if (t->stage)
         stage_shown(t->stage);
+    if (t->eyes)
+        eyes_shown(t->eyes);
     if (t->show.page != PAGE_WATCH || (sight && sight->number == t->timed_sight))
         return;
     if (sight) {

@@ -41,6 +41,8 @@ struct tablet {
     struct stage_look look; // what `picture` was drawn for
     bool looked;
     struct pose last_placed;
+    struct ui_box free;      // dp: where an orbit has the actor; it goes slowly to what the controls leave
+    int64_t freed_ns;        // when it last went
     struct stage_picture picture;
     struct governor governor;
     struct frame_times times;

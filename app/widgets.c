@@ -92,9 +92,8 @@ bool switch_row(const struct brush *b, const char *name, enum icon icon, const c
     struct ui_touch touch = ui_area(b->ui, name, box);
     if (touch.over)
         ui_fill(b->ui, box, 12, faint(t->text, touch.held ? 0.12 : 0.05));
-    struct ui_box row = inner(box, 0);
-    cut_left(&row, 4);
-    struct ui_box picture = cut_left(&row, 32), lever = cut_right(&row, 60);
+    struct ui_box row = {box.x + 5, box.y, box.w - 5, box.h};
+    struct ui_box picture = cut_left(&row, 32), lever = cut_right(&row, 48);
     icon_draw(b->ui, icon, middle(picture), 26, on ? t->accent : t->quiet);
     label(b, FACE_BODY, row, t->text, text);
     struct ui_point m = middle(lever);

@@ -7,8 +7,12 @@ static const double STEP = 0.01, FURTHEST = 0.4, SETTLED = 0.001;
 static const double TOLERATED = 0.02, SURE_SIGMA = 4;
 // Corners are as loose as this: far from the right focal length they must still pull.
 static const double LOOSE_PX = 0.1;
-// A picture that knows it worse says nothing.
-static const double WORST_SIGMA = 0.05;
+// A picture that knows it worse says nothing; none knows it better, because of the errors that its tags and points
+// have in common.
+static const double WORST_SIGMA = 0.05, BEST_SIGMA = 0.003;
+// What pictures say of a focal length far off falls short by up to this share of it: what agrees with a wrong lens was
+// chosen through it.
+static const double FALLS_SHORT = 0.5;
 
 struct evidence {
     struct sighting seen[FIT_MAX_TAGS];
@@ -76,9 +80,26 @@ void focal_add(struct focal *f, const struct fit_tag *tags, int count, const str
     double information = curvature / 2 / fmax(1, cost / numbers);
     if (!(information > 1 / (WORST_SIGMA * WORST_SIGMA)) || !isfinite(at))
         return;
+    information = 1 / (1 / information + BEST_SIGMA * BEST_SIGMA);
     f->sum += at * information;
     f->information += information;
     f->pictures++;
+}
+
+double focal_known(const struct focal *f, double before, double *sigma)
+{
+    const double prior = 1 / (*sigma * *sigma);
+    *sigma = 1 / sqrt(prior + f->information);
+    return (before * prior + f->sum) / (prior + f->information);
+}
+
+void focal_shift(struct focal *f, double by)
+{
+    if (!f->pictures)
+        return;
+    const double mean = f->sum / f->information - by, worse = FALLS_SHORT * by;
+    f->information = 1 / (1 / f->information + worse * worse);
+    f->sum = mean * f->information;
 }
 
 bool focal_is_wrong(const struct focal *f, double *scale)

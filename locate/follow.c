@@ -447,6 +447,11 @@ enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const ui
     found.other = found.camera_from_world;
     found.rms_px = locator_rms(l, tags, &found.camera_from_world);
     anchor_covariance(&l->anchor, covariance);
+    if (l->told.focal_sigma > 0) {
+        count = gather(l, NULL, 0, &found.camera_from_world, points);
+        locator_ask_for_focal(l, tags, points, count, &found.camera_from_world);
+        locator_doubt_lens(l, tags, points, count, &found.camera_from_world, covariance);
+    }
     if (!locator_describe(l, &found, agree, covariance, seen.noise, out))
         return NOTHING;
     learn(l, &pose, &found.camera_from_world);

@@ -103,7 +103,7 @@ enum status locator_open(struct locator **out, const struct place *place, const 
     struct locator *l = calloc(1, sizeof *l);
     if (!l)
         return fail(ERR_MEMORY, "no memory to find a camera in the place");
-    l->lens = *lens;
+    l->lens = l->told = *lens;
     l->options = wanted;
     l->motion = lens->readout_s > 0 ? &l->moving : NULL;
     l->expected = shutter_unknown();
@@ -152,6 +152,7 @@ void locator_expect(struct locator *l, const double speed[6], const double covar
 
 void locator_begin(struct locator *l, const uint8_t *color)
 {
+    locator_learn_lens(l);
     gray_from_rgb(color, (size_t)l->lens.width * (size_t)l->lens.height, l->gray);
     l->moving = l->expected;
     l->expected = shutter_unknown();
@@ -453,20 +454,23 @@ static enum status find(struct locator *l, const uint8_t *color, const uint16_t 
     struct fit_point points[FEATURES_MAX];
     struct camera_fit found = {.used = 0};
     const struct lens *lens = &l->lens;
-    double covariance[36];
+    double covariance[36] = {0}, doubted[36];
     int agree, apart = 0;
     enum status status = find_anew(l, color, depth, tags, &found, &agree);
     if (status == OK || status == AMBIGUOUS) {
         points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, &found.camera_from_world, l->matches,
                       agree, points);
         apart = each_once(l, points, agree);
-        if (!fit_covariance(tags, l->count, points, apart, lens->fx, lens->fy, l->motion, &found.camera_from_world,
-                            covariance) ||
-            !locator_describe(l, &found, agree, covariance, covariance, out))
+        const bool known = fit_covariance(tags, l->count, points, apart, lens->fx, lens->fy, l->motion,
+                                          &found.camera_from_world, covariance);
+        if (known && status == OK)
+            focal_add(&l->focal, tags, l->count, points, apart, lens->fx, lens->fy, l->motion,
+                      &found.camera_from_world);
+        memcpy(doubted, covariance, sizeof doubted);
+        locator_doubt_lens(l, tags, points, apart, &found.camera_from_world, doubted);
+        if (!known || !locator_describe(l, &found, agree, doubted, covariance, out))
             status = NOTHING;
     }
-    if (status == OK)
-        focal_add(&l->focal, tags, l->count, points, apart, lens->fx, lens->fy, l->motion, &found.camera_from_world);
     if (again && status == OK && locator_find_tracks(l, &found.camera_from_world)) {
         enum status followed = locator_fit_tracks(l, color, depth, found.camera_from_world, out);
         if (followed == NOTHING)
@@ -487,6 +491,11 @@ enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t
 enum status locator_refind(struct locator *l, const uint8_t *color, const uint16_t *depth, struct location *out)
 {
     return find(l, color, depth, true, out);
+}
+
+const struct lens *locator_lens(const struct locator *l)
+{
+    return &l->lens;
 }
 
 bool locator_doubts_focal(const struct locator *l, double *scale)

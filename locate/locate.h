@@ -67,6 +67,10 @@ MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, c
 MUST_CHECK enum status locator_refind(struct locator *l, const uint8_t *color, const uint16_t *depth,
                                       struct location *out);
 
+// The lens by which the last picture was looked at. That of a camera whose focal length is unsure (lens.focal_sigma)
+// becomes what the pictures say of it; so long as they leave it open, the pose's covariance knows of it.
+const struct lens *locator_lens(const struct locator *l);
+
 // True: the pictures in which locator_find found the camera so far do not fit the lens's focal
 // length. *scale: the one that fits them, over the lens's.
 bool locator_doubts_focal(const struct locator *l, double *scale);

@@ -33,7 +33,9 @@ struct tag_track {
 };
 
 struct locator {
-    struct lens lens;
+    struct lens lens; // as it is known now
+    struct lens told; // as it was given
+    int unasked;      // pictures followed since one was asked for the focal length
     struct locator_options options;
     struct place_tag *tags;
     struct tag_pattern *patterns; // of each tag
@@ -95,6 +97,17 @@ static inline bool locator_in_picture(const struct lens *lens, struct vec3 p)
 {
     return p.z > 0.1 && fabs(p.x) < lens->width / lens->fx * p.z && fabs(p.y) < lens->height / lens->fy * p.z;
 }
+
+// ---- own_lens.c
+// Before a picture: a lens whose focal length was unsure becomes what the pictures so far say. Whatever was
+// followed through the old one is forgotten when it does.
+void locator_learn_lens(struct locator *l);
+// What a picture that was followed says of an unsure focal length: now and then one is asked.
+void locator_ask_for_focal(struct locator *l, const struct fit_tag *tags, const struct fit_point *points,
+                           int point_count, const struct pose *camera_from_world);
+// What an unsure focal length leaves open of where the camera is, into the covariance of its pose.
+void locator_doubt_lens(const struct locator *l, const struct fit_tag *tags, const struct fit_point *points,
+                        int point_count, const struct pose *camera_from_world, double covariance[36]);
 
 // ---- newcomers.c
 // Features that show points of the place become tracks, as far as there is room and none is near.

@@ -189,6 +189,11 @@ void camera_track_restart(struct camera_track *t)
     t->unseen_s = 0;
 }
 
+const struct lens *camera_track_lens(const struct camera_track *t)
+{
+    return locator_lens(t->locator);
+}
+
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale)
 {
     return locator_doubts_focal(t->locator, scale);

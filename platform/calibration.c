@@ -6,6 +6,7 @@
 //           centre of the top-left pixel is (0, 0)),
 //           "distortion": [k1, k2, p1, p2, k3]   optional; k3 may be left out,
 //           "readout_ms": of a rolling shutter, from the first row to the last   optional, 0,
+//           "focal_sigma": how unsure fx and fy are, 0.1: by a tenth   optional, 0,
 //           "unit_m": metres per unit of a depth picture   optional, 0.001 }
 //
 // At least one LENS. With both, "registered" says whether the depth pixels are
@@ -18,6 +19,7 @@
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 // The number `name` of the object `what`. ERR_INPUT names both.
 static enum status need(const struct json *object, const char *what, const char *name, const char *path, double *out)
@@ -87,6 +89,10 @@ static enum status read_lens(const struct json *object, const char *what, const 
     if (status == OK && readout && !json_get_number(readout, &readout_ms))
         status = fail(ERR_INPUT, "%s: '%s.readout_ms' must be a number of milliseconds", path, what);
     lens->readout_s = readout_ms * 1e-3;
+    const struct json *unsure = json_member(object, "focal_sigma");
+    if (status == OK && unsure && !json_get_number(unsure, &lens->focal_sigma))
+        status = fail(ERR_INPUT, "%s: '%s.focal_sigma' must be a number, 0.1 for a focal length unsure by a tenth", path,
+                      what);
     if (status == OK && lens_check(lens, what) != OK)
         status = fail(ERR_INPUT, "%s: %s", path, status_sentence());
     return status;
@@ -197,6 +203,44 @@ enum status camera_lens_read(const char *id, struct lens *out)
     return status;
 }
 
+// Learnt in one place; in the next, pictures may still say otherwise.
+static const double KEPT_SIGMA = 0.005;
+
+enum status camera_lens_keep(const char *id, const struct lens *lens)
+{
+    char path[4096], folder[4096];
+    enum status status = camera_file(id, path, sizeof path);
+    if (status != OK)
+        return status;
+    memcpy(folder, path, sizeof folder);
+    *strrchr(folder, '/') = 0;
+    struct json *root = json_new_object(), *color = json_add_object(root, "color"), *distortion;
+    const struct {
+        const char *name;
+        double value;
+    } numbers[] = {{"width", lens->width},
+                   {"height", lens->height},
+                   {"fx", lens->fx},
+                   {"fy", lens->fy},
+                   {"cx", lens->cx},
+                   {"cy", lens->cy},
+                   {"readout_ms", lens->readout_s * 1e3},
+                   {"focal_sigma", fmax(KEPT_SIGMA, lens->focal_sigma)}};
+    for (size_t i = 0; i < COUNT_OF(numbers); i++)
+        json_add_number(color, numbers[i].name, numbers[i].value);
+    distortion = json_add_array(color, "distortion");
+    const double bent[] = {lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
+    for (size_t i = 0; i < COUNT_OF(bent); i++)
+        json_add_number(distortion, NULL, bent[i]);
+    char *text = json_print(root);
+    json_free(&root);
+    status = text ? folder_make(folder) : fail(ERR_MEMORY, "no memory to keep what was learnt of a camera");
+    if (status == OK)
+        status = file_write(path, text, strlen(text));
+    free(text);
+    return status;
+}
+
 enum status camera_lens_scale(struct lens *lens, int width, int height, const char *id)
 {
     double x = (double)width / lens->width, y = (double)height / lens->height;
@@ -213,9 +257,12 @@ enum status camera_lens_scale(struct lens *lens, int width, int height, const ch
     return OK;
 }
 
+// Of cameras that see between 50 and 75 degrees.
+static const double GUESS_SIGMA = 0.15;
+
 struct lens camera_lens_guess(int width, int height)
 {
     double f = 0.5 * width * sqrt(3); // tan 30 degrees is 1 / sqrt 3
-    return (struct lens){
-        .width = width, .height = height, .fx = f, .fy = f, .cx = 0.5 * (width - 1), .cy = 0.5 * (height - 1)};
+    return (struct lens){.width = width, .height = height, .fx = f, .fy = f, .cx = 0.5 * (width - 1),
+                         .cy = 0.5 * (height - 1), .focal_sigma = GUESS_SIGMA};
 }

@@ -84,5 +84,8 @@ enum status lens_check(const struct lens *l, const char *what)
     if (!(l->readout_s >= 0 && l->readout_s <= LENS_MOST_READOUT_S))
         return fail(ERR_INPUT, "the %s camera's readout_ms must be from 0 (no rolling shutter) to %g, not %g", what,
                     LENS_MOST_READOUT_S * 1e3, l->readout_s * 1e3);
+    if (!(l->focal_sigma >= 0 && l->focal_sigma <= LENS_MOST_FOCAL_SIGMA))
+        return fail(ERR_INPUT, "the %s camera's focal_sigma must be from 0 (measured) to %g, not %g", what,
+                    LENS_MOST_FOCAL_SIGMA, l->focal_sigma);
     return OK;
 }

@@ -11,7 +11,12 @@ struct lens {
     // A rolling shutter: how long after the first row the last one is read, seconds. A picture's time is its
     // middle row's. 0: all rows are read at once.
     double readout_s;
+    // How unsure fx and fy are, both by the same factor: sigma of its logarithm. 0: they were measured.
+    double focal_sigma;
 };
+
+// Surer of less than this, a lens says nothing.
+#define LENS_MOST_FOCAL_SIGMA 0.5
 
 // No camera takes longer to read a picture.
 #define LENS_MOST_READOUT_S 0.2

@@ -295,6 +295,7 @@ class Source
                 break;
             }
         lens known = {};
+        std::snprintf(facts_->camera_id, sizeof facts_->camera_id, "%s", camera_->id().c_str());
         known_ = camera_lens_read(camera_->id().c_str(), &known);
         if (known_ < 0)
             return known_;

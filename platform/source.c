@@ -79,6 +79,13 @@ int64_t source_remaining(const struct source *s) { return s->facts.remaining; }
 
 int64_t source_dropped(const struct source *s) { return s->facts.dropped; }
 
+enum status source_keep_lens(const struct source *s, const struct lens *lens)
+{
+    const struct lens *told = &s->facts.calibration.color;
+    const bool learnt = told->focal_sigma > 0 && lens->focal_sigma < told->focal_sigma && lens->fx != told->fx;
+    return learnt && *s->facts.camera_id ? camera_lens_keep(s->facts.camera_id, lens) : NOTHING;
+}
+
 void source_lend(struct source *s) { s->facts.lends = true; }
 
 enum status source_next(struct source *s, struct frame *out)

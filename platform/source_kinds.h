@@ -16,6 +16,7 @@ struct source_facts {
     int64_t remaining; // -1: unknown
     int64_t dropped;
     bool lends; // source_lend was called
+    char camera_id[256]; // by which what is known of a tablet's camera is kept; "" of all else
 };
 
 // Each opens one kind. On OK *self is what `kind` wants as its first argument;
@@ -46,6 +47,9 @@ MUST_CHECK enum status calibration_read_with_unit(const char *path, struct calib
 // and other letters that no file name should have are written as _.
 // NOTHING: there is no such file, *out is untouched. ERR_INPUT: it is wrong.
 MUST_CHECK enum status camera_lens_read(const char *id, struct lens *out);
+
+// Writes it there for the next time, with how unsure it still is. ERR_IO.
+MUST_CHECK enum status camera_lens_keep(const char *id, const struct lens *lens);
 
 // The same lens for pictures of another size. ERR_INPUT unless they have the
 // same proportions: nobody could tell what was cut off.

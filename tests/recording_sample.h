@@ -58,8 +58,8 @@ static inline struct pose some_pose(struct dice *dice)
 static inline struct calibration some_calibration(void)
 {
     return (struct calibration){
-        .color = {COLOR_WIDTH, COLOR_HEIGHT, 70.1, 70.2, 39.5, 29.5, 0.1, -0.02, 1e-3, -1e-3, 0.003, 0},
-        .depth = {WIDTH, HEIGHT, 55.5, 55.7, 30, 23, 0, 0, 0, 0, 0, 0},
+        .color = {COLOR_WIDTH, COLOR_HEIGHT, 70.1, 70.2, 39.5, 29.5, 0.1, -0.02, 1e-3, -1e-3, 0.003, 0, 0},
+        .depth = {WIDTH, HEIGHT, 55.5, 55.7, 30, 23, 0, 0, 0, 0, 0, 0, 0},
         .color_from_depth = {{0.01, 0.02, 0.03, 0.9993}, {0.025, -1e-3, 1e-4}},
     };
 }

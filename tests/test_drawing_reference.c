@@ -11,7 +11,7 @@
 #include <stdlib.h>
 
 enum { W = 240, H = 180 };
-static const struct lens lens = {W, H, 210, 208, 121, 88, -0.1, 0.02, 0.004, -0.003, 0.001, 0};
+static const struct lens lens = {W, H, 210, 208, 121, 88, -0.1, 0.02, 0.004, -0.003, 0.001, 0, 0};
 static const double HALF_OUTLINE_PX = 0.5; // the outline is drawn in by that, and a ribbon of twice that laid over it
 static const double PI = 3.14159265358979323846;
 

@@ -59,6 +59,33 @@ static void test_pictures_come_with_their_places(void **state)
     eyes_close(&e);
 }
 
+// Guessed a sixth too short, the focal length is learnt, and the pictures come with it.
+static void test_a_guessed_lens_is_learnt(void **state)
+{
+    (void)state;
+    const struct lens right = world_viewer_calibration(1).color;
+    struct lens guess = right;
+    guess.fx *= 0.85;
+    guess.fy *= 0.85;
+    guess.focal_sigma = 0.15;
+    rehearse_lens(&scratch, "viewer", &guess);
+    struct eyes *e;
+    const struct eyes_options options = {uri("viewer"), &place, NULL, NULL, false};
+    EXPECT_STATUS(eyes_open(&e, &options), OK);
+    double off = 1;
+    int64_t last = 0;
+    for (int i = 0; i < 60 && fabs(off) > 0.01; i++) {
+        const struct sight *s = wait_for_sight(e, last);
+        assert_non_null(s);
+        last = s->number;
+        off = s->placed ? s->lens.fx / right.fx - 1 : off;
+    }
+    printf("learnt to %+.2f %% in %d pictures\n", off * 100, (int)last);
+    EXPECT_AT_MOST(fabs(off), 0.01);
+    eyes_close(&e);
+    rehearse_lens(&scratch, "viewer", &right);
+}
+
 static void test_without_a_place_pictures_come_all_the_same(void **state)
 {
     (void)state;
@@ -209,6 +236,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pictures_come_with_their_places),
+        cmocka_unit_test(test_a_guessed_lens_is_learnt),
         cmocka_unit_test(test_without_a_place_pictures_come_all_the_same),
         cmocka_unit_test(test_a_camera_is_tried_again_until_it_is_there),
         cmocka_unit_test(test_closed_eyes_see_nothing),

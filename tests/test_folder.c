@@ -516,8 +516,18 @@ static void test_what_is_known_of_a_camera(void **state)
     scratch_text(&room->scratch, "reenact/cameras/_base_soc_i2c0mux_ov5647_36.json", "{}");
     EXPECT_STATUS(camera_lens_read(id, &lens), ERR_INPUT);
     EXPECT_SAYS("ov5647_36.json");
+    const struct lens learnt = {W, H, 31.25, 31.5, 15, 11, -0.1, 0.02, 0.001, 0.002, -0.003, 0.02, 0.01};
+    EXPECT_STATUS(camera_lens_keep("learnt@7", &learnt), OK);
+    EXPECT_STATUS(camera_lens_read("learnt@7", &lens), OK);
+    EXPECT_TRUE(!memcmp(&lens, &learnt, sizeof lens));
+    struct lens sure = learnt;
+    sure.focal_sigma = 0.0001; // of the next place nobody is so sure
+    EXPECT_STATUS(camera_lens_keep("learnt@7", &sure), OK);
+    EXPECT_STATUS(camera_lens_read("learnt@7", &lens), OK);
+    EXPECT_NEAR(lens.focal_sigma, 0.005, 0);
     unsetenv("XDG_CONFIG_HOME");
     lens = camera_lens_guess(1280, 720);
+    EXPECT_NEAR(lens.focal_sigma, 0.15, 0);
     struct vec3 left = lens_ray(&lens, (struct pixel){-0.5, 359.5}),
                 right = lens_ray(&lens, (struct pixel){1279.5, 359.5});
     EXPECT_NEAR(atan2(right.x, 1) - atan2(left.x, 1), 60 * 3.14159265358979 / 180, 1e-12);

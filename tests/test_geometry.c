@@ -53,7 +53,7 @@ static void test_pose_inverse_far_from_origin(void **state)
 static void test_lens_undoes_its_distortion(void **state)
 {
     (void)state;
-    struct lens lens = {640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0.001, 0};
+    struct lens lens = {640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0.001, 0, 0};
     for (int y = 0; y < 480; y += 37)
         for (int x = 0; x < 640; x += 41) {
             struct pixel back = lens_project(&lens, v3_scale(lens_ray(&lens, (struct pixel){x, y}), 3.7));
@@ -65,7 +65,7 @@ static void test_lens_undoes_its_distortion(void **state)
 static void test_lens_check_refuses_nonsense(void **state)
 {
     (void)state;
-    struct lens good = {640, 480, 525, 525, 319.5, 239.5, 0, 0, 0, 0, 0, 0};
+    struct lens good = {640, 480, 525, 525, 319.5, 239.5, 0, 0, 0, 0, 0, 0, 0};
     EXPECT_STATUS(lens_check(&good, "color"), OK);
     struct lens bad = good;
     bad.fx = 0;

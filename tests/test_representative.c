@@ -9,7 +9,7 @@ enum { WIDTH = 320, HEIGHT = 240 };
 
 static struct calibration kinect(void)
 {
-    struct lens lens = {WIDTH, HEIGHT, 262.5, 262.5, 159.5, 119.5, 0, 0, 0, 0, 0, 0};
+    struct lens lens = {WIDTH, HEIGHT, 262.5, 262.5, 159.5, 119.5, 0, 0, 0, 0, 0, 0, 0};
     return (struct calibration){lens, lens, true, POSE_IDENTITY};
 }
 

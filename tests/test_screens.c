@@ -439,6 +439,8 @@ static void arrange(struct glass *g, int n)
         s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad;
         break;
     case 3:
+        show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad + 0.4;
         s->skeleton = s->inset = s->strip = true;
         s->sheet = SHEET_LAYERS;
         break;
@@ -473,6 +475,8 @@ static void photograph_one(struct glass *g, int n, const char *folder)
         arrange(g, n);
         glass_draw(g);
         glass_draw(g); // what a tap changed is seen in the second
+        if (folder && g->tablet.show.orbiting)
+            glass_rest(g);
         glass_read(g);
         EXPECT_TRUE(full_of_something(g));
         if (!dark)

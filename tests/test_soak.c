@@ -13,6 +13,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 enum { WIDTH = 1280, HEIGHT = 800, MOST_FRAMES = 200000, SLOWEST = 10, REFERENCE_EACH = 8 };
@@ -24,13 +25,22 @@ static const double PATIENCE_S = 120;
 static const double PATIENCE_S = 9;
 #endif
 
+// What the process did meanwhile.
+struct work {
+    double cpu_ms;    // processor time of those that draw
+    double waited_ms; // that they were ready and had no processor
+    double beside_ms; // processor time of all others: loading, looking for the camera, preparing
+    double faults;    // pages that were touched for the first time
+};
+
 // One picture's way.
 struct way {
     double total_ms, ms[FRAME_STAGES];
-    double cpu_ms;    // processor time of drawing it, whoever else is busy meanwhile
+    struct work work; // of drawing it, whoever else is busy meanwhile
     double at_s;      // since the beginning
     double take_s;    // of the take
     double fineness;  // that the actor was drawn at
+    bool placed;      // the camera knew where it was
 };
 
 static double resident_mib(void)
@@ -56,29 +66,46 @@ static int descriptors(void)
     return count;
 }
 
-// Processor time so far of this thread and, without a graphics card, of those that draw for it.
-static double drawing_cpu_ms(void)
+static bool first_line(const char *task, const char *name, char *line, int size)
 {
-    double sum_ns = (double)clock_cpu_ns();
+    char path[300];
+    snprintf(path, sizeof path, "/proc/self/task/%s/%s", task, name);
+    FILE *file = fopen(path, "r");
+    const bool there = file && fgets(line, size, file);
+    if (file)
+        fclose(file);
+    return there;
+}
+
+// So far. This thread draws and, without a graphics card, those that draw for it.
+static struct work work_so_far(void)
+{
+    struct work w = {0};
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    w.faults = (double)usage.ru_minflt;
     DIR *dir = opendir("/proc/self/task");
     for (const struct dirent *task; dir && (task = readdir(dir));) {
-        char path[300], name[32] = "";
-        double ran_ns = 0;
-        snprintf(path, sizeof path, "/proc/self/task/%s/comm", task->d_name);
-        FILE *file = fopen(path, "r");
-        const bool draws = file && fgets(name, sizeof name, file) && !strncmp(name, "llvmpipe", 8);
-        if (file)
-            fclose(file);
-        snprintf(path, sizeof path, "/proc/self/task/%s/schedstat", task->d_name);
-        file = draws ? fopen(path, "r") : NULL;
-        if (file && fscanf(file, "%lf", &ran_ns) == 1)
-            sum_ns += ran_ns;
-        if (file)
-            fclose(file);
+        char name[32], line[100];
+        double ran_ns, waited_ns;
+        if (!first_line(task->d_name, "comm", name, sizeof name) ||
+            !first_line(task->d_name, "schedstat", line, sizeof line) || sscanf(line, "%lf %lf", &ran_ns, &waited_ns) != 2)
+            continue;
+        const bool draws = atoi(task->d_name) == getpid() || !strncmp(name, "llvmpipe", 8);
+        w.cpu_ms += draws ? ran_ns * 1e-6 : 0;
+        w.waited_ms += draws ? waited_ns * 1e-6 : 0;
+        w.beside_ms += draws ? 0 : ran_ns * 1e-6;
     }
     if (dir)
         closedir(dir);
-    return sum_ns * 1e-6;
+    return w;
+}
+
+static struct work work_since(struct work before)
+{
+    const struct work now = work_so_far();
+    return (struct work){now.cpu_ms - before.cpu_ms, now.waited_ms - before.waited_ms, now.beside_ms - before.beside_ms,
+                         now.faults - before.faults};
 }
 
 struct soak {
@@ -136,7 +163,7 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
     if (!t->sight || t->sight->number == b->last_sight || t->show.page != PAGE_WATCH)
         return false;
     b->last_sight = t->sight->number;
-    const double cpu_before_ms = drawing_cpu_ms();
+    const struct work before = work_so_far();
     EXPECT_STATUS(tablet_draw(t, &b->glass, now), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
     tablet_shown(t, clock_now_ns());
@@ -145,7 +172,8 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
                         .fineness = t->look.fineness};
     for (int i = 0; i < FRAME_STAGES; i++)
         way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
-    way->cpu_ms = drawing_cpu_ms() - cpu_before_ms;
+    way->work = work_since(before);
+    way->placed = t->sight->placed;
     return true;
 }
 
@@ -153,9 +181,9 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
 static void refer(struct bath *b)
 {
     const struct sight *sight = b->tablet.sight;
-    const double cpu_before_ms = drawing_cpu_ms();
+    const struct work before = work_so_far();
     b->alone_ms += draw_camera_alone(b) + (double)(sight->located_ns - sight->locating_ns) * 1e-6;
-    b->cpu_alone_ms += drawing_cpu_ms() - cpu_before_ms;
+    b->cpu_alone_ms += work_since(before).cpu_ms;
     b->references++;
     tablet_update(&b->tablet, clock_now_ns());
     b->last_sight = b->tablet.sight->number;
@@ -172,7 +200,7 @@ static void look_at_memory(struct soak *s, bool late)
 static int least_work_first(const void *a, const void *b)
 {
     const struct way *x = a, *y = b;
-    return (x->cpu_ms > y->cpu_ms) - (x->cpu_ms < y->cpu_ms);
+    return (x->work.cpu_ms > y->work.cpu_ms) - (x->work.cpu_ms < y->work.cpu_ms);
 }
 
 static void sum_up(struct soak *s, struct bath *b)
@@ -180,8 +208,8 @@ static void sum_up(struct soak *s, struct bath *b)
     s->alone_ms = b->references ? b->alone_ms / (double)b->references : 0;
     s->cpu_alone_ms = b->references ? b->cpu_alone_ms / (double)b->references : 0;
     qsort(b->ways, (size_t)b->count, sizeof *b->ways, least_work_first);
-    s->cpu_median_ms = b->count ? b->ways[b->count / 2].cpu_ms : 0;
-    s->cpu_slowest_ms = b->count ? b->ways[b->count - 1].cpu_ms : 0;
+    s->cpu_median_ms = b->count ? b->ways[b->count / 2].work.cpu_ms : 0;
+    s->cpu_slowest_ms = b->count ? b->ways[b->count - 1].work.cpu_ms : 0;
     for (int64_t i = 0; i < b->count; i++)
         for (int stage = 0; stage < FRAME_STAGES; stage++)
             s->mean_ms[stage] += b->ways[i].ms[stage] / (double)b->count;
@@ -267,8 +295,10 @@ static void say(const struct soak *s)
            s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
     for (int i = 0; i < SLOWEST; i++) {
         const struct way *w = &s->slowest[i];
-        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f, %.1f ms of processor time:", w->total_ms,
-               w->at_s, w->take_s, w->fineness, w->cpu_ms);
+        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f%s; ", w->total_ms, w->at_s, w->take_s,
+               w->fineness, w->placed ? "" : ", its place unknown");
+        printf("processor %.1f ms, waited for it %.1f, beside it %.1f, %.0f pages;", w->work.cpu_ms, w->work.waited_ms,
+               w->work.beside_ms, w->work.faults);
         for (int k = 0; k < FRAME_STAGES; k++)
             printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
         printf("\n");

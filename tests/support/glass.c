@@ -46,6 +46,14 @@ void glass_draw_and_wait(struct glass *g)
         clock_sleep_until_ns(clock_now_ns() + 50000000);
 }
 
+void glass_rest(struct glass *g)
+{
+    int drawn = 0;
+    do
+        glass_draw(g);
+    while ((g->tablet.show.changed || drawn < 2) && drawn++ < 100);
+}
+
 void glass_read(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
 
 // Draws until the camera's pictures were located (or not), and he has faded in or out.

@@ -26,6 +26,9 @@ void glass_draw_and_wait(struct glass *g);
 // Draws until the camera's pictures were located (or not), and he has faded in or out.
 void glass_settle(struct glass *g, bool placed);
 
+// Draws until nothing moves any more: an orbit has come to rest on him, in the room there is for him.
+void glass_rest(struct glass *g);
+
 // Pauses at that share of the take.
 void glass_seek(struct glass *g, double share);
 

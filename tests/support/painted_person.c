@@ -8,8 +8,8 @@
 #include <string.h>
 #include <unistd.h>
 
-const struct lens ideal = {W, H, 260, 260, 159.5, 119.5, 0, 0, 0, 0, 0, 0};
-const struct lens bent = {W, H, 265, 262, 163, 117, -0.12, 0.03, 0.015, -0.012, 0.004, 0};
+const struct lens ideal = {W, H, 260, 260, 159.5, 119.5, 0, 0, 0, 0, 0, 0, 0};
+const struct lens bent = {W, H, 265, 262, 163, 117, -0.12, 0.03, 0.015, -0.012, 0.004, 0, 0};
 
 void painted_take_open(struct painted_take *s, const struct lens *color, const struct one_frame *frames, int count,
                        const struct body *body)

@@ -15,13 +15,24 @@ static void check(enum status status)
     }
 }
 
+void rehearse_lens(const struct scratch *scratch, const char *name, const struct lens *l)
+{
+    char path[64], text[512];
+    snprintf(text, sizeof text,
+             "{\"color\": {\"width\": %d, \"height\": %d, \"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, "
+             "\"distortion\": [%.9g, %.9g, %.9g, %.9g, %.9g], \"focal_sigma\": %.9g}}",
+             l->width, l->height, l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3, l->focal_sigma);
+    snprintf(path, sizeof path, "%s/calibration.json", name);
+    scratch_text(scratch, path, text);
+}
+
 void rehearse_camera(const struct scratch *scratch, const char *name, const struct world *w, double scale)
 {
     struct calibration c = world_viewer_calibration(scale);
     const struct lens *l = &c.color;
     size_t pixels = (size_t)l->width * (size_t)l->height, count;
     uint8_t *rgb = malloc(3 * pixels), *bytes;
-    char list[1024] = "", path[64], text[512];
+    char list[1024] = "", path[64];
     if (!rgb)
         abort();
     for (int i = 0; i < REHEARSAL_PICTURES; i++) {
@@ -40,12 +51,7 @@ void rehearse_camera(const struct scratch *scratch, const char *name, const stru
     free(rgb);
     snprintf(path, sizeof path, "%s/rgb.txt", name);
     scratch_text(scratch, path, list);
-    snprintf(text, sizeof text,
-             "{\"color\": {\"width\": %d, \"height\": %d, \"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, "
-             "\"distortion\": [%.9g, %.9g, %.9g, %.9g, %.9g]}}",
-             l->width, l->height, l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3);
-    snprintf(path, sizeof path, "%s/calibration.json", name);
-    scratch_text(scratch, path, text);
+    rehearse_lens(scratch, name, l);
 }
 
 static void record(struct recording_writer *writer, const struct rehearsal *r, const struct place *place,

@@ -14,6 +14,8 @@ enum { REHEARSAL_FRAMES = 8, REHEARSAL_PICTURES = 4 };
 // A folder `name` of what a tablet sees in that world, or of a wall without a tag
 // where there is none. scale: of 640 x 480.
 void rehearse_camera(const struct scratch *scratch, const char *name, const struct world *world, double scale);
+// Another lens into that folder's calibration.json.
+void rehearse_lens(const struct scratch *scratch, const char *name, const struct lens *lens);
 
 struct rehearsal rehearsal_make(void);
 void rehearsal_end(struct rehearsal *r);

@@ -128,14 +128,14 @@ static struct lens lens_scaled(struct lens l, double s)
 
 struct calibration world_calibration(double scale)
 {
-    struct lens l = lens_scaled((struct lens){640, 480, 525, 525, 319.5, 239.5, 0, 0, 0, 0, 0, 0}, scale);
+    struct lens l = lens_scaled((struct lens){640, 480, 525, 525, 319.5, 239.5, 0, 0, 0, 0, 0, 0, 0}, scale);
     return (struct calibration){l, l, true, POSE_IDENTITY};
 }
 
 struct calibration world_viewer_calibration(double scale)
 {
     struct lens l =
-        lens_scaled((struct lens){640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0, 0}, scale);
+        lens_scaled((struct lens){640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0, 0, 0}, scale);
     return (struct calibration){.color = l, .color_from_depth = POSE_IDENTITY};
 }
 
