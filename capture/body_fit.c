@@ -13,6 +13,8 @@
 // beside its place in the picture would rather stay there than cross the gap.
 #define FREE_SIGMA_M 0.030
 #define BESIDE_RATE 0.4   // of that weight beside the person: the mask ends where readings do, a little short of the rim
+#define CROWN_RATE 4.0     // of that weight, a crown beside the person: hair and noise take a centimetre or two
+#define CROWN_SLACK_M 0.010
 #define FREE_REACH_M 0.25  // beyond this a sample's pull fades
 
 #define TAILS_SWING 0.5   // so much of what pulls at a hem pulls at the thighs, not at the hips
@@ -278,6 +280,15 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     return 0.5 * weight * e2 * fade;
 }
 
+// Where a body ends at the top: without it a trunk slides up and down in its picture.
+static double add_crown(const struct fit_task *task, const struct body_build *build, const struct body_solid *skull,
+                        struct fit_system *system)
+{
+    struct vec3 up = v3_unit(v3_sub(skull->b, skull->a));
+    struct vec3 c = v3_add(skull->b, v3_scale(up, skull->radius_b - CROWN_SLACK_M));
+    return add_free_sample(task, build, skull->segment, c, 0, CROWN_RATE, system);
+}
+
 static double add_free_solid(const struct fit_task *task, const struct body_build *build, int i, struct fit_system *system)
 {
     const struct body_solid *s = &build->solid[i];
@@ -296,6 +307,8 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
             energy += add_free_sample(task, build, s->segment, c, deep, side ? 0.15 : 0.3, system);
         }
     }
+    if (i == SOLID_SKULL)
+        energy += add_crown(task, build, s, system);
     return energy;
 }
 

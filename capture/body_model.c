@@ -20,13 +20,16 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
     [SEG_RIGHT_UPPER_ARM] = {SEG_RIGHT_CLAVICLE, {-0.103, -0.035, 0.006}, SHAPE_SHOULDERS, SHAPE_SHOULDERS},
     [SEG_RIGHT_FOREARM] = {SEG_RIGHT_UPPER_ARM, {0, -0.165, 0}, SHAPE_UPPER_ARM, SHAPE_UPPER_ARM},
     [SEG_RIGHT_HAND] = {SEG_RIGHT_FOREARM, {0, -0.148, 0}, SHAPE_FOREARM, SHAPE_FOREARM},
-    [SEG_LEFT_THIGH] = {SEG_PELVIS, {0.055, -0.038, 0.004}, SHAPE_HIPS, SHAPE_TORSO},
-    [SEG_LEFT_SHIN] = {SEG_LEFT_THIGH, {0, -0.245, 0}, SHAPE_THIGH, SHAPE_THIGH},
-    [SEG_LEFT_FOOT] = {SEG_LEFT_SHIN, {0, -0.243, 0}, SHAPE_SHIN, SHAPE_SHIN},
-    [SEG_RIGHT_THIGH] = {SEG_PELVIS, {-0.055, -0.038, 0.004}, SHAPE_HIPS, SHAPE_TORSO},
-    [SEG_RIGHT_SHIN] = {SEG_RIGHT_THIGH, {0, -0.245, 0}, SHAPE_THIGH, SHAPE_THIGH},
-    [SEG_RIGHT_FOOT] = {SEG_RIGHT_SHIN, {0, -0.243, 0}, SHAPE_SHIN, SHAPE_SHIN},
+    [SEG_LEFT_THIGH] = {SEG_PELVIS, {0.055, -0.038, 0.018}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_LEFT_SHIN] = {SEG_LEFT_THIGH, {0, -0.250, 0}, SHAPE_THIGH, SHAPE_THIGH},
+    [SEG_LEFT_FOOT] = {SEG_LEFT_SHIN, {0, -0.238, 0}, SHAPE_SHIN, SHAPE_SHIN},
+    [SEG_RIGHT_THIGH] = {SEG_PELVIS, {-0.055, -0.038, 0.018}, SHAPE_HIPS, SHAPE_TORSO},
+    [SEG_RIGHT_SHIN] = {SEG_RIGHT_THIGH, {0, -0.250, 0}, SHAPE_THIGH, SHAPE_THIGH},
+    [SEG_RIGHT_FOOT] = {SEG_RIGHT_SHIN, {0, -0.238, 0}, SHAPE_SHIN, SHAPE_SHIN},
 };
+
+// Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
+#define HIPS_AHEAD_IN_TAILS 0.010
 
 // Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
 // radii and z with `girth`.
@@ -47,8 +50,8 @@ struct solid_rule {
     {SEG_##side##_HAND, {0, -0.010, 0}, {0, -0.075, 0}, 0, 0, 0.0190, 0.0160, SHAPE_SHOULDERS, SHAPE_FOREARM,           \
      SHAPE_FOREARM}
 #define LEG(side)                                                                                                      \
-    {SEG_##side##_THIGH, {0, 0, 0}, {0, -0.245, 0}, 0, 0, 0.050, 0.034, SHAPE_HIPS, SHAPE_THIGH, SHAPE_LEG_GIRTH},      \
-    {SEG_##side##_SHIN, {0, 0, 0}, {0, -0.243, 0}, 0, 0, 0.0335, 0.0215, SHAPE_HIPS, SHAPE_SHIN, SHAPE_LEG_GIRTH},      \
+    {SEG_##side##_THIGH, {0, 0, 0}, {0, -0.250, 0}, 0, 0, 0.050, 0.034, SHAPE_HIPS, SHAPE_THIGH, SHAPE_LEG_GIRTH},      \
+    {SEG_##side##_SHIN, {0, 0, 0}, {0, -0.238, 0}, 0, 0, 0.0335, 0.0215, SHAPE_HIPS, SHAPE_SHIN, SHAPE_LEG_GIRTH},      \
     {SEG_##side##_FOOT, {0, -0.018, -0.012}, {0, -0.026, 0.095}, 0, 0, 0.0215, 0.0170, SHAPE_HIPS, SHAPE_SHIN,          \
      SHAPE_LEG_GIRTH}
 
@@ -66,6 +69,8 @@ static const struct solid_rule solid_rule[SOLID_TAILS] = {
 
 // Of body height, from the neck joint, which is at the seventh vertebra: over the spine, between the ears.
 static const struct vec3 head_centre = {0, 0.098, -0.012};
+static const struct vec3 palm = {0, -0.154, 0};        // where it begins, from the elbow: beyond the wrist
+static const struct vec3 chest_centre = {0, 0.006, 0}; // over the joint in which it bends against the abdomen
 
 int body_parent(enum segment s) { return segment_rule[s].parent; }
 
@@ -88,15 +93,18 @@ static struct vec3 turned(double m[3][3], struct vec3 v)
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
 }
 
-// From the waist down, as wide as the hips there, below them where the pelvis and both thighs point in the mean.
+// From the waist down, as wide as the hips there, below them where the pelvis and both thighs point in the mean. It hangs
+// from the whole trunk, right below the waist joint, not from the hip joints ahead of that.
 static void add_tails(const struct body_shape *shape, double hip_girth, struct body_build *out)
 {
     struct body_solid *s = &out->solid[SOLID_TAILS];
     const struct body_solid *hips = &out->solid[0];
     struct vec3 down = v3(0, -1, 0), hanging = turned(out->axes[SEG_PELVIS], down),
                 left = turned(out->axes[SEG_LEFT_THIGH], down), right = turned(out->axes[SEG_RIGHT_THIGH], down),
-                middle = v3_mix(out->origin[SEG_LEFT_THIGH], out->origin[SEG_RIGHT_THIGH], 0.5),
-                along = v3_unit(v3_add(hanging, v3_add(left, right)));
+                ahead = turned(out->axes[SEG_PELVIS], v3(0, 0, 1)), middle = out->origin[SEG_LEFT_THIGH], along;
+    middle = v3_mix(middle, out->origin[SEG_RIGHT_THIGH], 0.5);
+    middle = v3_sub(middle, v3_scale(ahead, v3_dot(ahead, v3_sub(middle, out->origin[SEG_PELVIS]))));
+    along = v3_unit(v3_add(hanging, v3_add(left, right)));
     s->segment = SEG_PELVIS;
     s->a = v3_add(out->origin[SEG_PELVIS], turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth)));
     s->b = v3_add(middle, v3_scale(along, shape->hem_m - v3_distance(out->origin[SEG_PELVIS], middle)));
@@ -128,7 +136,9 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
                 }
             continue;
         }
-        struct vec3 at = v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], rule->at.z * factor[rule->tall]);
+        bool in_tails = shape->hem_m > 0 && (s == SEG_LEFT_THIGH || s == SEG_RIGHT_THIGH);
+        double ahead = in_tails ? HIPS_AHEAD_IN_TAILS : rule->at.z;
+        struct vec3 at = v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], ahead * factor[rule->tall]);
         out->origin[s] = v3_add(out->origin[rule->parent], turned(out->axes[rule->parent], at));
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++) {
@@ -158,16 +168,21 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
         add_tails(shape, factor[SHAPE_HIP_GIRTH], out);
     static const struct { enum joint joint; enum segment segment; } at_origin[] = {
         {JOINT_NECK, SEG_HEAD}, {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
-        {JOINT_LEFT_HAND, SEG_LEFT_HAND}, {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM},
-        {JOINT_RIGHT_ELBOW, SEG_RIGHT_FOREARM}, {JOINT_RIGHT_HAND, SEG_RIGHT_HAND}, {JOINT_TORSO, SEG_CHEST},
-        {JOINT_WAIST, SEG_PELVIS}, {JOINT_LEFT_HIP, SEG_LEFT_THIGH}, {JOINT_LEFT_KNEE, SEG_LEFT_SHIN},
-        {JOINT_LEFT_FOOT, SEG_LEFT_FOOT}, {JOINT_RIGHT_HIP, SEG_RIGHT_THIGH}, {JOINT_RIGHT_KNEE, SEG_RIGHT_SHIN},
-        {JOINT_RIGHT_FOOT, SEG_RIGHT_FOOT},
+        {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM}, {JOINT_RIGHT_ELBOW, SEG_RIGHT_FOREARM}, {JOINT_WAIST, SEG_PELVIS},
+        {JOINT_LEFT_HIP, SEG_LEFT_THIGH}, {JOINT_LEFT_KNEE, SEG_LEFT_SHIN}, {JOINT_LEFT_FOOT, SEG_LEFT_FOOT},
+        {JOINT_RIGHT_HIP, SEG_RIGHT_THIGH}, {JOINT_RIGHT_KNEE, SEG_RIGHT_SHIN}, {JOINT_RIGHT_FOOT, SEG_RIGHT_FOOT},
     };
     for (size_t i = 0; i < COUNT_OF(at_origin); i++)
         out->joint[at_origin[i].joint] = out->origin[at_origin[i].segment];
-    out->joint[JOINT_HEAD] = v3_add(out->origin[SEG_HEAD],
-                                    turned(out->axes[SEG_HEAD], v3_scale(head_centre, factor[SHAPE_HEAD])));
+    const struct { enum joint joint; enum segment segment; struct vec3 at; double size; } within[] = {
+        {JOINT_HEAD, SEG_HEAD, head_centre, factor[SHAPE_HEAD]},
+        {JOINT_TORSO, SEG_CHEST, chest_centre, factor[SHAPE_TORSO]},
+        {JOINT_LEFT_HAND, SEG_LEFT_FOREARM, palm, factor[SHAPE_FOREARM]},
+        {JOINT_RIGHT_HAND, SEG_RIGHT_FOREARM, palm, factor[SHAPE_FOREARM]},
+    };
+    for (size_t i = 0; i < COUNT_OF(within); i++)
+        out->joint[within[i].joint] = v3_add(out->origin[within[i].segment],
+                                             turned(out->axes[within[i].segment], v3_scale(within[i].at, within[i].size)));
 }
 
 struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)

@@ -10,8 +10,9 @@
 // Contini (Body Segment Parameters, 1966; after Winter, Biomechanics and Motor
 // Control of Human Movement, fig. 4.1); breadths and depths of the trunk follow
 // Pheasant and Haslegrave (Bodyspace, table 10.1: chest 250 mm deep, abdomen
-// 260). The joints of the spine lie in it, behind the trunk's middle. The shape
-// scales all of it to the person.
+// 260). The joints of the spine lie in it, behind the trunk's middle, the hip joints
+// 3 cm ahead of it, and knees 1 cm lower than there: so they were measured on people
+// of many sizes (docs/figures.md). The shape scales all of it to the person.
 #pragma once
 #include "capture/recording/skeleton.h"
 
@@ -54,7 +55,7 @@ struct body_solid {
     bool open; // a tube: nothing of it is beyond b
 };
 
-enum { SOLID_TAILS = 19, SOLID_COUNT }; // the tails hang about the legs and hide them
+enum { SOLID_SKULL = 4, SOLID_TAILS = 19, SOLID_COUNT }; // the tails hang about the legs and hide them
 
 struct body_build {
     struct vec3 origin[SEG_COUNT];      // the joint a segment turns about

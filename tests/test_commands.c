@@ -228,6 +228,19 @@ static void test_a_camera_maps_tags(void **state)
     said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--out", scratch_file(&scratch, "wall.txt"));
     EXPECT_INT(said.exit_code, 0);
     EXPECT_TRUE(strstr(said.out, "4 of 4"));
+    // The same camera, of which nobody knows the lens.
+    scratch_text(&scratch, "wall/calibration.json",
+                 "{\"color\": {\"width\": 320, \"height\": 240, \"fx\": 260, \"fy\": 260, "
+                 "\"cx\": 159.5, \"cy\": 119.5, \"focal_sigma\": 0.15}}");
+    said = PROCESS(REENACT, "locate", file, "--camera", uri("wall"), "--out", scratch_file(&scratch, "wall.txt"));
+    EXPECT_INT(said.exit_code, 0);
+    const char *learnt = strstr(said.out, "learnt from the place: ");
+    assert_non_null(learnt);
+    EXPECT_NEAR(atof(strchr(learnt, ':') + 1), 300, 3);
+    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "bent.reenact"));
+    said =
+        PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--tags", scratch_file(&scratch, "pair.json"), "--out", file);
+    EXPECT_TRUE(strstr(said.err, "focal length is known to 15.0 % only"));
 }
 
 static void test_bad_places_and_tags(void **state)

@@ -44,3 +44,17 @@ struct pose moved(struct pose world_from_camera, struct vec3 by)
 {
     return pose_multiply(world_from_camera, (struct pose){{0, 0, 0, 1}, by});
 }
+
+double error_of(const struct skeleton *got, const struct skeleton *truth)
+{
+    double sum = 0;
+    int count = 0;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        EXPECT_TRUE(v3_finite(got->joint[j]));
+        if (got->confidence[j] > 0) {
+            sum += v3_distance(got->joint[j], truth->joint[j]);
+            count++;
+        }
+    }
+    return count ? sum / count : -1;
+}

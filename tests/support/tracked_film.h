@@ -21,6 +21,8 @@ void tracked_film_close(struct tracked_film *f);
 // Films the figure `time_s` after its motion began. seed: of the noise.
 void tracked_film_shoot(struct tracked_film *f, struct pose world_from_camera, double time_s, uint64_t seed);
 
+// Mean distance over the joints that are known; -1 when none is.
+double error_of(const struct skeleton *got, const struct skeleton *truth);
 int64_t nanoseconds(double seconds);
 // A pose moved along its own axes.
 struct pose moved(struct pose world_from_camera, struct vec3 by);
