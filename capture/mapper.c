@@ -13,6 +13,9 @@ struct mapper {
     int32_t seen_in[TAG_NUMBERS]; // frames that show the tag, listed or not
 };
 
+// A lens that was learnt in another place is as sure as this; a guess is not.
+static const double MOST_FOCAL_SIGMA = 0.01;
+
 struct mapper_options mapper_default_options(void)
 {
     return (struct mapper_options){.quad_decimate = 1, .most_points = 4000, .most_views = 40};
@@ -24,6 +27,10 @@ static enum status check(const struct calibration *calibration, const struct map
     enum status status = lens_check(&calibration->color, "color");
     if (status != OK)
         return status;
+    if (calibration->color.focal_sigma > MOST_FOCAL_SIGMA)
+        return fail(ERR_INPUT, "the camera's focal length is known to %.1f %% only, and a place would be no truer; measure "
+                               "its lens and write it down (the guide says where)",
+                    calibration->color.focal_sigma * 100);
     if (options->most_points < 0 || options->most_points > MAP_MOST_CANDIDATES || options->most_views < 0)
         return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
                     (int)MAP_MOST_CANDIDATES);

@@ -404,6 +404,8 @@ static enum status find_anew(struct locator *l, const uint8_t *color, const uint
     if (status != OK)
         return status;
     status = fit(l, tags, found);
+    if (locator_notice_shutter(l, tags, status == NOTHING ? NULL : found))
+        status = fit(l, tags, found);
     if (l->point_count) {
         enum status seen = locator_find_features(l, depth);
         if (seen != OK)

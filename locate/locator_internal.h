@@ -98,6 +98,11 @@ static inline bool locator_in_picture(const struct lens *lens, struct vec3 p)
     return p.z > 0.1 && fabs(p.x) < lens->width / lens->fx * p.z && fabs(p.y) < lens->height / lens->fy * p.z;
 }
 
+// ---- own_shutter.c
+// Whether the tags of the picture in hand fit no pose (`found` is the best; NULL: there is none) unless the rows of a
+// camera that is said to read them at once were read one after the other. Then it is taken for such a one from now on.
+bool locator_notice_shutter(struct locator *l, const struct fit_tag *tags, const struct camera_fit *found);
+
 // ---- own_lens.c
 // Before a picture: a lens whose focal length was unsure becomes what the pictures so far say. Whatever was
 // followed through the old one is forgotten when it does.

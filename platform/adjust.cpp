@@ -466,8 +466,16 @@ std::array<Eigen::MatrixXd, KINDS> information_of_poses(const adjust_problem &in
     return information;
 }
 
+// A sighting without depth says nothing in its third row.
+bool says_something(const adjust_problem &in, int row)
+{
+    const int third = row - 8 * in.corner_count - in.plane_depth_count;
+    return third < 0 || third >= 3 * in.sighting_count || third % 3 != 2 || in.sightings[third / 3].z > 0;
+}
+
 // How much larger the errors of each kind are, squared, than they were taken to be: by what is left of them, beside as
-// many as can differ from nought (variance components; Foerstner, 1979). Too few to tell: 1.
+// many as can differ from nought (variance components; Foerstner, 1979). Too few to tell: 1. errors: with the weights
+// they lost; of sightings with all of it, since those too far off have been left out before.
 std::array<double, KINDS> times_expected(const adjust_problem &in, const std::vector<double> &errors, int points,
                                          const std::array<Eigen::MatrixXd, KINDS> &information,
                                          const Eigen::MatrixXd &covariance)
@@ -477,7 +485,7 @@ std::array<double, KINDS> times_expected(const adjust_problem &in, const std::ve
     for (size_t r = 0; r < errors.size(); r++) {
         const kind k = kind_of_row(in, (int)r, (int)errors.size());
         squares[k] += errors[r] * errors[r];
-        spare[k]++;
+        spare[k] += says_something(in, (int)r);
     }
     spare[SIGHTINGS] -= points;
     for (size_t k = 0; k < KINDS; k++) {
@@ -494,7 +502,7 @@ void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &proble
     const columns which(in, c, problem);
     ceres::Problem::EvaluateOptions options;
     derivative by = {{}, which.points};
-    std::vector<double> errors;
+    std::vector<double> errors, whole;
     const int n = 6 * in.square_count, poses = which.all - which.points;
     Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
     out.setZero();
@@ -507,6 +515,12 @@ void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &proble
     if (factor.info() != Eigen::Success)
         return;
     const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));
+    options.apply_loss_function = false;
+    if (!problem.Evaluate(options, nullptr, &whole, nullptr, nullptr))
+        return;
+    for (int r = 0; r < (int)errors.size(); r++)
+        if (kind_of_row(in, r, (int)errors.size()) == SIGHTINGS)
+            errors[(size_t)r] = whole[(size_t)r];
     const std::array<double, KINDS> times = times_expected(in, errors, which.points, information, covariance);
     Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(poses, n); // by each square's own motion
     for (int s = 0; s < in.square_count; s++) {

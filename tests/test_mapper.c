@@ -379,6 +379,9 @@ static void senseless_input(void **state)
     EXPECT_STATUS(mapper_open(&m, &c, tags, 1, NULL), ERR_INPUT);
     bad.color.fx = 0;
     EXPECT_STATUS(mapper_open(&m, &bad, &tags[1], 1, NULL), ERR_INPUT);
+    bad = c;
+    bad.color.focal_sigma = 0.15; // a guess
+    EXPECT_STATUS(mapper_open(&m, &bad, &tags[1], 1, NULL), ERR_INPUT);
     struct mapper_options o = mapper_default_options();
     o.quad_decimate = 0;
     EXPECT_STATUS(mapper_open(&m, &c, &tags[1], 1, &o), ERR_INPUT);
