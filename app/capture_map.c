@@ -229,8 +229,7 @@ static const struct place_tag *seldom_seen(const struct place *place)
     return NULL;
 }
 
-static void warn(const char *program, const struct place *place, const struct mapper_report *r, double focal_sigma,
-                 int64_t damaged)
+static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
 {
     const struct place_tag *seldom = seldom_seen(place);
     if (!place->point_count)
@@ -266,11 +265,6 @@ static void warn(const char *program, const struct place *place, const struct ma
                 "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
                 "more slowly, with more of what was seen before in sight\n",
                 program, r->lost_from_s, r->lost_to_s);
-    if (focal_sigma > 0)
-        fprintf(stderr,
-                "%s: warning: this camera's focal length is known to %.1f %% only, and the place is bent as much; measure "
-                "its lens, or let reenact locate learn it in another place, and film this one again\n",
-                program, focal_sigma * 100);
     if (damaged)
         fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
 }
@@ -298,7 +292,6 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = film(source, mapper, a, &damaged);
     bool live = source && source_is_live(source);
-    const double focal_sigma = source ? source_calibration(source)->color.focal_sigma : 0;
     source_close(&source);
     if (status == OK)
         status = mapper_finish(mapper, &place, &report);
@@ -307,7 +300,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
     if (status == OK) {
-        warn(program, &place, &report, focal_sigma, damaged);
+        warn(program, &place, &report, damaged);
         if (a->json)
             print_json(file, &before, &place, &report, damaged);
         else

@@ -237,10 +237,10 @@ static void test_a_camera_maps_tags(void **state)
     const char *learnt = strstr(said.out, "learnt from the place: ");
     assert_non_null(learnt);
     EXPECT_NEAR(atof(strchr(learnt, ':') + 1), 300, 3);
-    snprintf(file, sizeof file, "%s", scratch_file(&scratch, "bent.reenact"));
-    said =
-        PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--tags", scratch_file(&scratch, "pair.json"), "--out", file);
-    EXPECT_TRUE(strstr(said.err, "focal length is known to 15.0 % only"));
+    // Not good enough to make a place with.
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--tags", scratch_file(&scratch, "pair.json"),
+                            "--out", scratch_file(&scratch, "bent.reenact")),
+                    "focal length");
 }
 
 static void test_bad_places_and_tags(void **state)
