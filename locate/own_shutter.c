@@ -12,6 +12,8 @@ static const double LIKELY_READOUT_S = 0.03;
 // chance makes of its eight. A tag that was hung elsewhere does not come to fit by a camera's motion.
 enum { LEAST_TAGS = 3 };
 static const double MOST_COST = 15;
+// Through a lens less sure than this tags contradict each other because of it.
+static const double SURE_FOCAL_SIGMA = 0.01;
 
 bool locator_notice_shutter(struct locator *l, const struct fit_tag *tags, const struct camera_fit *found)
 {
@@ -21,7 +23,8 @@ bool locator_notice_shutter(struct locator *l, const struct fit_tag *tags, const
     struct lens rolling = l->lens;
     struct refiner *refiner;
     struct camera_fit fit;
-    if (l->motion || l->count < LEAST_TAGS || (found && found->used == l->count))
+    if (l->motion || l->count < LEAST_TAGS || (found && found->used == l->count) ||
+        l->lens.focal_sigma > SURE_FOCAL_SIGMA)
         return false;
     rolling.readout_s = LIKELY_READOUT_S;
     for (int i = 0; i < l->count; i++) {
