@@ -238,8 +238,9 @@ struct adjustment align(const struct volume *volume, const struct rest *rest, st
     int count[PART_COUNT];
     while (points_of(&s, count) > POINTS)
         s.every++;
-    for (int round = 0; round < ROUNDS; round++) {
-        if (round == 0 || round == ROUNDS / 2) {
+    const int rounds = turned ? ROUNDS / 2 : ROUNDS; // from where it was laid before, half of them do
+    for (int round = 0; round < rounds; round++) {
+        if (round == 0 || round == rounds / 2) {
             struct skeleton better = posture_skeleton(rest, &s.now);
             sight_label(sight, &better);
         }
