@@ -93,28 +93,31 @@ static struct vec3 turned(double m[3][3], struct vec3 v)
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
 }
 
-// From the waist down, as wide as the hips there, below them where the pelvis and both thighs point in the mean. It hangs
-// from the whole trunk, right below the waist joint, not from the hip joints ahead of that.
+// From the waist down, as wide as the hips there, and below them the further down the more where each thigh takes its
+// half of it. It hangs from the whole trunk, right below the waist joint, not from the hip joints ahead of that.
 static void add_tails(const struct body_shape *shape, double hip_girth, struct body_build *out)
 {
-    struct body_solid *s = &out->solid[SOLID_TAILS];
     const struct body_solid *hips = &out->solid[0];
-    struct vec3 down = v3(0, -1, 0), hanging = turned(out->axes[SEG_PELVIS], down),
-                left = turned(out->axes[SEG_LEFT_THIGH], down), right = turned(out->axes[SEG_RIGHT_THIGH], down),
-                ahead = turned(out->axes[SEG_PELVIS], v3(0, 0, 1)), middle = out->origin[SEG_LEFT_THIGH], along;
+    struct vec3 down = v3(0, -1, 0), waist = out->origin[SEG_PELVIS], hanging = turned(out->axes[SEG_PELVIS], down),
+                ahead = turned(out->axes[SEG_PELVIS], v3(0, 0, 1)), middle = out->origin[SEG_LEFT_THIGH];
     middle = v3_mix(middle, out->origin[SEG_RIGHT_THIGH], 0.5);
-    middle = v3_sub(middle, v3_scale(ahead, v3_dot(ahead, v3_sub(middle, out->origin[SEG_PELVIS]))));
-    along = v3_unit(v3_add(hanging, v3_add(left, right)));
-    s->segment = SEG_PELVIS;
-    s->a = v3_add(out->origin[SEG_PELVIS], turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth)));
-    s->b = v3_add(middle, v3_scale(along, shape->hem_m - v3_distance(out->origin[SEG_PELVIS], middle)));
-    along = v3_unit(v3_sub(s->b, s->a));
-    s->side = v3_unit(v3_sub(hips->side, v3_scale(along, v3_dot(hips->side, along))));
-    s->width_a = hips->width_b;
-    s->radius_a = hips->radius_b;
-    s->width_b = 0.25 * shape->hem_radius_m;
-    s->radius_b = 0.75 * shape->hem_radius_m;
-    s->open = true;
+    middle = v3_sub(middle, v3_scale(ahead, v3_dot(ahead, v3_sub(middle, waist))));
+    for (int side = 0; side < 2; side++) {
+        struct body_solid *s = &out->solid[SOLID_TAILS + side];
+        struct vec3 beside = v3_scale(hips->side, side ? -1 : 1),
+                    thigh = turned(out->axes[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH], down),
+                    along = v3_unit(v3_mix(hanging, thigh, BODY_TAILS_SWING)),
+                    top = v3_add(waist, turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth))),
+                    low = v3_add(middle, v3_scale(along, shape->hem_m - v3_distance(waist, middle)));
+        s->segment = SEG_PELVIS;
+        s->a = v3_add(top, v3_scale(beside, hips->width_b));
+        s->b = v3_add(low, v3_scale(beside, 0.25 * shape->hem_radius_m));
+        s->side = hips->side;
+        s->width_a = s->width_b = 0;
+        s->radius_a = hips->radius_b;
+        s->radius_b = 0.75 * shape->hem_radius_m;
+        s->open = true;
+    }
     out->solids = SOLID_COUNT;
 }
 
