@@ -30,6 +30,7 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
 
 // Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
 #define HIPS_AHEAD_IN_TAILS 0.010
+#define HEM_SLACK_M 0.06
 
 // Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
 // radii and z with `girth`.
@@ -108,7 +109,7 @@ static void add_tails(const struct body_shape *shape, double hip_girth, struct b
                     thigh = turned(out->axes[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH], down),
                     along = v3_unit(v3_mix(hanging, thigh, BODY_TAILS_SWING)),
                     top = v3_add(waist, turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth))),
-                    low = v3_add(middle, v3_scale(along, shape->hem_m - v3_distance(waist, middle)));
+                    low = v3_add(middle, v3_scale(along, shape->hem_m + HEM_SLACK_M - v3_distance(waist, middle)));
         s->segment = SEG_PELVIS;
         s->a = v3_add(top, v3_scale(beside, hips->width_b));
         s->b = v3_add(low, v3_scale(beside, 0.25 * shape->hem_radius_m));
