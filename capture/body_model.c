@@ -68,8 +68,10 @@ static const struct solid_rule solid_rule[SOLID_TAILS] = {
     LEG(RIGHT),
 };
 
-// Of body height, from the neck joint, which is at the seventh vertebra: over the spine, between the ears.
-static const struct vec3 head_centre = {0, 0.098, -0.012};
+// Of body height, from where the head turns, at the seventh vertebra: between the ears, in the skull's middle, so that a
+// head that nods differently moves it little; and where neck and shoulders meet.
+static const struct vec3 head_centre = {0, 0.084, 0};
+static const struct vec3 neck = {0, -0.006, 0.0035};
 static const struct vec3 palm = {0, -0.154, 0};        // where it begins, from the elbow: beyond the wrist
 static const struct vec3 chest_centre = {0, 0.006, 0}; // over the joint in which it bends against the abdomen
 
@@ -171,7 +173,7 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
     if (shape->hem_m > 0)
         add_tails(shape, factor[SHAPE_HIP_GIRTH], out);
     static const struct { enum joint joint; enum segment segment; } at_origin[] = {
-        {JOINT_NECK, SEG_HEAD}, {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
+        {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
         {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM}, {JOINT_RIGHT_ELBOW, SEG_RIGHT_FOREARM}, {JOINT_WAIST, SEG_PELVIS},
         {JOINT_LEFT_HIP, SEG_LEFT_THIGH}, {JOINT_LEFT_KNEE, SEG_LEFT_SHIN}, {JOINT_LEFT_FOOT, SEG_LEFT_FOOT},
         {JOINT_RIGHT_HIP, SEG_RIGHT_THIGH}, {JOINT_RIGHT_KNEE, SEG_RIGHT_SHIN}, {JOINT_RIGHT_FOOT, SEG_RIGHT_FOOT},
@@ -180,6 +182,7 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
         out->joint[at_origin[i].joint] = out->origin[at_origin[i].segment];
     const struct { enum joint joint; enum segment segment; struct vec3 at; double size; } within[] = {
         {JOINT_HEAD, SEG_HEAD, head_centre, factor[SHAPE_HEAD]},
+        {JOINT_NECK, SEG_HEAD, neck, factor[SHAPE_TORSO]},
         {JOINT_TORSO, SEG_CHEST, chest_centre, factor[SHAPE_TORSO]},
         {JOINT_LEFT_HAND, SEG_LEFT_FOREARM, palm, factor[SHAPE_FOREARM]},
         {JOINT_RIGHT_HAND, SEG_RIGHT_FOREARM, palm, factor[SHAPE_FOREARM]},
