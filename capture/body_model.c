@@ -30,7 +30,8 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
 
 // Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
 #define HIPS_AHEAD_IN_TAILS 0.010
-#define HEM_SLACK_M 0.06
+#define HEM_SLACK_M 0.06 // lower than it narrows most: it is not level, and a cone's surface ends before its axis does. What
+                         // hangs over the end would be taken for legs, and draw knees ahead, inwards and thick
 
 // Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
 // radii and z with `girth`.
