@@ -69,8 +69,8 @@ static const struct solid_rule solid_rule[SOLID_TAILS] = {
     LEG(RIGHT),
 };
 
-// Of body height, from where the head turns, at the seventh vertebra: between the ears, in the skull's middle, so that a
-// head that nods differently moves it little; and where neck and shoulders meet.
+// Of body height, from where the head turns, at the seventh vertebra: the head between the ears, the neck where it meets
+// the shoulders.
 static const struct vec3 head_centre = {0, 0.084, 0};
 static const struct vec3 neck = {0, -0.006, 0.0035};
 static const struct vec3 palm = {0, -0.154, 0};        // where it begins, from the elbow: beyond the wrist
