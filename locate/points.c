@@ -320,14 +320,50 @@ static int search(const struct place_point *points, int32_t point_count, const s
     return kept < LEAST_POINTS || 2 * kept < count ? 0 : kept;
 }
 
-static bool all_face(const struct place_point *points, const struct point_match *matches, int count,
-                     const struct pose *camera_from_world)
+// The matches of points that face the camera. How many.
+static int that_face(const struct place_point *points, const struct point_match *matches, int count,
+                     const struct pose *camera_from_world, struct point_match *out)
 {
     const struct vec3 eye = pose_inverse(*camera_from_world).translation;
+    int kept = 0;
     for (int i = 0; i < count; i++)
-        if (!faces(&points[matches[i].point], eye))
-            return false;
-    return true;
+        if (faces(&points[matches[i].point], eye))
+            out[kept++] = matches[i];
+    return kept;
+}
+
+// Where the points that face the camera, by themselves, know of another pose than all together, the others show something
+// else and are left out. How many matches remain; as many where too few face it to tell.
+static int leave_out_astray(const struct place_point *points, const struct feature_index *index, const double *depth,
+                            const struct lens *lens, struct shutter_motion *motion, struct pose *pose,
+                            struct point_match *matches, int count)
+{
+    static const double WITHIN_95 = 12.592; // chi squared, six numbers
+    struct fit_point seen[FEATURES_MAX];
+    struct point_match facing[FEATURES_MAX];
+    struct pose alone = *pose;
+    struct shutter_motion moving = motion ? *motion : shutter_unknown(), *with = motion ? &moving : NULL;
+    double covariance[36], information[36], off = 0;
+    int n = that_face(points, matches, count, pose, facing);
+    if (n == count || n < LEAST_POINTS)
+        return count;
+    points_gather(points, index, depth, lens, pose, facing, n, seen);
+    fit_refine(NULL, 0, 0, seen, n, 0, lens->fx, lens->fy, with, &alone);
+    if (!fit_covariance(NULL, 0, seen, n, lens->fx, lens->fy, with, &alone, covariance) ||
+        !invert_symmetric(covariance, 6, information))
+        return count;
+    struct pose between = pose_multiply(alone, pose_inverse(*pose));
+    struct vec3 turn = quat_to_rotation_vector(between.rotation);
+    const double d[6] = {turn.x, turn.y, turn.z, between.translation.x, between.translation.y, between.translation.z};
+    for (int i = 0; i < 36; i++)
+        off += d[i / 6] * information[i] * d[i % 6];
+    if (off < WITHIN_95) // of those alone; from a pose that they have part in they differ by less
+        return count;
+    *pose = alone;
+    if (motion)
+        *motion = moving;
+    memcpy(matches, facing, (size_t)n * sizeof *matches);
+    return n;
 }
 
 bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
@@ -354,7 +390,7 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
         int other_first;
         if (way == 1 && 2 * kept >= first)
             continue;
-        if (way == 2 && (tag_count || !kept || all_face(points, matches, kept, &best)))
+        if (way == 2 && (tag_count || !kept || that_face(points, matches, kept, &best, other_matches) == kept))
             continue;
         int other = search(points, point_count, index, depth, lens, tags, tag_count, way == 1 ? FAR_PX : FIRST_PX, way == 2,
                            motion ? &moving : NULL, &pose, other_matches, capacity, &other_first);
@@ -372,6 +408,7 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
     *camera_from_world = best;
     if (motion)
         *motion = best_motion;
-    *match_count = kept;
+    *match_count = tag_count ? kept
+                             : leave_out_astray(points, index, depth, lens, motion, camera_from_world, matches, kept);
     return true;
 }
