@@ -47,7 +47,7 @@ struct eyes {
     struct picture *free_pictures;
     struct eyes_state state;
     bool resting, closing;
-    struct lens lens; // as the finder knows it; width 0: nobody has looked through it yet
+    struct lens lens; // as the finder knows it; width 0: nobody has looked through it since the camera was opened
 };
 
 static void tell(struct eyes *e)
@@ -184,6 +184,13 @@ static enum status watch_camera(struct eyes *e, struct source *camera, int64_t *
     return OK;
 }
 
+static void forget_lens(struct eyes *e)
+{
+    pthread_mutex_lock(&e->lock);
+    e->lens = (struct lens){0};
+    pthread_mutex_unlock(&e->lock);
+}
+
 static void keep_lens(struct eyes *e, const struct source *camera)
 {
     pthread_mutex_lock(&e->lock);
@@ -210,6 +217,7 @@ static void *camera_thread(void *self)
         int64_t came_before = eyes_state(e).came;
         enum status status = source_open(&camera, e->camera, SOURCE_CAMERA);
         if (status == OK) {
+            forget_lens(e); // of the camera before
             status = watch_camera(e, camera, &next_ns);
             keep_lens(e, camera);
             source_close(&camera);
@@ -225,12 +233,6 @@ static void *camera_thread(void *self)
 }
 
 // ---------------------------------------------------------------- the finder's thread
-
-static bool same_lens(const struct lens *a, const struct lens *b)
-{
-    return a->width == b->width && a->height == b->height && a->fx == b->fx && a->fy == b->fy && a->cx == b->cx &&
-           a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
-}
 
 static enum status find_in(struct eyes *e, struct finder *finder, struct picture *p)
 {
@@ -252,7 +254,7 @@ static void *finder_thread(void *self)
         struct sight *s = &p->sight;
         s->locating_ns = clock_now_ns();
         enum status status = OK;
-        if (e->place && !same_lens(&lens, &s->lens)) {
+        if (e->place && (!finder || !lens_same(&lens, &s->lens))) {
             finder_close(&finder);
             lens = s->lens;
             status = finder_open(&finder, e->place, &lens, e->lull);

@@ -278,16 +278,11 @@ static void hand_over_views(struct map *map, int32_t most, struct place *out)
     }
 }
 
-static bool same_lens(const struct lens *a, const struct lens *b)
-{
-    return a->width == b->width && a->height == b->height && a->fx == b->fx && a->fy == b->fy && a->cx == b->cx &&
-           a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
-}
-
 // Views are read with the calibration of the place.
 static bool same_calibration(const struct calibration *a, const struct calibration *b)
 {
-    return same_lens(&a->color, &b->color) && same_lens(&a->depth, &b->depth) && a->registered == b->registered;
+    return lens_same(&a->color, &b->color) && lens_same(&a->depth, &b->depth) && a->registered == b->registered &&
+           (a->registered || !memcmp(&a->color_from_depth, &b->color_from_depth, sizeof a->color_from_depth));
 }
 
 static enum status hand_over(struct mapper *m, struct place *out)

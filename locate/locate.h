@@ -68,7 +68,8 @@ MUST_CHECK enum status locator_refind(struct locator *l, const uint8_t *color, c
                                       struct location *out);
 
 // The lens by which the last picture was looked at. That of a camera whose focal length is unsure (lens.focal_sigma)
-// becomes what the pictures say of it; so long as they leave it open, the pose's covariance knows of it.
+// becomes what the pictures say of it; so long as they leave it open, the pose's covariance knows of it. A rolling
+// shutter that nobody told and the pictures betray is in it too, with a likely readout_s that was not measured.
 const struct lens *locator_lens(const struct locator *l);
 
 // True: the pictures in which locator_find found the camera so far do not fit the lens's focal

@@ -20,7 +20,6 @@ enum { TELL_SPEED = 1 };
 
 struct camera_track {
     struct locator *locator;
-    bool rolling; // the camera has a rolling shutter
     int followed; // pictures since it was found
     int64_t time_ns; // of the last picture
     bool started;    // time_ns holds
@@ -47,7 +46,6 @@ enum status camera_track_open(struct camera_track **out, const struct place *pla
     struct camera_track *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "no memory to follow a camera");
-    t->rolling = lens->readout_s > 0;
     enum status status = locator_open(&t->locator, place, lens, options);
     if (status != OK)
         camera_track_close(&t);
@@ -155,7 +153,8 @@ enum status camera_track_follow(struct camera_track *t, const uint8_t *color, co
         t->count = 0;
     for (int i = 0; i < t->count; i++)
         kalman_move(&t->of[i], seconds);
-    t->anew = t->count != 1 || (t->rolling && t->followed == TELL_SPEED);
+    const bool rolling = locator_lens(t->locator)->readout_s > 0; // told, or noticed meanwhile
+    t->anew = t->count != 1 || (rolling && t->followed == TELL_SPEED);
     if (t->anew)
         return NOTHING;
     expect(t);

@@ -231,7 +231,7 @@ enum status camera_lens_keep(const char *id, const struct lens *lens)
     distortion = json_add_array(color, "distortion");
     const double bent[] = {lens->k1, lens->k2, lens->p1, lens->p2, lens->k3};
     for (size_t i = 0; i < COUNT_OF(bent); i++)
-        json_add_number(distortion, NULL, bent[i]);
+        json_push_number(distortion, bent[i]);
     char *text = json_print(root);
     json_free(&root);
     status = text ? folder_make(folder) : fail(ERR_MEMORY, "no memory to keep what was learnt of a camera");

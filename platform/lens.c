@@ -5,6 +5,12 @@ bool lens_is_ideal(const struct lens *lens)
     return lens->k1 == 0 && lens->k2 == 0 && lens->p1 == 0 && lens->p2 == 0 && lens->k3 == 0;
 }
 
+bool lens_same(const struct lens *a, const struct lens *b)
+{
+    return a->width == b->width && a->height == b->height && a->fx == b->fx && a->fy == b->fy && a->cx == b->cx &&
+           a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
+}
+
 // Brown-Conrady on the plane z = 1: (x, y) ideal to distorted.
 static void distort(const struct lens *l, double x, double y, double *xd, double *yd)
 {

@@ -15,7 +15,7 @@ struct lens {
     double focal_sigma;
 };
 
-// Surer of less than this, a lens says nothing.
+// A lens less sure than this says nothing.
 #define LENS_MOST_FOCAL_SIGMA 0.5
 
 // No camera takes longer to read a picture.
@@ -34,6 +34,9 @@ struct calibration {
 };
 
 bool lens_is_ideal(const struct lens *lens); // no distortion
+
+// Both show each point at the same pixel. How fast they read and how sure they are is not asked.
+bool lens_same(const struct lens *a, const struct lens *b);
 
 // Where point `p` (camera axes) falls. z must be > 0.
 struct pixel lens_project(const struct lens *lens, struct vec3 p);

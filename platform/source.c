@@ -81,9 +81,14 @@ int64_t source_dropped(const struct source *s) { return s->facts.dropped; }
 
 enum status source_keep_lens(const struct source *s, const struct lens *lens)
 {
-    const struct lens *told = &s->facts.calibration.color;
-    const bool learnt = told->focal_sigma > 0 && lens->focal_sigma < told->focal_sigma && lens->fx != told->fx;
-    return learnt && *s->facts.camera_id ? camera_lens_keep(s->facts.camera_id, lens) : NOTHING;
+    struct lens kept = s->facts.calibration.color;
+    if (!*s->facts.camera_id || kept.width != lens->width || kept.height != lens->height ||
+        lens->focal_sigma >= kept.focal_sigma)
+        return NOTHING;
+    kept.fx = lens->fx;
+    kept.fy = lens->fy;
+    kept.focal_sigma = lens->focal_sigma;
+    return camera_lens_keep(s->facts.camera_id, &kept);
 }
 
 void source_lend(struct source *s) { s->facts.lends = true; }

@@ -52,8 +52,8 @@ int64_t source_remaining(const struct source *s);
 // its name; the next call goes on behind it.
 MUST_CHECK enum status source_next(struct source *s, struct frame *out);
 
-// What was learnt of a camera's lens, kept for the next time it is opened. NOTHING: there was nothing to learn, or
-// the lens is written beside the pictures, as a folder's is. ERR_IO.
+// The focal length that was learnt of a camera's lens, kept for the next time it is opened. NOTHING: it is no surer
+// than before, of pictures of another size, or the lens is written beside the pictures, as a folder's is. ERR_IO.
 MUST_CHECK enum status source_keep_lens(const struct source *s, const struct lens *lens);
 
 // From now on frames come with loans, where the source has such and not too many are out.

@@ -37,6 +37,7 @@ struct work {
 struct way {
     double total_ms, ms[FRAME_STAGES];
     struct work work; // of drawing it, whoever else is busy meanwhile
+    double stolen_ms; // since the picture before, that the host of a virtual machine gave its processors to others
     double at_s;      // since the beginning
     double take_s;    // of the take
     double fineness;  // that the actor was drawn at
@@ -75,6 +76,19 @@ static bool first_line(const char *task, const char *name, char *line, int size)
     if (file)
         fclose(file);
     return there;
+}
+
+// Of all processors, since the machine was started, in steps of 10 ms. Times of whatever kind hold what was stolen.
+static double stolen_so_far_ms(void)
+{
+    double ticks = 0;
+    FILE *file = fopen("/proc/stat", "r");
+    if (file) {
+        if (fscanf(file, "cpu %*f %*f %*f %*f %*f %*f %*f %lf", &ticks) != 1)
+            ticks = 0;
+        fclose(file);
+    }
+    return ticks * 1e3 / (double)sysconf(_SC_CLK_TCK);
 }
 
 // So far. This thread draws and, without a graphics card, those that draw for it.
@@ -116,6 +130,8 @@ struct soak {
     int most_descriptors_settled, most_descriptors_last;
     double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
     struct way slowest[SLOWEST];             // of the same, the slowest first
+    int64_t slow, slow_stolen;               // of the same, over twice the median; while something was stolen
+    double slowest_own_ms;                   // while nothing was
     double alone_ms;                         // locating and drawing the camera's picture alone, mean
     double cpu_median_ms, cpu_slowest_ms;    // processor time of drawing
     double cpu_alone_ms;                     // of the camera's picture alone, mean
@@ -130,6 +146,7 @@ struct bath {
     uint8_t *rgba;
     struct way *ways;
     int64_t count, references, last_sight;
+    double stolen_ms; // when the last picture was shown
     double alone_ms, cpu_alone_ms; // sums
 };
 
@@ -173,6 +190,9 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
     for (int i = 0; i < FRAME_STAGES; i++)
         way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
     way->work = work_since(before);
+    const double stolen_ms = stolen_so_far_ms();
+    way->stolen_ms = stolen_ms - b->stolen_ms;
+    b->stolen_ms = stolen_ms;
     way->placed = t->sight->placed;
     return true;
 }
@@ -217,6 +237,13 @@ static void sum_up(struct soak *s, struct bath *b)
     s->median_ms = b->count ? b->ways[b->count / 2].total_ms : 0;
     for (int i = 0; i < SLOWEST && i < b->count; i++)
         s->slowest[i] = b->ways[i];
+    for (int64_t i = 0; i < b->count; i++) {
+        const bool slow = b->ways[i].total_ms > 2 * s->median_ms, stolen = b->ways[i].stolen_ms > 0;
+        s->slow += slow;
+        s->slow_stolen += slow && stolen;
+        if (!stolen)
+            s->slowest_own_ms = fmax(s->slowest_own_ms, b->ways[i].total_ms);
+    }
 }
 
 // reference: measures the app as it is used, and now and then the camera's picture alone beside it. Else every picture
@@ -290,6 +317,9 @@ static void say(const struct soak *s)
         printf("%-13s %.1f ms\n", frame_stage_names[i], s->mean_ms[i]);
     printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->slowest[0].total_ms,
            s->slowest[0].total_ms / s->median_ms);
+    printf("over twice the median: %lld pictures, %lld of them while the host took processors away; "
+           "slowest of the others %.1f ms (%.1f times)\n",
+           (long long)s->slow, (long long)s->slow_stolen, s->slowest_own_ms, s->slowest_own_ms / s->median_ms);
     printf("locating and the camera's picture alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
     printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's picture alone %.1f\n",
            s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
@@ -297,8 +327,8 @@ static void say(const struct soak *s)
         const struct way *w = &s->slowest[i];
         printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f%s; ", w->total_ms, w->at_s, w->take_s,
                w->fineness, w->placed ? "" : ", its place unknown");
-        printf("processor %.1f ms, waited for it %.1f, beside it %.1f, %.0f pages;", w->work.cpu_ms, w->work.waited_ms,
-               w->work.beside_ms, w->work.faults);
+        printf("processor %.1f ms, waited for it %.1f, beside it %.1f, stolen %.0f, %.0f pages;", w->work.cpu_ms,
+               w->work.waited_ms, w->work.beside_ms, w->stolen_ms, w->work.faults);
         for (int k = 0; k < FRAME_STAGES; k++)
             printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
         printf("\n");
