@@ -1,5 +1,6 @@
-// How surely the map knows where things are, and from which side it saw points. Points: from all sightings and depth readings of each, as the adjustment
-// weighs them, with the cameras where they are. Tags, which are known ten times better: from the whole adjustment.
+// How surely the map knows where things are, and from which side it saw points. Points: from all sightings and depth
+// readings of each, as the adjustment weighs them, with the cameras where they are. Tags, which are known ten times
+// better: from the whole adjustment.
 #include "capture/map_internal.h"
 #include "locate/linear.h"
 

@@ -175,7 +175,8 @@ static int best_feature(const struct place_point *point, const struct feature_in
     return *bits <= most && *bits * 100 < CLEARLY * second ? best : -1;
 }
 
-// Whether a camera at `eye` sees the point from about the side from which the sweep saw it. True where that is not known.
+// Whether a camera at `eye` sees the point from about the side from which the sweep saw it. True where that is not
+// known.
 static bool faces(const struct place_point *point, struct vec3 eye)
 {
     // So much further aside than the sweep's own pictures of it on average, as a cosine: 30 degrees. Of what seemed to
@@ -332,8 +333,8 @@ static int that_face(const struct place_point *points, const struct point_match 
     return kept;
 }
 
-// Where the points that face the camera, by themselves, know of another pose than all together, the others show something
-// else and are left out. How many matches remain; as many where too few face it to tell.
+// Where the points that face the camera, by themselves, know of another pose than all together, the others show
+// something else and are left out. How many matches remain; as many where too few face it to tell.
 static int leave_out_astray(const struct place_point *points, const struct feature_index *index, const double *depth,
                             const struct lens *lens, struct shutter_motion *motion, struct pose *pose,
                             struct point_match *matches, int count)
@@ -381,7 +382,7 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
     const struct shutter_motion still = motion ? *motion : shutter_unknown();
     struct pose best = start;
     struct shutter_motion best_motion = still;
-    int first, kept = 0;
+    int first = 0, kept = 0;
     if (capacity > FEATURES_MAX)
         capacity = FEATURES_MAX;
     for (int way = 0; way < 3; way++) { // near, far, facing first
@@ -392,8 +393,8 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
             continue;
         if (way == 2 && (tag_count || !kept || that_face(points, matches, kept, &best, other_matches) == kept))
             continue;
-        int other = search(points, point_count, index, depth, lens, tags, tag_count, way == 1 ? FAR_PX : FIRST_PX, way == 2,
-                           motion ? &moving : NULL, &pose, other_matches, capacity, &other_first);
+        int other = search(points, point_count, index, depth, lens, tags, tag_count, way == 1 ? FAR_PX : FIRST_PX,
+                           way == 2, motion ? &moving : NULL, &pose, other_matches, capacity, &other_first);
         if (way == 0)
             first = other_first;
         if (other <= kept)
