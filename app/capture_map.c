@@ -233,8 +233,8 @@ static void warn(const char *program, const struct place *place, const struct ma
 {
     const struct place_tag *seldom = seldom_seen(place);
     if (!place->point_count)
-        fprintf(stderr, "%s: warning: there are no natural points without depth, so a camera is found only where it sees "
-                        "a tag\n",
+        fprintf(stderr, "%s: warning: there are no natural points, so a camera is found only where it sees a tag; film "
+                        "what can be recognised from two places\n",
                 program);
     if (seldom)
         fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,

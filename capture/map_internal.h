@@ -125,7 +125,7 @@ void map_see_in_two(const struct map *m, struct map_frame *f);
 MUST_CHECK enum status map_forget_narrow(struct map *m);
 
 // ---- map_sure.c
-// The covariance of each new point. Once the map is where it stays. ERR_MEMORY.
+// The covariance of each new point, and from where it was seen. Once the map is where it stays. ERR_MEMORY.
 MUST_CHECK enum status map_weigh_points(struct map *m);
 // The same of each new tag.
 MUST_CHECK enum status map_weigh_tags(struct map *m);

@@ -72,7 +72,8 @@ static int unite(struct map *m, struct map_frame *f, struct desk *d)
     int count = relocate_match(d->points, d->count, &frame->index, frame->matches, MAP_FEATURES);
     if (!relocate(d->points, &frame->index, lens, frame->matches, count, NULL, &pose, &agree) || agree < LEAST_AGREEING)
         return 0;
-    count = points_match(d->points, d->count, &frame->index, lens, NULL, &pose, AGREE_PX, frame->matches, MAP_FEATURES);
+    count = points_match(d->points, d->count, &frame->index, lens, NULL, &pose, AGREE_PX, false, frame->matches,
+                         MAP_FEATURES);
     for (int k = 0; k < count; k++) {
         struct map_feature *s = &f->features[frame->matches[k].feature];
         int32_t old = d->which[frame->matches[k].point];

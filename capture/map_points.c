@@ -105,7 +105,7 @@ static void look_again(struct map *m, struct map_desk *d)
             continue;
         map_lay_out(d, m, f);
         int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, NULL,
-                                 &f->camera_from_world, AGAIN_PX, d->matches, MAP_FEATURES);
+                                 &f->camera_from_world, AGAIN_PX, false, d->matches, MAP_FEATURES);
         map_assign(f, d, count);
     }
 }
@@ -145,6 +145,37 @@ static void forget_bad(struct map *m)
                 s->point = -1;
         }
     count_sightings(m);
+}
+
+// Without depth nothing but its sightings says how far away a point is. Where they contradict each other by more than
+// chance makes them in one case of a hundred, it is no one thing, as where a near edge crosses a far one, or slides along
+// an edge; and errs more often, and further, than it says.
+static enum status forget_torn(struct map *m)
+{
+    static const double ONE_IN_A_HUNDRED = 2.33; // standard deviations
+    const struct lens *lens = &m->calibration.color;
+    double *squares = calloc((size_t)m->point_count + 1, sizeof *squares);
+    if (!squares)
+        return fail(ERR_MEMORY, "no memory to judge %d points", (int)m->point_count);
+    for (int pass = 0; pass < 2; pass++)
+        for (int32_t i = 0; i < m->frame_count; i++)
+            for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
+                struct map_feature *s = &m->frames[i].features[k];
+                if (s->point < m->held_points)
+                    continue;
+                struct vec3 ray = lens_ray(lens, s->feature.at);
+                struct fit_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
+                sighting_covariance(&m->points[s->point], &s->feature, p.own);
+                double error = fit_point_error(&p, NULL, &m->frames[i].camera_from_world, lens->fx, lens->fy);
+                double spare = 2.0 * m->point_sightings[s->point] - 3;
+                if (!pass)
+                    squares[s->point] += error * error;
+                else if (!(squares[s->point] <= spare + ONE_IN_A_HUNDRED * sqrt(2 * spare)))
+                    s->point = -1;
+            }
+    free(squares);
+    count_sightings(m);
+    return OK;
 }
 
 // Where to begin: the frame that its tags hold best.
@@ -350,6 +381,8 @@ enum status map_polish_points(struct map *m, int32_t most)
             status = round ? map_adjust(m, POLISH_ROUNDS, false, NULL) : map_adjust_depth(m, POLISH_ROUNDS);
     }
     forget_bad(m);
+    if (!m->has_depth && status == OK)
+        status = forget_torn(m);
     if (status == OK)
         status = keep_best(m, most);
     if (status == OK)

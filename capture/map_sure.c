@@ -1,5 +1,6 @@
-// How surely the map knows where things are. Points: from all sightings and depth readings of each, as the adjustment
-// weighs them, with the cameras where they are. Tags, which are known ten times better: from the whole adjustment.
+// How surely the map knows where things are, and from which side it saw points. Points: from all sightings and depth
+// readings of each, as the adjustment weighs them, with the cameras where they are. Tags, which are known ten times
+// better: from the whole adjustment.
 #include "capture/map_internal.h"
 #include "locate/linear.h"
 
@@ -10,6 +11,8 @@ static const double ROBUST = 3; // as in the adjustment, standard deviations
 
 struct known {
     double information[9], cost, numbers;
+    struct vec3 from; // sum of unit vectors to the cameras, world axes
+    int32_t sightings;
 };
 
 // Where a frame shows a point: errors whitened, and their derivative by the point.
@@ -40,12 +43,16 @@ static void add_sighting(struct known *k, const struct lens *lens, const struct 
                 k->information[i * 3 + j] += slope * rows[r][i] * rows[r][j];
     k->cost += slope * chi2;
     k->numbers += s->depth > 0 ? 3 : 2;
+    k->from = v3_add(k->from, v3_unit(v3_sub(pose_inverse(f->camera_from_world).translation, point->world)));
+    k->sightings++;
 }
 
 static void settle(const struct known *k, struct place_point *point)
 {
     static const int ROW[6] = {0, 0, 0, 1, 1, 2}, COLUMN[6] = {0, 1, 2, 1, 2, 2};
     double covariance[9], spare = k->numbers - 3;
+    struct vec3 from = v3_scale(k->from, 1.0 / (k->sightings ? k->sightings : 1));
+    point->seen_from[0] = (float)from.x, point->seen_from[1] = (float)from.y, point->seen_from[2] = (float)from.z;
     memset(point->covariance, 0, sizeof point->covariance);
     if (!invert_symmetric(k->information, 3, covariance))
         return;

@@ -349,10 +349,6 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
         status = map_weigh_points(&m->map);
     if (status == OK)
         status = map_weigh_tags(&m->map);
-    // Points that no depth vouches for hold the sweep together. But those of one corner err together, which no
-    // covariance of single points tells, and a camera found by them alone would say that it is surer than it is.
-    if (!m->map.has_depth)
-        m->map.point_count = m->map.held_points;
     if (status == OK)
         status = hand_over(m, out);
     report_tags(m, report);

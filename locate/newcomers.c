@@ -114,7 +114,7 @@ static enum status look_in(struct locator *l, int part, const uint16_t *depth, c
         l->vain[which[i]] += l->vain[which[i]] < MOST_VAIN;
     }
     int found = points_match(l->some_points, count, &l->index, &l->lens, l->motion, camera_from_world, POINTS_NEAR_PX,
-                             l->matches, FEATURES_MAX);
+                             false, l->matches, FEATURES_MAX);
     for (int i = 0; i < found; i++)
         l->matches[i].point = which[l->matches[i].point];
     locator_add_points(l, found, camera_from_world);

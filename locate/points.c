@@ -175,13 +175,26 @@ static int best_feature(const struct place_point *point, const struct feature_in
     return *bits <= most && *bits * 100 < CLEARLY * second ? best : -1;
 }
 
+// Whether a camera at `eye` sees the point from about the side from which the sweep saw it. True where that is not
+// known.
+static bool faces(const struct place_point *point, struct vec3 eye)
+{
+    // So much further aside than the sweep's own pictures of it on average, as a cosine: 30 degrees. Of what seemed to
+    // be a point of the small world, one in 900 was something else up to there, one in 35 beyond.
+    static const double ASIDE = 0.866;
+    const struct vec3 mean = {(double)point->seen_from[0], (double)point->seen_from[1], (double)point->seen_from[2]};
+    double square = v3_dot(mean, mean); // the mean, too, of the cosines between the mean and what it is made of
+    return square == 0 || v3_dot(v3_unit(v3_sub(eye, point->world)), mean) > square - (1 - ASIDE);
+}
+
 int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                  const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                 double radius_px, struct point_match *out, int capacity)
+                 double radius_px, bool only_facing, struct point_match *out, int capacity)
 {
     int32_t owner[FEATURES_MAX];
     int bits_of[FEATURES_MAX];
     double wide = 0.8 * lens->width / lens->fx, high = 0.8 * lens->height / lens->fy;
+    const struct vec3 eye = pose_inverse(*camera_from_world).translation;
     for (int i = 0; i < index->count; i++)
         owner[i] = -1;
     for (int32_t i = 0; i < point_count; i++) {
@@ -191,6 +204,8 @@ int points_match(const struct place_point *points, int32_t point_count, const st
         struct pixel at = shutter_project(lens, motion, p);
         if (!(at.x > -radius_px && at.y > -radius_px && at.x < lens->width + radius_px &&
               at.y < lens->height + radius_px))
+            continue;
+        if (only_facing && !faces(&points[i], eye))
             continue;
         int bits, f = best_feature(&points[i], index, lens, at, radius_px, &bits);
         if (f >= 0 && (owner[f] < 0 || bits < bits_of[f])) {
@@ -275,18 +290,20 @@ static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct
 }
 
 // Searched ever nearer, each time from the pose that the last search gave; the fit of
-// each begins as loose as the search. How many points agree in the end, of *first
-// found at first.
+// each begins as loose as the search. facing_first: points seen from another side than in
+// the sweep join in when the others have said where they must be. How many points agree in
+// the end, of *first found at first.
 static int search(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                   const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
-                  double radius_px, struct shutter_motion *motion, struct pose *pose, struct point_match *matches,
-                  int capacity, int *first)
+                  double radius_px, bool facing_first, struct shutter_motion *motion, struct pose *pose,
+                  struct point_match *matches, int capacity, int *first)
 {
     struct fit_point seen[FEATURES_MAX];
     int count;
     *first = 0;
     for (double radius = radius_px;; radius = fmax(radius / 2.5, POINTS_NEAR_PX)) {
-        count = points_match(points, point_count, index, lens, motion, pose, radius, matches, capacity);
+        const bool only_facing = facing_first && radius > POINTS_NEAR_PX;
+        count = points_match(points, point_count, index, lens, motion, pose, radius, only_facing, matches, capacity);
         *first = *first ? *first : count;
         if (count < LEAST_POINTS)
             return 0;
@@ -304,38 +321,95 @@ static int search(const struct place_point *points, int32_t point_count, const s
     return kept < LEAST_POINTS || 2 * kept < count ? 0 : kept;
 }
 
+// The matches of points that face the camera. How many.
+static int that_face(const struct place_point *points, const struct point_match *matches, int count,
+                     const struct pose *camera_from_world, struct point_match *out)
+{
+    const struct vec3 eye = pose_inverse(*camera_from_world).translation;
+    int kept = 0;
+    for (int i = 0; i < count; i++)
+        if (faces(&points[matches[i].point], eye))
+            out[kept++] = matches[i];
+    return kept;
+}
+
+// Where the points that face the camera, by themselves, know of another pose than all together, the others show
+// something else and are left out. How many matches remain; as many where too few face it to tell.
+static int leave_out_astray(const struct place_point *points, const struct feature_index *index, const double *depth,
+                            const struct lens *lens, struct shutter_motion *motion, struct pose *pose,
+                            struct point_match *matches, int count)
+{
+    static const double WITHIN_95 = 12.592; // chi squared, six numbers
+    struct fit_point seen[FEATURES_MAX];
+    struct point_match facing[FEATURES_MAX];
+    struct pose alone = *pose;
+    struct shutter_motion moving = motion ? *motion : shutter_unknown(), *with = motion ? &moving : NULL;
+    double covariance[36], information[36], off = 0;
+    int n = that_face(points, matches, count, pose, facing);
+    if (n == count || n < LEAST_POINTS)
+        return count;
+    points_gather(points, index, depth, lens, pose, facing, n, seen);
+    fit_refine(NULL, 0, 0, seen, n, 0, lens->fx, lens->fy, with, &alone);
+    if (!fit_covariance(NULL, 0, seen, n, lens->fx, lens->fy, with, &alone, covariance) ||
+        !invert_symmetric(covariance, 6, information))
+        return count;
+    struct pose between = pose_multiply(alone, pose_inverse(*pose));
+    struct vec3 turn = quat_to_rotation_vector(between.rotation);
+    const double d[6] = {turn.x, turn.y, turn.z, between.translation.x, between.translation.y, between.translation.z};
+    for (int i = 0; i < 36; i++)
+        off += d[i / 6] * information[i] * d[i % 6];
+    if (off < WITHIN_95) // of those alone; from a pose that they have part in they differ by less
+        return count;
+    *pose = alone;
+    if (motion)
+        *motion = moving;
+    memcpy(matches, facing, (size_t)n * sizeof *matches);
+    return n;
+}
+
 bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                    const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
                    struct shutter_motion *motion, struct pose *camera_from_world, struct point_match *matches,
                    int capacity, int *match_count)
 {
     // A small far tag alone may be off by more than the first search reaches. That
-    // shows: most of what seemed to match at first does not in the end.
+    // shows: most of what seemed to match at first does not in the end. And without a tag
+    // a pattern that looks the same turned round may lead all of its points astray alike:
+    // then those that are seen from where the sweep saw them know of a pose that more fit.
     static const double FIRST_PX = 40, FAR_PX = 120;
-    struct point_match far_matches[FEATURES_MAX];
-    struct pose near = *camera_from_world, far = near;
-    struct shutter_motion near_motion = motion ? *motion : shutter_unknown(), far_motion = near_motion;
-    int first, first_far;
+    struct point_match other_matches[FEATURES_MAX];
+    const struct pose start = *camera_from_world;
+    const struct shutter_motion still = motion ? *motion : shutter_unknown();
+    struct pose best = start;
+    struct shutter_motion best_motion = still;
+    int first = 0, kept = 0;
     if (capacity > FEATURES_MAX)
         capacity = FEATURES_MAX;
-    int kept =
-        search(points, point_count, index, depth, lens, tags, tag_count, FIRST_PX, motion ? &near_motion : NULL, &near,
-               matches, capacity, &first);
-    if (2 * kept < first) {
-        int kept_far = search(points, point_count, index, depth, lens, tags, tag_count, FAR_PX,
-                              motion ? &far_motion : NULL, &far, far_matches, capacity, &first_far);
-        if (kept_far > kept) {
-            memcpy(matches, far_matches, (size_t)kept_far * sizeof *matches);
-            kept = kept_far;
-            near = far;
-            near_motion = far_motion;
-        }
+    for (int way = 0; way < 3; way++) { // near, far, facing first
+        struct pose pose = start;
+        struct shutter_motion moving = still;
+        int other_first;
+        if (way == 1 && 2 * kept >= first)
+            continue;
+        if (way == 2 && (tag_count || !kept || that_face(points, matches, kept, &best, other_matches) == kept))
+            continue;
+        int other = search(points, point_count, index, depth, lens, tags, tag_count, way == 1 ? FAR_PX : FIRST_PX,
+                           way == 2, motion ? &moving : NULL, &pose, other_matches, capacity, &other_first);
+        if (way == 0)
+            first = other_first;
+        if (other <= kept)
+            continue;
+        memcpy(matches, other_matches, (size_t)other * sizeof *matches);
+        kept = other;
+        best = pose;
+        best_motion = moving;
     }
     if (!kept)
         return false;
-    *camera_from_world = near;
+    *camera_from_world = best;
     if (motion)
-        *motion = near_motion;
-    *match_count = kept;
+        *motion = best_motion;
+    *match_count = tag_count ? kept
+                             : leave_out_astray(points, index, depth, lens, motion, camera_from_world, matches, kept);
     return true;
 }

@@ -26,10 +26,11 @@ struct point_match {
 };
 
 // Which feature shows which point, looked for within radius_px of where the pose
-// puts the point. motion, here and below: of a rolling shutter, or NULL. Each point and each feature at most once. Returns how many.
+// puts the point. motion, here and below: of a rolling shutter, or NULL. only_facing: of points that the camera sees
+// from about the side from which the sweep saw them. Each point and each feature at most once. Returns how many.
 int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
                  const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                 double radius_px, struct point_match *out, int capacity);
+                 double radius_px, bool only_facing, struct point_match *out, int capacity);
 
 // From a pose that is roughly right (tags gave it) to one that fits points and
 // tags. depth[i]: metres at feature i, 0 = none; or NULL. On true `pose` (and the speed of

@@ -24,6 +24,23 @@ static inline double error_squared(struct pose found, const double covariance[36
     return sum;
 }
 
+// The same of a place's tags, in the mean; truth: all of them, in any order.
+static inline double tags_squared(const struct place *place, const struct place_tag *truth, struct pose truth_from_place)
+{
+    double sum = 0;
+    for (int32_t i = 0; i < place->tag_count; i++) {
+        const struct place_tag *tag = &place->tags[i], *same = truth;
+        double covariance[36];
+        while (same->id != tag->id)
+            same++;
+        for (int a = 0, k = 0; a < 6; a++)
+            for (int b = a; b < 6; b++, k++)
+                covariance[a * 6 + b] = covariance[b * 6 + a] = (double)tag->covariance[k];
+        sum += error_squared(pose_multiply(truth_from_place, tag->world_from_tag), covariance, same->world_from_tag);
+    }
+    return sum / place->tag_count;
+}
+
 struct tally {
     int found, within_95, within_50;
     double sum; // of squared errors

@@ -102,6 +102,8 @@ static inline struct place some_place(struct dice *dice)
         p.points[i].world = v3(number(dice), number(dice), number(dice));
         for (int k = 0; k < 6; k++)
             p.points[i].covariance[k] = (float)(i + k) * 1e-6F;
+        for (int k = 0; k < 3; k++)
+            p.points[i].seen_from[k] = (float)(i - k) * 1e-3F;
         for (int k = 0; k < 32; k++)
             p.points[i].descriptor[k] = (uint8_t)(256 * dice_uniform(dice));
     }

@@ -24,8 +24,10 @@ static void same_place(const struct place *a, const struct place *b)
     EXPECT_INT(a->tag_count, b->tag_count);
     EXPECT_INT(a->point_count, b->point_count);
     EXPECT_INT(a->view_count, b->view_count);
-    for (int i = 0; i < a->point_count; i++)
+    for (int i = 0; i < a->point_count; i++) {
         same_bytes(a->points[i].covariance, b->points[i].covariance, sizeof a->points[i].covariance);
+        same_bytes(a->points[i].seen_from, b->points[i].seen_from, sizeof a->points[i].seen_from);
+    }
     for (int i = 0; i < a->tag_count; i++) {
         EXPECT_INT(a->tags[i].id, b->tags[i].id);
         EXPECT_INT(a->tags[i].sightings, b->tags[i].sightings);
@@ -451,7 +453,7 @@ static void test_reading_while_writing(void **state)
     EXPECT_INT(frames_seen(path), FRAMES);
 }
 
-// Files made before points had an uncertainty are read as ever, and get one with their next place.
+// Files made before more was known of points and tags are read as ever, and get it with their next place.
 static void test_points_of_unknown_uncertainty(void **state)
 {
     (void)state;
@@ -463,15 +465,18 @@ static void test_points_of_unknown_uncertainty(void **state)
     place.rms_px = 0.25; // as it was written
     write_recording(path_of("older"));
     EXPECT_STATUS(database_open(&db, path_of("older"), DATABASE_WRITE), OK);
-    EXPECT_STATUS(database_run(db, "DROP TABLE point_error; DROP TABLE tag_error"), OK);
+    EXPECT_STATUS(database_run(db, "DROP TABLE point_error; DROP TABLE tag_error; DROP TABLE point_side"), OK);
     database_close(&db);
     EXPECT_STATUS(recording_open(&r, path_of("older")), OK);
     EXPECT_STATUS(recording_read_place(r, &got), OK);
     recording_free(&r);
     EXPECT_INT(got.point_count, place.point_count);
-    for (int i = 0; i < got.point_count; i++)
+    for (int i = 0; i < got.point_count; i++) {
         for (int k = 0; k < 6; k++)
             EXPECT_NEAR(got.points[i].covariance[k], 0, 0);
+        for (int k = 0; k < 3; k++)
+            EXPECT_NEAR(got.points[i].seen_from[k], 0, 0);
+    }
     EXPECT_INT(got.tag_count, place.tag_count);
     for (int i = 0; i < got.tag_count; i++)
         for (int k = 0; k < 21; k++)

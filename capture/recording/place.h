@@ -26,6 +26,9 @@ void place_tag_corners(const struct place_tag *tag, struct vec3 world[4]);
 struct place_point {
     struct vec3 world;
     float covariance[6]; // of `world`, m^2: xx, xy, xz, yy, yz, zz; all 0: not known
+    // The mean of the unit vectors from it to the cameras of the sweep that saw it, world axes; all 0: not known. From
+    // another side it looks different, and something else may look like it.
+    float seen_from[3];
     uint8_t descriptor[32];
 };
 

@@ -163,31 +163,36 @@ static enum status read_place_row(struct recording *r, struct place *p)
     return status;
 }
 
-// How sure points are, or tags. Older files do not have both.
-static enum status read_errors(struct recording *r, bool of_tags, struct place *p)
+// What else is known of points, or tags. Older files do not have all of it.
+static enum status read_known(struct recording *r, enum known_table which, struct place *p)
 {
-    static const char *const count[2] = {
+    static const char *const count[KNOWN_TABLE_COUNT] = {
         "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'point_error'",
-        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'tag_error'"};
-    static const char *const select[2] = {"SELECT covariances, crc FROM point_error",
-                                          "SELECT covariances, crc FROM tag_error"};
-    const int32_t items = of_tags ? p->tag_count : p->point_count;
-    const size_t each = of_tags ? TAG_ERROR_BYTES : POINT_ERROR_BYTES;
+        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'tag_error'",
+        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'point_side'"};
+    static const char *const select[KNOWN_TABLE_COUNT] = {"SELECT covariances, crc FROM point_error",
+                                                          "SELECT covariances, crc FROM tag_error",
+                                                          "SELECT directions, crc FROM point_side"};
+    static const size_t bytes_each[KNOWN_TABLE_COUNT] = {POINT_ERROR_BYTES, TAG_ERROR_BYTES, POINT_SIDE_BYTES};
+    const int32_t items = which == KNOWN_TAG_ERROR ? p->tag_count : p->point_count;
+    const size_t each = bytes_each[which];
     struct statement *s = NULL;
     int64_t tables = 0;
-    enum status status = database_number(r->db, count[of_tags], &tables);
+    enum status status = database_number(r->db, count[which], &tables);
     if (status == OK && tables)
-        status = statement_open(&s, r->db, select[of_tags]);
+        status = statement_open(&s, r->db, select[which]);
     if (status == OK && tables && (status = statement_step(s)) == OK) {
         size_t bytes;
-        const uint8_t *errors = statement_blob(s, 0, &bytes);
-        if (bytes != (size_t)items * each || crc32_of(0, errors, bytes) != statement_number(s, 1))
-            status = damaged(r, "how sure the place is of its points and tags cannot be read");
-        for (int32_t i = 0; i < items && status == OK; i++) {
-            if (of_tags)
-                get_tag_error(errors + (size_t)i * each, &p->tags[i]);
+        const uint8_t *known = statement_blob(s, 0, &bytes);
+        if (bytes != (size_t)items * each || crc32_of(0, known, bytes) != statement_number(s, 1))
+            status = damaged(r, "how sure the place is of its points and tags, or from where it saw them, cannot be read");
+        for (int32_t i = 0; i < items && status == OK; i++, known += each) {
+            if (which == KNOWN_TAG_ERROR)
+                get_tag_error(known, &p->tags[i]);
+            else if (which == KNOWN_POINT_ERROR)
+                get_point_error(known, &p->points[i]);
             else
-                get_point_error(errors + (size_t)i * each, &p->points[i]);
+                get_point_side(known, &p->points[i]);
         }
     }
     statement_close(&s);
@@ -232,9 +237,11 @@ enum status recording_read_place(struct recording *r, struct place *out)
     struct depth_coder *coder = NULL;
     enum status status = read_place_row(r, &place);
     if (status == OK)
-        status = read_errors(r, false, &place);
+        status = read_known(r, KNOWN_POINT_ERROR, &place);
     if (status == OK)
-        status = read_errors(r, true, &place);
+        status = read_known(r, KNOWN_TAG_ERROR, &place);
+    if (status == OK)
+        status = read_known(r, KNOWN_POINT_SIDE, &place);
     if (status == OK)
         status = depth_coder_open(&coder);
     if (status == OK)

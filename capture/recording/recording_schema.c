@@ -13,7 +13,7 @@ const char *const recording_tables =
     "CREATE TABLE frame(id INTEGER PRIMARY KEY, time_ns INTEGER, located INTEGER, world_from_camera BLOB,"
     " skeleton BLOB, pictures INTEGER, crc INTEGER);"
     "CREATE TABLE picture(id INTEGER PRIMARY KEY, mask_crc INTEGER, depth_crc INTEGER, color_crc INTEGER,"
-    " mask BLOB, depth BLOB, color BLOB);" ERROR_TABLES;
+    " mask BLOB, depth BLOB, color BLOB);" KNOWN_TABLES;
 
 // ------------------------------------------------------------- checksums
 
@@ -240,6 +240,16 @@ void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out)
     get_floats(in, out->covariance, COUNT_OF(out->covariance));
 }
 
+void put_point_side(uint8_t out[POINT_SIDE_BYTES], const struct place_point *point)
+{
+    put_floats(out, point->seen_from, COUNT_OF(point->seen_from));
+}
+
+void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out)
+{
+    get_floats(in, out->seen_from, COUNT_OF(out->seen_from));
+}
+
 // ------------------------------------------------------------- senses
 
 bool tag_is_finite(const struct place_tag *tag)
@@ -258,6 +268,8 @@ bool point_is_finite(const struct place_point *point)
     bool finite = v3_finite(point->world) && c[0] >= 0 && c[3] >= 0 && c[5] >= 0;
     for (size_t i = 0; i < COUNT_OF(point->covariance); i++)
         finite = finite && isfinite(c[i]);
+    for (size_t i = 0; i < COUNT_OF(point->seen_from); i++)
+        finite = finite && isfinite(point->seen_from[i]);
     return finite;
 }
 

@@ -15,6 +15,7 @@ enum {
     POINT_BYTES = 3 * 8 + 32,
     POINT_ERROR_BYTES = 6 * 4,
     TAG_ERROR_BYTES = 21 * 4,
+    POINT_SIDE_BYTES = 3 * 4,
     TAKE_NAME_BYTES = 200,
     PLACE_ITEMS_MOST = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
 };
@@ -24,10 +25,12 @@ static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((
 enum { FRAME_NUMBER_MOST = 0x7fffffff };
 
 extern const char *const recording_tables; // CREATE TABLE ...
-// Files made before there were these get them with their next place.
-#define ERROR_TABLES                                                                                                   \
+// What else is known of the place's points and tags. Files made before there were these get them with their next place.
+#define KNOWN_TABLES                                                                                                   \
     "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                   \
-    "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"
+    "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                     \
+    "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
+enum known_table { KNOWN_POINT_ERROR, KNOWN_TAG_ERROR, KNOWN_POINT_SIDE, KNOWN_TABLE_COUNT };
 
 // How the statements of writer, reader and care order the columns.
 #define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
@@ -75,6 +78,8 @@ void put_point_error(uint8_t out[POINT_ERROR_BYTES], const struct place_point *p
 void get_point_error(const uint8_t in[POINT_ERROR_BYTES], struct place_point *out);
 void put_tag_error(uint8_t out[TAG_ERROR_BYTES], const struct place_tag *tag);
 void get_tag_error(const uint8_t in[TAG_ERROR_BYTES], struct place_tag *out);
+void put_point_side(uint8_t out[POINT_SIDE_BYTES], const struct place_point *point);
+void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out);
 
 // Finite, and of senses that any reader can rely on. ERR_INPUT with a sentence.
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);

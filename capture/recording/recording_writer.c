@@ -146,20 +146,27 @@ static enum status put_place_row(struct database *db, const struct place *p)
     return status;
 }
 
-// How sure points and tags are.
-static enum status put_errors(struct database *db, const struct place *p)
+// What else is known of points and tags.
+static enum status put_known(struct database *db, const struct place *p)
 {
-    static const char *const insert[2] = {"INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)",
-                                          "INSERT INTO tag_error(id, covariances, crc) VALUES(1,?,?)"};
-    const size_t bytes[2] = {(size_t)p->point_count * POINT_ERROR_BYTES, (size_t)p->tag_count * TAG_ERROR_BYTES};
-    uint8_t *errors = malloc(bytes[0] + bytes[1] + 1);
-    enum status status = errors ? OK : fail(ERR_MEMORY, "no memory to write the place");
-    for (int32_t i = 0; i < p->point_count && status == OK; i++)
-        put_point_error(errors + (size_t)i * POINT_ERROR_BYTES, &p->points[i]);
-    for (int32_t i = 0; i < p->tag_count && status == OK; i++)
-        put_tag_error(errors + bytes[0] + (size_t)i * TAG_ERROR_BYTES, &p->tags[i]);
-    for (int k = 0; k < 2 && status == OK; k++) {
-        const uint8_t *first = errors + (k ? bytes[0] : 0);
+    static const char *const insert[KNOWN_TABLE_COUNT] = {"INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)",
+                                                          "INSERT INTO tag_error(id, covariances, crc) VALUES(1,?,?)",
+                                                          "INSERT INTO point_side(id, directions, crc) VALUES(1,?,?)"};
+    const size_t points = (size_t)p->point_count, tags = (size_t)p->tag_count;
+    const size_t bytes[KNOWN_TABLE_COUNT] = {points * POINT_ERROR_BYTES, tags * TAG_ERROR_BYTES,
+                                             points * POINT_SIDE_BYTES};
+    uint8_t *known = malloc(bytes[0] + bytes[1] + bytes[2] + 1), *tag = known + bytes[0], *side = tag + bytes[1];
+    if (!known)
+        return fail(ERR_MEMORY, "no memory to write the place");
+    for (size_t i = 0; i < points; i++) {
+        put_point_error(known + i * POINT_ERROR_BYTES, &p->points[i]);
+        put_point_side(side + i * POINT_SIDE_BYTES, &p->points[i]);
+    }
+    for (size_t i = 0; i < tags; i++)
+        put_tag_error(tag + i * TAG_ERROR_BYTES, &p->tags[i]);
+    enum status status = OK;
+    const uint8_t *first = known;
+    for (int k = 0; k < KNOWN_TABLE_COUNT && status == OK; first += bytes[k++]) {
         struct statement *s;
         status = statement_open(&s, db, insert[k]);
         if (status == OK) {
@@ -169,7 +176,7 @@ static enum status put_errors(struct database *db, const struct place *p)
         }
         statement_close(&s);
     }
-    free(errors);
+    free(known);
     return status;
 }
 
@@ -206,12 +213,12 @@ enum status recording_put_place(struct recording_writer *w, const struct place *
         return status;
     status = scribe_stop(w->scribe);
     if (status == OK)
-        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" ERROR_TABLES
-                                     "DELETE FROM point_error; DELETE FROM tag_error");
+        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" KNOWN_TABLES
+                                     "DELETE FROM point_error; DELETE FROM tag_error; DELETE FROM point_side");
     if (status == OK)
         status = put_place_row(w->db, place);
     if (status == OK)
-        status = put_errors(w->db, place);
+        status = put_known(w->db, place);
     if (status == OK)
         status = put_views(w->db, w->coder, place);
     if (status == OK)
