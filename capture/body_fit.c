@@ -17,7 +17,6 @@
 #define CROWN_SLACK_M 0.010
 #define FREE_REACH_M 0.25  // beyond this a sample's pull fades
 
-#define TAILS_SWING 0.5   // so much of what pulls at a hem pulls at the thighs, not at the hips
 #define BEYOND_M 1e3       // off a tube that a place lies beyond the end of
 
 // How the build changes with each factor of the shape.
@@ -202,10 +201,9 @@ static double point_share(const struct body_evidence *e) { return fmin(1, INDEPE
 // What the tails hide says nothing of the shape beneath: there a surface that is nearest to a point is not the one seen.
 static bool is_under_tails(const struct body_build *build, const struct body_solid *s, struct vec3 p)
 {
-    const struct body_solid *tails = &build->solid[SOLID_TAILS];
-    bool leg = s->segment >= SEG_LEFT_THIGH;
-    if (build->solids <= SOLID_TAILS || !leg)
+    if (build->solids <= SOLID_TAILS || s->segment < SEG_LEFT_THIGH)
         return false;
+    const struct body_solid *tails = &build->solid[SOLID_TAILS + (s->segment >= SEG_RIGHT_THIGH)];
     struct vec3 axis = v3_sub(tails->b, tails->a);
     return v3_dot(v3_sub(p, tails->a), axis) < v3_dot(axis, axis);
 }
@@ -234,9 +232,10 @@ static double add_points(const struct fit_task *task, const struct body_build *b
         if (teaches)
             shape_row(slope, s, best.solid, best.t, best.side_m, normal, row);
         struct vec3 at = v3_add(best.on, v3_scale(normal, radius));
-        double pull = weight * fade * fade, swing = s->open ? TAILS_SWING * best.t : 0; // a hem moves with the thighs
-        for (int leg = SEG_LEFT_THIGH; swing > 0 && leg <= SEG_RIGHT_THIGH; leg += SEG_RIGHT_THIGH - SEG_LEFT_THIGH)
-            fit_system_pull(system, build, (enum segment)leg, at, normal, best.distance, 0.5 * swing * pull, NULL);
+        double pull = weight * fade * fade, swing = s->open ? BODY_TAILS_SWING * best.t : 0; // a hem moves with the thighs
+        if (swing > 0)
+            fit_system_pull(system, build, best.solid == SOLID_TAILS ? SEG_LEFT_THIGH : SEG_RIGHT_THIGH, at, normal,
+                            best.distance, swing * pull, NULL);
         fit_system_pull(system, build, s->segment, at, normal, best.distance, (1 - swing) * pull, teaches ? row : NULL);
     }
     return energy;

@@ -30,6 +30,8 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
 
 // Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
 #define HIPS_AHEAD_IN_TAILS 0.010
+#define HEM_SLACK_M 0.06 // lower than it narrows most: it is not level, and a cone's surface ends before its axis does. What
+                         // hangs over the end would be taken for legs, and draw knees ahead, inwards and thick
 
 // Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
 // radii and z with `girth`.
@@ -67,8 +69,10 @@ static const struct solid_rule solid_rule[SOLID_TAILS] = {
     LEG(RIGHT),
 };
 
-// Of body height, from the neck joint, which is at the seventh vertebra: over the spine, between the ears.
-static const struct vec3 head_centre = {0, 0.098, -0.012};
+// Of body height, from where the head turns, at the seventh vertebra: between the ears, in the skull's middle, so that a
+// head that nods differently moves it little; and where neck and shoulders meet.
+static const struct vec3 head_centre = {0, 0.084, 0};
+static const struct vec3 neck = {0, -0.006, 0.0035};
 static const struct vec3 palm = {0, -0.154, 0};        // where it begins, from the elbow: beyond the wrist
 static const struct vec3 chest_centre = {0, 0.006, 0}; // over the joint in which it bends against the abdomen
 
@@ -93,28 +97,31 @@ static struct vec3 turned(double m[3][3], struct vec3 v)
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
 }
 
-// From the waist down, as wide as the hips there, below them where the pelvis and both thighs point in the mean. It hangs
-// from the whole trunk, right below the waist joint, not from the hip joints ahead of that.
+// From the waist down, as wide as the hips there, and below them the further down the more where each thigh takes its
+// half of it. It hangs from the whole trunk, right below the waist joint, not from the hip joints ahead of that.
 static void add_tails(const struct body_shape *shape, double hip_girth, struct body_build *out)
 {
-    struct body_solid *s = &out->solid[SOLID_TAILS];
     const struct body_solid *hips = &out->solid[0];
-    struct vec3 down = v3(0, -1, 0), hanging = turned(out->axes[SEG_PELVIS], down),
-                left = turned(out->axes[SEG_LEFT_THIGH], down), right = turned(out->axes[SEG_RIGHT_THIGH], down),
-                ahead = turned(out->axes[SEG_PELVIS], v3(0, 0, 1)), middle = out->origin[SEG_LEFT_THIGH], along;
+    struct vec3 down = v3(0, -1, 0), waist = out->origin[SEG_PELVIS], hanging = turned(out->axes[SEG_PELVIS], down),
+                ahead = turned(out->axes[SEG_PELVIS], v3(0, 0, 1)), middle = out->origin[SEG_LEFT_THIGH];
     middle = v3_mix(middle, out->origin[SEG_RIGHT_THIGH], 0.5);
-    middle = v3_sub(middle, v3_scale(ahead, v3_dot(ahead, v3_sub(middle, out->origin[SEG_PELVIS]))));
-    along = v3_unit(v3_add(hanging, v3_add(left, right)));
-    s->segment = SEG_PELVIS;
-    s->a = v3_add(out->origin[SEG_PELVIS], turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth)));
-    s->b = v3_add(middle, v3_scale(along, shape->hem_m - v3_distance(out->origin[SEG_PELVIS], middle)));
-    along = v3_unit(v3_sub(s->b, s->a));
-    s->side = v3_unit(v3_sub(hips->side, v3_scale(along, v3_dot(hips->side, along))));
-    s->width_a = hips->width_b;
-    s->radius_a = hips->radius_b;
-    s->width_b = 0.25 * shape->hem_radius_m;
-    s->radius_b = 0.75 * shape->hem_radius_m;
-    s->open = true;
+    middle = v3_sub(middle, v3_scale(ahead, v3_dot(ahead, v3_sub(middle, waist))));
+    for (int side = 0; side < 2; side++) {
+        struct body_solid *s = &out->solid[SOLID_TAILS + side];
+        struct vec3 beside = v3_scale(hips->side, side ? -1 : 1),
+                    thigh = turned(out->axes[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH], down),
+                    along = v3_unit(v3_mix(hanging, thigh, BODY_TAILS_SWING)),
+                    top = v3_add(waist, turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth))),
+                    low = v3_add(middle, v3_scale(along, shape->hem_m + HEM_SLACK_M - v3_distance(waist, middle)));
+        s->segment = SEG_PELVIS;
+        s->a = v3_add(top, v3_scale(beside, hips->width_b));
+        s->b = v3_add(low, v3_scale(beside, 0.25 * shape->hem_radius_m));
+        s->side = hips->side;
+        s->width_a = s->width_b = 0;
+        s->radius_a = hips->radius_b;
+        s->radius_b = 0.75 * shape->hem_radius_m;
+        s->open = true;
+    }
     out->solids = SOLID_COUNT;
 }
 
@@ -167,7 +174,7 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
     if (shape->hem_m > 0)
         add_tails(shape, factor[SHAPE_HIP_GIRTH], out);
     static const struct { enum joint joint; enum segment segment; } at_origin[] = {
-        {JOINT_NECK, SEG_HEAD}, {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
+        {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
         {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM}, {JOINT_RIGHT_ELBOW, SEG_RIGHT_FOREARM}, {JOINT_WAIST, SEG_PELVIS},
         {JOINT_LEFT_HIP, SEG_LEFT_THIGH}, {JOINT_LEFT_KNEE, SEG_LEFT_SHIN}, {JOINT_LEFT_FOOT, SEG_LEFT_FOOT},
         {JOINT_RIGHT_HIP, SEG_RIGHT_THIGH}, {JOINT_RIGHT_KNEE, SEG_RIGHT_SHIN}, {JOINT_RIGHT_FOOT, SEG_RIGHT_FOOT},
@@ -176,6 +183,7 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
         out->joint[at_origin[i].joint] = out->origin[at_origin[i].segment];
     const struct { enum joint joint; enum segment segment; struct vec3 at; double size; } within[] = {
         {JOINT_HEAD, SEG_HEAD, head_centre, factor[SHAPE_HEAD]},
+        {JOINT_NECK, SEG_HEAD, neck, factor[SHAPE_TORSO]},
         {JOINT_TORSO, SEG_CHEST, chest_centre, factor[SHAPE_TORSO]},
         {JOINT_LEFT_HAND, SEG_LEFT_FOREARM, palm, factor[SHAPE_FOREARM]},
         {JOINT_RIGHT_HAND, SEG_RIGHT_FOREARM, palm, factor[SHAPE_FOREARM]},

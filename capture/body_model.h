@@ -1,4 +1,4 @@
-// A person made of 18 stiff segments and 19 rounded shapes, 20 in a skirt or a coat:
+// A person made of 18 stiff segments and 19 rounded shapes, 21 in a skirt or a coat:
 // what the tracker lays into the depth picture.
 //
 // Body axes of every segment at rest (standing, arms hanging): x to the
@@ -39,6 +39,7 @@ struct body_shape {
 };
 
 #define BODY_AVERAGE_HEIGHT_M 1.72
+#define BODY_TAILS_SWING 0.67 // of a thigh's turn, so much its half of the hem goes along with
 
 struct body_pose {
     struct vec3 root;             // the waist joint
@@ -55,14 +56,14 @@ struct body_solid {
     bool open; // a tube: nothing of it is beyond b
 };
 
-enum { SOLID_SKULL = 4, SOLID_TAILS = 19, SOLID_COUNT }; // the tails hang about the legs and hide them
+enum { SOLID_SKULL = 4, SOLID_TAILS = 19, SOLID_COUNT = 21 }; // the tails hang about each leg, left and right, and hide them
 
 struct body_build {
     struct vec3 origin[SEG_COUNT];      // the joint a segment turns about
     double axes[SEG_COUNT][3][3];       // camera_from_segment, rotation matrix
     double parent_axes[SEG_COUNT][3][3]; // camera_from_parent; identity for the pelvis
     struct body_solid solid[SOLID_COUNT];
-    int solids;                          // so many are there: without tails one less
+    int solids;                          // so many are there: without tails two less
     struct vec3 joint[JOINT_COUNT];
 };
 

@@ -1,7 +1,7 @@
 #include "capture/body_prior.h"
 
 // Standard deviations in radians. rest: how far a joint is usually turned from
-// standing; step: how far its turn is off what constant speed foretells a frame
+// standing, elbows a little bent; step: how far its turn is off what constant speed foretells a frame
 // later; twist: the same about a limb's own axis, which round limbs do not show.
 struct turn_rule {
     double rest, rest_twist, step, step_twist;
@@ -26,6 +26,7 @@ static const struct turn_rule turn_rule[SEG_COUNT] = {
 };
 
 #define TAILS_HOLD 0.5 // of the rest's sigma, for legs in a skirt or a coat: it lets them go less far, and hides where
+#define ELBOW_BENT 0.6 // as elbows mostly are: a forearm that nobody sees is not stretched out, it is before the trunk
 #define ROOT_STEP_M 0.03
 
 static void add_block(double *h, int at, double block[3][3])
@@ -78,11 +79,12 @@ static double add_limit(int s, struct quat now, struct vec3 n, double limit, dou
 double body_prior_limits(const struct body_shape *shape, const struct body_pose *pose, double *h, double *g)
 {
     double energy = 0;
-    const struct quat rest = {0, 0, 0, 1};
+    const struct quat rest = {0, 0, 0, 1}, bent = quat_from_rotation_vector(v3(-ELBOW_BENT, 0, 0));
     for (int s = 1; s < SEG_COUNT; s++) {
         bool hides = s == SEG_LEFT_THIGH || s == SEG_LEFT_SHIN || s == SEG_RIGHT_THIGH || s == SEG_RIGHT_SHIN;
         double held = shape->hem_m > 0 && hides ? TAILS_HOLD : 1;
-        energy += add_turn(s, pose->turn[s], rest, held * turn_rule[s].rest, held * turn_rule[s].rest_twist, h, g);
+        struct quat usual = s == SEG_LEFT_FOREARM || s == SEG_RIGHT_FOREARM ? bent : rest;
+        energy += add_turn(s, pose->turn[s], usual, held * turn_rule[s].rest, held * turn_rule[s].rest_twist, h, g);
     }
     for (int side = 0; side < 2; side++) {
         int shin = side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN, forearm = side ? SEG_RIGHT_FOREARM : SEG_LEFT_FOREARM,

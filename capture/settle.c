@@ -14,7 +14,7 @@
 #define AROUND_NS 500000000  // so far to both sides trembling is averaged
 #define LINE_M 0.010         // off the line between two moments; more is motion
 #define FASTEST_M_S 6.5      // of a thrown punch, as in body_steady.c
-enum { SMOOTHINGS = 2, SLOWINGS = 60, REPAIRS = 8 }; // the second smoothing knows better than the first where the line is
+enum { SMOOTHINGS = 2, SLOWINGS = 60, REPAIRS = 40 }; // the second smoothing knows better than the first where the line is
 
 enum way { AHEAD, BACK, WAYS };
 

@@ -4,8 +4,10 @@
 #include "reenact/shaders.h"
 
 #include <stdlib.h>
+#include <string.h>
 
-enum { PATCH = 16 }; // quads a side, so that the lens bends the shadow, too
+// PATCH: quads a side, so that the lens bends the shadow, too
+enum { PATCH = 16, PATCH_POINTS = (PATCH + 1) * (PATCH + 1), PATCH_CORNERS = 6 * PATCH * PATCH };
 enum { ROUND = 12 };
 static const double PI = 3.14159265358979323846, FLOOR_M = 0.02;
 
@@ -16,10 +18,11 @@ static const float DARK = 0.6F;          // of the light that comes from above, 
 static const double SHADOW_M = 0.8;      // beyond the joints
 static const double FOOT_M = 0.14, FOOT_RADIUS_M = 0.07, ANKLE_M = 0.03; // its length, and how far the ankle is above
 
-enum uniform { VIEWER_FROM_POINT, WORLD_FROM_POINT, VIEW_LENS, VIEW_RANGE, BONES, SHADOW, UNIFORMS };
+enum uniform { VIEWER_FROM_ROOM, VIEWER_FROM_FLOOR, WORLD_FROM_FLOOR, VIEW_LENS, VIEW_RANGE, BONES, SHADOW, UNIFORMS };
 static const char *const uniform_names[UNIFORMS] = {
-    [VIEWER_FROM_POINT] = "viewer_from_point",
-    [WORLD_FROM_POINT] = "world_from_point",
+    [VIEWER_FROM_ROOM] = "viewer_from_room",
+    [VIEWER_FROM_FLOOR] = "viewer_from_floor",
+    [WORLD_FROM_FLOOR] = "world_from_floor",
     [VIEW_LENS] = "view_lens",
     [VIEW_RANGE] = "view_range",
     [BONES] = "bones",
@@ -29,29 +32,67 @@ static const char *const uniform_names[UNIFORMS] = {
 struct around_painter {
     struct gpu *gpu;
     struct gpu_program *program;
-    struct gpu_mesh *patch; // of the floor, -1 to 1
     struct room room;
-    struct gpu_mesh *walls; // NULL: there is none
-    uint16_t *before;       // corners of what is drawn of it
+    // The room's points, then the floor's patch. The patch's corners come last and stay; what is drawn of the room's
+    // ends where they begin.
+    struct gpu_mesh *mesh;
+    uint16_t *before; // the room's corners that are drawn
 };
 
-static enum status open_patch(struct around_painter *a)
+_Static_assert(ROOM_POINTS_MOST + PATCH_POINTS <= UINT16_MAX, "both go into one mesh");
+
+static void put_patch(float (*points)[4])
 {
-    float points[(PATCH + 1) * (PATCH + 1)][3];
-    uint16_t corners[PATCH * PATCH * 6];
-    int count = 0;
-    for (int i = 0; i < (PATCH + 1) * (PATCH + 1); i++) {
+    for (int i = 0; i < PATCH_POINTS; i++) {
         points[i][0] = 2.0F * (float)(i % (PATCH + 1)) / PATCH - 1;
         points[i][1] = 2.0F * (float)(i / (PATCH + 1)) / PATCH - 1;
         points[i][2] = 0;
+        points[i][3] = 1;
     }
+}
+
+// first: the number of the patch's first point.
+static void put_patch_corners(int first, uint16_t *corners)
+{
     for (int y = 0; y < PATCH; y++)
         for (int x = 0; x < PATCH; x++) {
-            const int at = y * (PATCH + 1) + x, quad[6] = {0, 1, PATCH + 1, 1, PATCH + 2, PATCH + 1};
+            const int at = first + y * (PATCH + 1) + x, quad[6] = {0, 1, PATCH + 1, 1, PATCH + 2, PATCH + 1};
             for (int i = 0; i < 6; i++)
-                corners[count++] = (uint16_t)(at + quad[i]);
+                *corners++ = (uint16_t)(at + quad[i]);
         }
-    return gpu_mesh_open(&a->patch, a->gpu, points[0], 3, (PATCH + 1) * (PATCH + 1), corners, count);
+}
+
+// Of the room that is there.
+static enum status open_mesh(struct around_painter *a)
+{
+    const int of_room = a->room.point_count, count = of_room + PATCH_POINTS;
+    float(*points)[4] = malloc(sizeof *points * (size_t)count);
+    uint16_t patch[PATCH_CORNERS];
+    a->before = malloc(sizeof *a->before * (size_t)(a->room.corner_count + 1));
+    if (!points || !a->before) {
+        free(points);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int i = 0; i < of_room; i++) {
+        memcpy(points[i], a->room.points[i], sizeof *a->room.points);
+        points[i][3] = 0;
+    }
+    put_patch(points + of_room);
+    put_patch_corners(of_room, patch);
+    enum status status =
+        gpu_mesh_open(&a->mesh, a->gpu, points[0], 4, count, NULL, a->room.corner_count + PATCH_CORNERS);
+    if (status == OK)
+        gpu_mesh_write_indices(a->mesh, a->room.corner_count, patch, PATCH_CORNERS);
+    free(points);
+    return status;
+}
+
+static void close_mesh(struct around_painter *a)
+{
+    gpu_mesh_close(&a->mesh);
+    free(a->before);
+    a->before = NULL;
+    room_free(&a->room);
 }
 
 enum status around_painter_open(struct around_painter **out, struct gpu *gpu, const struct lens *view)
@@ -64,7 +105,7 @@ enum status around_painter_open(struct around_painter **out, struct gpu *gpu, co
         "around", shader_find("around.vert"), shader_find("around.frag"), uniform_names, UNIFORMS, NULL, 0};
     enum status status = gpu_program_open(&a->program, gpu, &text);
     if (status == OK)
-        status = open_patch(a);
+        status = open_mesh(a);
     if (status == OK)
         around_painter_set_lens(a, view);
     else
@@ -76,10 +117,7 @@ void around_painter_close(struct around_painter **a)
 {
     if (!*a)
         return;
-    room_free(&(*a)->room);
-    gpu_mesh_close(&(*a)->walls);
-    free((*a)->before);
-    gpu_mesh_close(&(*a)->patch);
+    close_mesh(*a);
     gpu_program_close(&(*a)->program);
     free(*a);
     *a = NULL;
@@ -87,40 +125,54 @@ void around_painter_close(struct around_painter **a)
 
 void around_painter_set_lens(struct around_painter *a, const struct lens *view)
 {
+    const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
     float lens[12];
     lens_uniform(view, lens);
     gpu_program_set(a->program, VIEW_LENS, lens, 3);
+    gpu_program_set(a->program, VIEW_RANGE, range, 1);
 }
 
 enum status around_painter_give(struct around_painter *a, struct room *room)
 {
-    gpu_mesh_close(&a->walls);
-    free(a->before);
-    a->before = NULL;
-    room_free(&a->room);
-    a->room = *room;
+    struct around_painter next = *a;
+    next.room = *room;
+    next.mesh = NULL;
+    next.before = NULL;
     *room = (struct room){0};
-    if (!a->room.corner_count)
-        return OK;
-    a->before = malloc(sizeof *a->before * (size_t)a->room.corner_count);
-    if (!a->before)
-        return fail(ERR_MEMORY, "out of memory");
-    return gpu_mesh_open(&a->walls, a->gpu, a->room.points[0], 3, a->room.point_count, NULL, a->room.corner_count);
+    enum status status = open_mesh(&next);
+    close_mesh(status == OK ? a : &next);
+    if (status == OK)
+        *a = next;
+    return status;
+}
+
+// Of the room what may lie before what it may hide; how many corners.
+static int put_room(struct around_painter *a, const struct part_map *viewer_from_room, const struct room_hidden *hidden)
+{
+    const int count = room_before(&a->room, viewer_from_room, hidden, a->before);
+    gpu_program_set(a->program, VIEWER_FROM_ROOM, viewer_from_room->row[0], 3);
+    if (count)
+        gpu_mesh_write_indices(a->mesh, a->room.corner_count - count, a->before, count);
+    return count;
+}
+
+// The last of the room's corners and the first of the patch's.
+static void draw_corners(struct around_painter *a, struct gpu_target *target, int of_room, int of_patch)
+{
+    gpu_draw(&(struct gpu_job){.target = target,
+                               .program = a->program,
+                               .mesh = a->mesh,
+                               .depth_test = true,
+                               .first = a->room.corner_count - of_room,
+                               .count = of_room + of_patch});
 }
 
 void around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
                          const struct room_hidden *hidden)
 {
-    const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, 0}, none[4] = {0};
-    const int count = a->walls ? room_before(&a->room, viewer_from_room, hidden, a->before) : 0;
-    if (!count)
-        return;
-    gpu_mesh_write_indices(a->walls, 0, a->before, count);
-    gpu_program_set(a->program, VIEWER_FROM_POINT, viewer_from_room->row[0], 3);
-    gpu_program_set(a->program, VIEW_RANGE, range, 1);
-    gpu_program_set(a->program, SHADOW, none, 1);
-    gpu_draw(&(struct gpu_job){
-        .target = target, .program = a->program, .mesh = a->walls, .depth_test = true, .count = count});
+    const int count = put_room(a, viewer_from_room, hidden);
+    if (count)
+        draw_corners(a, target, count, 0);
 }
 
 static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double radius)
@@ -173,16 +225,13 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
         const struct vec3 rim = v3(middle.x + r * cos(turn), middle.y + r * sin(turn), 0);
         room_hidden_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
     }
-    if (view->viewer_from_room)
-        around_painter_room(a, target, view->viewer_from_room, &hidden);
+    const int count = view->viewer_from_room ? put_room(a, view->viewer_from_room, &hidden) : 0;
     struct part_map world = {{{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
     struct part_map map = part_map_of(viewer_from_world), viewer = part_map_multiply(&map, &world);
-    const float range[4] = {NEAREST_M, FARTHEST_M, FLOOR_BACK_M, 0};
     const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARK};
-    gpu_program_set(a->program, VIEWER_FROM_POINT, viewer.row[0], 3);
-    gpu_program_set(a->program, WORLD_FROM_POINT, world.row[0], 3);
-    gpu_program_set(a->program, VIEW_RANGE, range, 1);
+    gpu_program_set(a->program, VIEWER_FROM_FLOOR, viewer.row[0], 3);
+    gpu_program_set(a->program, WORLD_FROM_FLOOR, world.row[0], 3);
     gpu_program_set(a->program, BONES, bones[0], 2 * PART_COUNT + 4);
     gpu_program_set(a->program, SHADOW, shadow, 1);
-    gpu_draw(&(struct gpu_job){.target = target, .program = a->program, .mesh = a->patch, .depth_test = true});
+    draw_corners(a, target, count, PATCH_CORNERS);
 }

@@ -13,7 +13,8 @@ void around_painter_close(struct around_painter **a); // NULL is fine
 // From here on for another tablet camera; cheap.
 void around_painter_set_lens(struct around_painter *a, const struct lens *view);
 
-// From here on this room. Its contents go over and *room is zeroed, on failure too. ERR_DEVICE, ERR_MEMORY.
+// From here on this room. Its contents go over and *room is zeroed, on failure too; the one before then stays.
+// ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status around_painter_give(struct around_painter *a, struct room *room);
 
 // The room's depth, as far as it may lie before what it may hide; the target's colours stay transparent.

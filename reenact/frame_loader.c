@@ -1,6 +1,7 @@
 #include "reenact/frame_loader.h"
 
 #include "reenact/carried.h"
+#include "reenact/own_triangles.h"
 #include "reenact/warp.h"
 
 #include <stdlib.h>
@@ -25,6 +26,7 @@ void loaded_frame_free(struct loaded_frame *f)
     free(f->depth.pixels);
     free(f->shift);
     free(f->points);
+    free(f->own);
     *f = (struct loaded_frame){0};
 }
 
@@ -33,7 +35,8 @@ static size_t texels(const struct loaded_picture *p) { return (size_t)p->width *
 size_t loaded_frame_bytes(const struct loaded_frame *f)
 {
     const size_t a_point = sizeof *f->shift + sizeof *f->points;
-    return 4 * (texels(&f->color) + texels(&f->depth)) + a_point * (size_t)f->point_count;
+    return 4 * (texels(&f->color) + texels(&f->depth)) + a_point * (size_t)f->point_count +
+           sizeof *f->own * (size_t)f->triangle_count;
 }
 
 enum status frame_loader_open(struct frame_loader **out, struct take *take, const struct source_rays *rays,
@@ -175,6 +178,17 @@ static enum status know_points(const struct frame_loader *l, const struct postur
     return OK;
 }
 
+static enum status know_triangles(const struct frame_loader *l, struct loaded_frame *out)
+{
+    const struct unfolded *m = &l->likeness->atlas.mesh;
+    out->triangle_count = m->corner_count / 3;
+    out->own = malloc(sizeof *out->own * (size_t)out->triangle_count);
+    if (!out->own)
+        return fail(ERR_MEMORY, "out of memory");
+    own_triangles_find(m, out, out->own);
+    return OK;
+}
+
 // Lays the likeness on what the sight shows and bends it.
 static void fit(struct frame_loader *l, const struct posture *joints, struct adjustment *adjustment)
 {
@@ -227,6 +241,8 @@ enum status frame_loader_load(struct frame_loader *l, int64_t frame, struct load
         joints = posture_adjusted(&joints, &out->adjustment);
         status = know_points(l, &joints, out);
     }
+    if (status == OK && posed)
+        status = know_triangles(l, out);
     if (status != OK)
         loaded_frame_free(out);
     return status;

@@ -32,7 +32,9 @@ struct loaded_frame {
     struct adjustment adjustment; // of the joints' posture
     float (*shift)[3];            // beyond it (warp.h), of each point of the atlas's mesh in the rest pose, metres
     struct loaded_point *points;  // of each; NULL, as shift: the frame's posture is not known
-    int point_count;
+    int point_count, triangle_count;
+    bool *own;                    // of each of its triangles: whether it may have colours of the frame's own
+                                  // (own_triangles.h); NULL, as points
 };
 void loaded_frame_free(struct loaded_frame *f); // zeroed is fine
 size_t loaded_frame_bytes(const struct loaded_frame *f); // pictures as textures, four a pixel

@@ -14,7 +14,7 @@ static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_OUTLINE_PX = 0.5F;
 enum uniform { VIEW_LENS, VIEW_RANGE, KIND, VIEWER_FROM_NOW, UNIFORMS };
 
 // The same mesh each time.
-enum program { FIGURE, RIBBON, SOURCE, PROGRAMS };
+enum program { FIGURE, GATHERED, SOURCE, PROGRAMS };
 struct program_plan {
     const char *fragment;
     const char *samplers[3];
@@ -22,7 +22,7 @@ struct program_plan {
 };
 static const struct program_plan plans[PROGRAMS] = {
     [FIGURE] = {"figure.frag", {"atlas", "now_picture", "now_depth"}, 3},
-    [RIBBON] = {"figure_ribbon.frag", {"atlas"}, 1},
+    [GATHERED] = {"figure_gathered.frag", {"atlas"}, 1},
     [SOURCE] = {"figure_source.frag", {"atlas_when", "now_depth"}, 2},
 };
 static const char *const uniform_names[UNIFORMS] = {
@@ -326,10 +326,15 @@ static void draw_colors(struct likeness_painter *p, const struct likeness_view *
                           .textures = {p->brought.color, now->color, now->depth},
                           .closed = true,
                           .depth_test = true,
-                          .count = corners->front,
+                          .count = corners->own,
                           .within = box};
-    gpu_draw(&job);
-    job.program = p->programs[RIBBON];
+    if (job.count)
+        gpu_draw(&job);
+    job.program = p->programs[GATHERED];
+    job.first = corners->own;
+    job.count = corners->front - corners->own;
+    if (job.count)
+        gpu_draw(&job);
     job.closed = false; // its triangles run either way
     job.blend = true;
     job.hides_nothing = true; // where two of it cross, the depth's last bit would decide which is seen
@@ -361,7 +366,7 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     struct part_map viewer_from_bone[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)
         viewer_from_bone[b] = part_map_of(pose_multiply(viewer_from_world, shown.bone[b]));
-    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_bone, now->shift, absent);
+    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_bone, now->shift, now->own, absent);
     if (corners.front == 0)
         return OK;
     bring_shown(p, now, &corners);

@@ -76,27 +76,18 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
     }
 }
 
-// Bit i: sums[i] is at most `limit`. A branch for each sum would be guessed wrong too often.
-static KERNEL uint32_t within(const lanes sums, int16_t limit)
+// Bit i: sums[i] is at most `limit`; count: four, eight ... of them. A branch for each would be guessed wrong too often.
+static KERNEL uint32_t within(const int16_t *sums, int count, int16_t limit)
 {
-    lanes low;
-    uint64_t fours[LANES / 4];
-    for (int i = 0; i < LANES; i++)
+    int16_t low[LANES];
+    uint64_t bits = 0;
+    for (int i = 0; i < count; i++)
         low[i] = (int16_t)(sums[i] <= limit ? 1 << i : 0);
-    memcpy(fours, low, sizeof low);
-    uint64_t bits = fours[0] | fours[1] | fours[2] | fours[3];
-    bits |= bits >> 32;
-    return (bits | bits >> 16) & 0xffff;
-}
-
-static KERNEL uint32_t points_within(const points_lanes sums, int16_t limit)
-{
-    points_lanes low;
-    uint64_t fours[BLOCK / 4];
-    for (int i = 0; i < BLOCK; i++)
-        low[i] = (int16_t)(sums[i] <= limit ? 1 << i : 0);
-    memcpy(fours, low, sizeof low);
-    uint64_t bits = fours[0] | fours[1];
+    for (int i = 0; i < count; i += 4) {
+        uint64_t four;
+        memcpy(&four, low + i, sizeof four);
+        bits |= four;
+    }
     bits |= bits >> 32;
     return (bits | bits >> 16) & 0xffff;
 }
@@ -164,11 +155,11 @@ static KERNEL uint32_t near_points(const struct search *s, int64_t block, points
 {
     const struct nearest *n = s->n;
     memcpy(sums, n->heads[block].own, sizeof(points_lanes));
-    uint32_t bits = points_within(sums, s->limit);
+    uint32_t bits = within(sums, BLOCK, s->limit);
     for (int k = 0, to; k < s->wanted.count && bits; k = to) {
         to = k + STRIDE < s->wanted.count ? k + STRIDE : s->wanted.count;
         add_points(n, block, &s->wanted, k, to, sums);
-        bits = points_within(sums, s->limit);
+        bits = within(sums, BLOCK, s->limit);
     }
     return lowest(bits, n->count - block * BLOCK);
 }
@@ -181,7 +172,7 @@ static KERNEL void ask_block(struct search *s, int64_t block)
     while (bits) {
         int i = least_of(sums, bits);
         ask(s, s->n->heads[block].numbers[i]);
-        bits &= ~(1u << i) & points_within(sums, s->limit);
+        bits &= ~(1u << i) & within(sums, BLOCK, s->limit);
     }
 }
 
@@ -282,7 +273,7 @@ static KERNEL void ask_waiting(struct search *s)
 {
     struct waiting *w = &s->waiting;
     ask_pending(s);
-    for (uint32_t bits = w->bits & within(w->sums, s->limit); bits; bits &= bits - 1)
+    for (uint32_t bits = w->bits & within(w->sums, LANES, s->limit); bits; bits &= bits - 1)
         ask_later(s, w->first + __builtin_ctz(bits));
     w->bits = 0;
 }
@@ -293,7 +284,7 @@ static KERNEL uint32_t near_blocks(const struct search *s, int64_t group, lanes 
     const struct nearest *n = s->n;
     memcpy(sums, n->least_own[group], sizeof *n->least_own);
     add_boxes(n, &n->boxes[group * n->places], &s->wanted, 0, s->wanted.count, sums);
-    return lowest(within(sums, s->limit), blocks_of(n->count) - group * LANES);
+    return lowest(within(sums, LANES, s->limit), blocks_of(n->count) - group * LANES);
 }
 
 static KERNEL void fetch_waiting(const struct search *s)
@@ -328,7 +319,7 @@ static KERNEL void find_group(struct search *s)
         int16_t *wide = n->bounds[g / LANES];
         memcpy(wide, n->wide_own[g / LANES], sizeof *n->wide_own);
         add_boxes(n, &n->wide_boxes[g / LANES * n->places], &s->wanted, 0, s->wanted.count, wide);
-        uint32_t bits = lowest(within(wide, least), groups - g);
+        uint32_t bits = lowest(within(wide, LANES, least), groups - g);
         if (bits) {
             int i = least_of(wide, bits);
             least = wide[i];
@@ -361,7 +352,7 @@ static KERNEL void find_points(struct search *s)
 static KERNEL void find_mark(struct search *s)
 {
     ask_pending(s);
-    s->waiting.bits &= within(s->waiting.sums, s->limit);
+    s->waiting.bits &= within(s->waiting.sums, LANES, s->limit);
     fetch_waiting(s);
 }
 
@@ -372,7 +363,7 @@ static KERNEL void fetch_near_groups(struct search *s)
     const int64_t groups = groups_of(blocks_of(n->count));
     ask_pending(s);
     for (int64_t g = 0; g < groups; g += LANES)
-        for (uint32_t bits = lowest(within(n->bounds[g / LANES], s->limit), groups - g); bits; bits &= bits - 1)
+        for (uint32_t bits = lowest(within(n->bounds[g / LANES], LANES, s->limit), groups - g); bits; bits &= bits - 1)
             if (g + __builtin_ctz(bits) != s->promising)
                 fetch_group(n, g + __builtin_ctz(bits));
 }
@@ -383,7 +374,7 @@ static KERNEL void ask_near_groups(struct search *s)
     const int64_t groups = groups_of(blocks_of(n->count));
     for (int64_t g = 0; g < groups; g += LANES) {
         const int16_t *wide = n->bounds[g / LANES];
-        for (uint32_t bits = lowest(within(wide, s->limit), groups - g); bits; bits &= bits - 1) {
+        for (uint32_t bits = lowest(within(wide, LANES, s->limit), groups - g); bits; bits &= bits - 1) {
             int i = __builtin_ctz(bits);
             if (g + i != s->promising && wide[i] <= s->limit)
                 ask_group(s, g + i);
@@ -423,14 +414,14 @@ static KERNEL void ask_in_order(struct search *s)
     ask_promising(s, first);
     for (int64_t b = 0; b < blocks; b += LANES) {
         int16_t *sums = n->bounds[b / LANES];
-        if (!within(sums, s->limit))
+        if (!within(sums, LANES, s->limit))
             continue;
         if (first < s->wanted.count) {
             add_boxes(n, &n->boxes[b / LANES * n->places], &s->wanted, first, s->wanted.count, sums);
-            if (!within(sums, s->limit))
+            if (!within(sums, LANES, s->limit))
                 continue;
         }
-        for (uint32_t bits = lowest(within(sums, s->limit), blocks - b); bits; bits &= bits - 1) {
+        for (uint32_t bits = lowest(within(sums, LANES, s->limit), blocks - b); bits; bits &= bits - 1) {
             int i = __builtin_ctz(bits);
             if (sums[i] <= s->limit)
                 ask_block(s, b + i);

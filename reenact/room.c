@@ -300,8 +300,8 @@ static enum status make_mesh(const struct grid *g, struct room *out)
 {
     size_t count = (size_t)g->size[0] * (size_t)g->size[1] * (size_t)g->size[2];
     int32_t *number = malloc(sizeof *number * count);
-    out->points = malloc(sizeof *out->points * UINT16_MAX);
-    out->corners = malloc(sizeof *out->corners * 18 * UINT16_MAX);
+    out->points = malloc(sizeof *out->points * ROOM_POINTS_MOST);
+    out->corners = malloc(sizeof *out->corners * 18 * ROOM_POINTS_MOST);
     enum status status = number && out->points && out->corners ? OK : fail(ERR_MEMORY, "out of memory");
     for (int pass = 0; pass < 2 && status == OK; pass++)
         for (int z = 0; z + 1 < g->size[2] && status == OK; z++)
@@ -314,7 +314,7 @@ static enum status make_mesh(const struct grid *g, struct room *out)
                     }
                     float p[3];
                     number[at] = cube_point(g, at, p) ? out->point_count : -1;
-                    if (number[at] >= 0 && out->point_count == UINT16_MAX)
+                    if (number[at] >= 0 && out->point_count == ROOM_POINTS_MOST)
                         status = AMBIGUOUS;
                     else if (number[at] >= 0)
                         memcpy(out->points[out->point_count++], p, sizeof p);

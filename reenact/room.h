@@ -5,6 +5,8 @@
 #pragma once
 #include "reenact/likeness.h"
 
+enum { ROOM_POINTS_MOST = 65000 };
+
 // Triangles in the world's axes, metres; either side may face outwards.
 struct room {
     float (*points)[3];

@@ -43,6 +43,7 @@ static void drop(struct shown_frames *f, int i)
     gpu_texture_close(&f->kept[i].shown.depth);
     free(f->kept[i].shown.shift);
     free(f->kept[i].shown.points);
+    free(f->kept[i].shown.own);
     f->kept[i] = f->kept[--f->count];
 }
 
@@ -129,8 +130,10 @@ static enum status keep(struct shown_frames *f, struct loaded_frame *loaded)
     s->adjustment = loaded->adjustment;
     s->shift = loaded->shift;
     s->points = loaded->points;
+    s->own = loaded->own;
     loaded->shift = NULL;
     loaded->points = NULL;
+    loaded->own = NULL;
     status = bring(&s->depth, f->gpu, GPU_RGBA8, GPU_NEAREST, &loaded->depth);
     if (status == OK)
         status = bring(&s->color, f->gpu, GPU_RGB8, GPU_LINEAR, &loaded->color);

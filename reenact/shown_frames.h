@@ -17,6 +17,7 @@ struct shown_frame {
     struct adjustment adjustment;
     float (*shift)[3];
     struct loaded_point *points;
+    bool *own;
 };
 
 // Loads the frame where it is not kept. *out: borrowed until the next call. As take_read; ERR_DEVICE.

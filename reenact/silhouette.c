@@ -83,13 +83,14 @@ static struct spot skinned(const struct skin *skin, const struct columns *maps, 
     return (struct spot){at[0], at[1], at[2]};
 }
 
-static int put_front(const struct silhouette *s, uint16_t *out)
+// Those that are own, or those that are not.
+static int put_front(const struct silhouette *s, const bool *own, bool wanted, uint16_t *out)
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
     int count = 0;
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
-        for (int k = 0; k < 3 && s->front[t]; k++)
+        for (int k = 0; k < 3 && s->front[t] && own[t] == wanted; k++)
             out[count++] = (uint16_t)c[k];
     }
     return count;
@@ -160,7 +161,7 @@ static void find_bounds(const struct silhouette *s, struct silhouette_corners *o
 }
 
 struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_bone,
-                                          float (*shift)[3], const bool *absent)
+                                          float (*shift)[3], const bool *own, const bool *absent)
 {
     const struct unfolded *m = &s->likeness->atlas.mesh;
     struct columns maps[BONE_COUNT];
@@ -180,7 +181,8 @@ struct silhouette_corners silhouette_find(struct silhouette *s, const struct par
         leave_out(s, absent);
     struct silhouette_corners out = {.corners = s->corners, .placed = s->placed};
     find_bounds(s, &out);
-    out.front = put_front(s, s->corners);
+    out.own = put_front(s, own, true, s->corners);
+    out.front = out.own + put_front(s, own, false, s->corners + out.own);
     out.ribbon = put_ribbon(s, s->corners + out.front);
     return out;
 }

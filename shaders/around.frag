@@ -3,19 +3,19 @@
 // the light from above, what each part of the body keeps away.
 precision highp float;
 
-in vec3 world;
+in vec4 world; // metres; w: 1 the floor, 0 the room
 
 uniform vec4 bones[26]; // two ends of each part and of each foot, metres; w of the first: its radius, 0: no such part
-uniform vec4 shadow;    // x, y of its middle, how far it reaches, how dark it is; 0: the room
+uniform vec4 shadow;    // x, y of its middle, how far it reaches, how dark it is
 
 out vec4 color; // premultiplied
 
 void main()
 {
     float light = 1.0;
-    for (int i = 0; i < 26 && shadow.w > 0.0; i += 2) {
+    for (int i = 0; i < 26 && world.w > 0.5; i += 2) {
         float radius = bones[i].w;
-        vec3 from = bones[i].xyz - world, along = bones[i + 1].xyz - bones[i].xyz;
+        vec3 from = bones[i].xyz - world.xyz, along = bones[i + 1].xyz - bones[i].xyz;
         float t = clamp(-dot(from, along) / max(dot(along, along), 1e-6), 0.0, 1.0);
         vec3 to = from + t * along;
         float away2 = max(dot(to, to), 1e-6);

@@ -62,8 +62,11 @@ static void expect_same(const struct loaded_frame *a, const struct loaded_frame 
     EXPECT_TRUE(!memcmp(&a->adjustment, &b->adjustment, sizeof a->adjustment));
     EXPECT_INT(a->point_count, likeness.atlas.mesh.point_count);
     EXPECT_INT(b->point_count, a->point_count);
+    EXPECT_INT(a->triangle_count, likeness.atlas.mesh.corner_count / 3);
+    EXPECT_INT(b->triangle_count, a->triangle_count);
     EXPECT_TRUE(!memcmp(a->shift, b->shift, sizeof *a->shift * (size_t)a->point_count));
     EXPECT_TRUE(!memcmp(a->points, b->points, sizeof *a->points * (size_t)a->point_count));
+    EXPECT_TRUE(!memcmp(a->own, b->own, sizeof *a->own * (size_t)a->triangle_count));
 }
 
 // In whatever order frames are shown: what was loaded before leaves no trace.

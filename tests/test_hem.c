@@ -78,7 +78,7 @@ static void legs_in_a_skirt_are_where_they_should_be(void **state)
             crossed += got.joint[JOINT_LEFT_FOOT].x < got.joint[JOINT_RIGHT_FOOT].x;
         }
         print_message("%s: hips, knees and feet %.4f m off, feet crossed in %d frames\n", who[w], sum / count, crossed);
-        EXPECT_AT_MOST(sum / count, 0.055);
+        EXPECT_AT_MOST(sum / count, 0.040);
         EXPECT_INT(crossed, 0);
         tracked_film_close(&f);
     }

@@ -10,13 +10,6 @@
 
 enum { FPS = 30 };
 
-// Of the cases of one kind.
-#ifdef EMULATED
-enum { EACH = 3 };
-#else
-enum { EACH = 1 };
-#endif
-
 static double step(struct tracked_film *s, struct pose from, double time_s, int64_t when, enum status *status)
 {
     struct skeleton got, truth = world_joints_in_camera(s->world, time_s, from);
@@ -94,7 +87,7 @@ static void broken_pictures_and_clocks(void **state)
     };
     struct turn turn;
     turn_open(&turn);
-    for (size_t i = 0; i < COUNT_OF(all); i += EACH) {
+    for (size_t i = 0; i < COUNT_OF(all); i += TRACKED_EACH) {
         double error = after(&turn, all[i].mishap);
         print_message("%s: %.3f m\n", all[i].name, error);
         EXPECT_AT_LEAST(error, 0);
@@ -138,7 +131,7 @@ static void near_far_and_half_out(void **state)
     tracked_film_open(&s, "man", "still");
     struct pose stand = world_sensor_pose(s.world);
     struct vec3 torso = world_joints_in_camera(s.world, 0, stand).joint[JOINT_TORSO];
-    for (size_t i = 0; i < COUNT_OF(all); i += EACH) {
+    for (size_t i = 0; i < COUNT_OF(all); i += TRACKED_EACH) {
         tracker_reset(s.tracker);
         struct pose from = moved(stand, v3(torso.x - all[i].aside_m, -all[i].down_m, torso.z - all[i].distance_m));
         double error = -1;

@@ -5,13 +5,6 @@
 
 enum { FPS = 30 };
 
-// Of the cases of one kind.
-#ifdef EMULATED
-enum { EACH = 3 };
-#else
-enum { EACH = 1 };
-#endif
-
 static bool is_mirrored(const struct skeleton *got, const struct skeleton *truth)
 {
     enum joint l = JOINT_LEFT_SHOULDER, r = JOINT_RIGHT_SHOULDER;
@@ -33,7 +26,7 @@ static void whichever_way_they_face_at_first(void **state)
     static const double aside[] = {0, 90, 180, 270};
     struct tracked_film s;
     tracked_film_open(&s, "man", "kata");
-    for (size_t i = 0; i < COUNT_OF(aside); i += EACH) {
+    for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
         struct pose from = seen_from(&s, aside[i]);
         int last = -1;
         tracker_reset(s.tracker);
@@ -77,7 +70,7 @@ static void behind_a_table(void **state)
 {
     (void)state;
     static const char *const motions[] = {"kata", "pirouette"};
-    for (size_t m = 0; m < COUNT_OF(motions); m += EACH) {
+    for (size_t m = 0; m < COUNT_OF(motions); m += TRACKED_EACH) {
         struct tracked_film s;
         tracked_film_open(&s, "man", motions[m]);
         struct pose from = world_sensor_pose(s.world);
@@ -107,7 +100,7 @@ static void an_arm_that_was_hidden_is_found_again(void **state)
     static const double aside[] = {0, 45, -45};
     struct tracked_film s;
     tracked_film_open(&s, "man", "hide");
-    for (size_t i = 0; i < COUNT_OF(aside); i += EACH) {
+    for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
         struct pose from = seen_from(&s, aside[i]);
         double hidden = 0, out = 0;
         int again = -1, out_k = 60; // by then it hangs in sight again

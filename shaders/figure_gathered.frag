@@ -1,6 +1,6 @@
 #version 300 es
-// The ribbon along the outline of the person's figure, which fades outwards: the colours gathered over the take, for
-// what a frame itself saw at its outline is half the room.
+// The person's figure in the colours gathered over the take: the triangles that have nothing of the shown frame's own,
+// and the ribbon along the outline, which fades outwards, for what a frame itself saw at its outline is half the room.
 precision highp float;
 
 in vec4 place;
