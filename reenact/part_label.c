@@ -65,8 +65,7 @@ double part_outside_m(bool has_mask) { return has_mask ? 0.25 : 0.10; }
 
 bool part_pixel_solid(const uint16_t *depth, const uint8_t *mask, int width, int height, int i)
 {
-    // The step between two readings grows with the square of the depth (45 mm at 4 m for a Kinect).
-    int same_mm = 30 + (int)((int64_t)depth[i] * depth[i] / 160000);
+    int same_mm = 30 + part_step_mm(depth[i]);
     int x = i % width, y = i / width;
     if (!depth[i] || (mask && !mask[i]) || x == 0 || y == 0 || x == width - 1 || y == height - 1)
         return false;

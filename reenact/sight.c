@@ -53,7 +53,8 @@ static bool same_surface(const struct sight *s, int a, int b)
     bool person = s->part[a] < PART_COUNT;
     if (person != (s->part[b] < PART_COUNT))
         return false;
-    return !person || abs(s->depth[a] - s->depth[b]) <= SAME_MM;
+    const int step_mm = part_step_mm(s->depth[a]);
+    return !person || abs(s->depth[a] - s->depth[b]) <= (step_mm > SAME_MM ? step_mm : SAME_MM);
 }
 
 // One pixel's edge is no farther than its neighbour's and one; between two surfaces it is at both.

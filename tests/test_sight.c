@@ -115,9 +115,64 @@ static void what_is_kept_comes_back(void **state)
     painted_take_close(&stage);
 }
 
+// The person's pixels that are at an edge though all around them are the person's, too.
+static int edges_within(const struct sight *s, const uint8_t *mask)
+{
+    int count = 0;
+    for (int y = 1; y < H - 1; y++)
+        for (int x = 1; x < W - 1; x++) {
+            const int i = y * W + x;
+            bool within = true;
+            for (int k = 0; k < 9; k++)
+                within = within && mask[i + (k / 3 - 1) * W + k % 3 - 1];
+            count += within && !s->edge[i];
+        }
+    return count;
+}
+
+// A flat person in steps, every other reading by one nearer; and with one half before the other.
+static void steps_of_a_far_sensor_are_no_edges(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static const struct {
+        int depth_mm, step_mm, half_mm;
+        bool edges;
+    } cases[] = {{2000, 11, 0, false}, {5000, 72, 0, false}, {5000, 0, 300, true}, {2000, 0, 72, true}};
+    const struct skeleton joints = whole_body(0);
+    paint_person(&film, &ideal, &joints, &whole_measures);
+    for (size_t c = 0; c < COUNT_OF(cases); c++) {
+        struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
+        struct painted_take stage;
+        struct source_rays *rays;
+        struct sight sight;
+        for (int j = 0; j < JOINT_COUNT; j++) // as large in the picture, so that much larger
+            frame.skeleton.joint[j] = v3_scale(joints.joint[j], cases[c].depth_mm * 1e-3 / joints.joint[j].z);
+        for (int i = 0; i < PIXELS; i++)
+            film.depth[i] = (uint16_t)(film.mask[i] ? cases[c].depth_mm - (i % W % 2) * cases[c].step_mm -
+                                                          (i % W < W / 2) * cases[c].half_mm
+                                                    : 8000);
+        painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
+        EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+        EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
+        EXPECT_STATUS(sight_read(&sight, stage.take, 0), OK);
+        const int edges = edges_within(&sight, film.mask);
+        print_message("at %d mm, steps of %d, one half %d nearer: %d pixels at an edge\n", cases[c].depth_mm,
+                      cases[c].step_mm, cases[c].half_mm, edges);
+        if (cases[c].edges)
+            EXPECT_AT_LEAST(edges, 50);
+        else
+            EXPECT_INT(edges, 0);
+        sight_close(&sight);
+        source_rays_close(&rays);
+        painted_take_close(&stage);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(what_the_lamp_does_not_reach_is_room),
-                                       cmocka_unit_test(what_is_kept_comes_back)};
+                                       cmocka_unit_test(what_is_kept_comes_back),
+                                       cmocka_unit_test(steps_of_a_far_sensor_are_no_edges)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
