@@ -3,7 +3,7 @@
 #pragma once
 #include "reenact/frame_loader.h"
 
-enum { AHEAD_MOST = 6 }; // frames that are ready at a time
+enum { AHEAD_MOST = 6 };              // frames that are ready at a time
 #define AHEAD_BYTES ((size_t)8 << 20) // as loaded_frame_bytes has it; beyond that none is begun
 
 struct ahead;

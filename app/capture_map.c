@@ -43,41 +43,22 @@ static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
     switch (key) {
-    case KEY_SENSOR:
-        a->sensor = value;
-        return 0;
-    case KEY_CAMERA:
-        a->camera = value;
-        return 0;
-    case KEY_TAGS:
-        a->tags = value;
-        return 0;
-    case KEY_OUT:
-        a->out = value;
-        return 0;
-    case KEY_INTO:
-        a->into = value;
-        return 0;
-    case KEY_JSON:
-        a->json = true;
-        return 0;
-    case KEY_SECONDS:
-        a->seconds = command_number(state, "--seconds", value, 0.1, 1e6);
-        return 0;
-    case KEY_DECIMATE:
-        a->decimate = command_number(state, "--quad-decimate", value, 1, 8);
-        return 0;
-    case ARGP_KEY_ARG:
-        argp_error(state, "'%s' is one word too many", value);
-        return 0;
+    case KEY_SENSOR: a->sensor = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_TAGS: a->tags = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_INTO: a->into = value; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_SECONDS: a->seconds = command_number(state, "--seconds", value, 0.1, 1e6); return 0;
+    case KEY_DECIMATE: a->decimate = command_number(state, "--quad-decimate", value, 1, 8); return 0;
+    case ARGP_KEY_ARG: argp_error(state, "'%s' is one word too many", value); return 0;
     case ARGP_KEY_END:
         if (!a->sensor == !a->camera)
             argp_error(state, "either --sensor URI, with depth, or --camera URI, without");
         if (!a->into == !a->out)
             argp_error(state, "either --out FILE, for a new recording, or --into FILE, for a place that is there");
         return 0;
-    default:
-        return ARGP_ERR_UNKNOWN;
+    default: return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -233,8 +214,9 @@ static void warn(const char *program, const struct place *place, const struct ma
 {
     const struct place_tag *seldom = seldom_seen(place);
     if (!place->point_count)
-        fprintf(stderr, "%s: warning: there are no natural points, so a camera is found only where it sees a tag; film "
-                        "what can be recognised from two places\n",
+        fprintf(stderr,
+                "%s: warning: there are no natural points, so a camera is found only where it sees a tag; film "
+                "what can be recognised from two places\n",
                 program);
     if (seldom)
         fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,
@@ -261,10 +243,11 @@ static void warn(const char *program, const struct place *place, const struct ma
                 "film the floor too\n",
                 program);
     if (r->lost_to_s > r->lost_from_s)
-        fprintf(stderr,
-                "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
-                "more slowly, with more of what was seen before in sight\n",
-                program, r->lost_from_s, r->lost_to_s);
+        fprintf(
+            stderr,
+            "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
+            "more slowly, with more of what was seen before in sight\n",
+            program, r->lost_from_s, r->lost_to_s);
     if (damaged)
         fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
 }
@@ -283,8 +266,8 @@ static int map_place(const char *program, const struct arguments *a, const struc
     wanted.before = a->into ? &before : NULL;
     enum status status = a->into ? read_place(a->into, &before) : OK;
     if (status == OK)
-        status = a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR)
-                           : source_open(&source, a->camera, SOURCE_CAMERA);
+        status =
+            a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR) : source_open(&source, a->camera, SOURCE_CAMERA);
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
     if (status == OK)

@@ -30,10 +30,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     return ARGP_ERR_UNKNOWN;
 }
 
-static void step(void *context)
-{
-    progress_step(context);
-}
+static void step(void *context) { progress_step(context); }
 
 static void settle(void *context, int64_t frames)
 {
@@ -77,7 +74,8 @@ static void warn(const char *program, bool has_place, const struct recorder_resu
         fprintf(stderr, "%s: %lld pictures could not be read and were left out; the first: %s\n", program,
                 (long long)r->damaged, r->first_damage);
     if (has_place && !r->located)
-        fprintf(stderr, "%s: the sensor recognised nothing of the place, so nobody will know where the actor stood\n", program);
+        fprintf(stderr, "%s: the sensor recognised nothing of the place, so nobody will know where the actor stood\n",
+                program);
     if (r->frames && !r->tracked)
         fprintf(stderr, "%s: no person was found in any frame\n", program);
 }
@@ -125,8 +123,8 @@ int capture_record(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {
-        options, parse, NULL,
-        "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.", 0, 0, 0};
+        options, parse, NULL, "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.",
+        0,       0,     0};
     struct arguments given = {0};
     argp_parse(&argp, argc, argv, 0, NULL, &given);
     struct place place = {0};

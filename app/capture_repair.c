@@ -18,10 +18,11 @@ static void print_report(const struct file_arguments *a, enum status status, con
 int capture_repair(int argc, char **argv)
 {
     struct file_arguments a;
-    command_parse_file(argc, argv,
-                       "Saves what can be read of a damaged recording into FILE; what was there stays as FILE.damaged. A "
-                       "sound file is left as it is, but that interrupted takes count as complete from then on.",
-                       &a);
+    command_parse_file(
+        argc, argv,
+        "Saves what can be read of a damaged recording into FILE; what was there stays as FILE.damaged. A "
+        "sound file is left as it is, but that interrupted takes count as complete from then on.",
+        &a);
     struct recording_report report;
     enum status status = recording_repair(a.path, &report);
     print_report(&a, status, &report);

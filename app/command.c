@@ -122,10 +122,7 @@ void command_catch_stop(void)
     sigaction(SIGTERM, &action, NULL);
 }
 
-bool command_stopped(void)
-{
-    return stopped;
-}
+bool command_stopped(void) { return stopped; }
 
 static void draw(struct progress *p)
 {

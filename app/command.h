@@ -10,7 +10,7 @@
 
 struct command {
     const char *name;
-    const char *about; // one line for the program's --help
+    const char *about;                 // one line for the program's --help
     int (*run)(int argc, char **argv); // argv[0] is "program command"
 };
 

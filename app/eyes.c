@@ -23,7 +23,7 @@ struct picture {
     struct sight sight;
     uint8_t *rgb;
     size_t bytes;
-    int64_t time_ns; // the camera's
+    int64_t time_ns;   // the camera's
     struct loan *loan; // the same where it lies; NULL
     struct picture *next_free;
 };
@@ -265,7 +265,8 @@ static void *finder_thread(void *self)
         s->located_ns = clock_now_ns();
         if (status < 0)
             say_trouble(e, status_sentence());
-        if (pace_passes_over(&pace, (double)(s->located_ns - s->locating_ns) * 1e-6, s->placed, latest_waits(e->seen))) {
+        if (pace_passes_over(&pace, (double)(s->located_ns - s->locating_ns) * 1e-6, s->placed,
+                             latest_waits(e->seen))) {
             let_go(e, p);
             continue;
         }

@@ -18,17 +18,17 @@ struct eyes_options {
     const struct place *place; // NULL: nothing to be located in; must outlive the eyes
     void (*news)(void *self);  // called on other threads whenever there is something new; may be NULL
     void *news_self;
-    bool borrow;               // pictures are wanted where they lie, too: eyes_take_loan
+    bool borrow; // pictures are wanted where they lie, too: eyes_take_loan
 };
 MUST_CHECK enum status eyes_open(struct eyes **out, const struct eyes_options *options); // ERR_MEMORY
-void eyes_close(struct eyes **e); // NULL is fine
+void eyes_close(struct eyes **e);                                                        // NULL is fine
 
 struct sight {
-    const uint8_t *rgb;            // of the lens's size
+    const uint8_t *rgb; // of the lens's size
     struct lens lens;
-    bool placed;                   // world_from_camera is known
+    bool placed; // world_from_camera is known
     struct pose world_from_camera;
-    int64_t number;                // 1, 2, … of all pictures that came
+    int64_t number; // 1, 2, … of all pictures that came
     // The clock (clock_now_ns) when the camera gave it, and when locating began and ended.
     int64_t came_ns, locating_ns, located_ns;
 };
@@ -43,10 +43,10 @@ struct loan *eyes_take_loan(struct eyes *e);
 void eyes_shown(struct eyes *e);
 
 struct eyes_state {
-    bool seeing;         // the camera is open and gave a picture
-    int64_t came_ns;     // when the last picture came; of opening before the first
+    bool seeing;          // the camera is open and gave a picture
+    int64_t came_ns;      // when the last picture came; of opening before the first
     int64_t came, let_go; // pictures
-    char trouble[512];   // one sentence; "" while there is none
+    char trouble[512];    // one sentence; "" while there is none
 };
 struct eyes_state eyes_state(struct eyes *e);
 

@@ -35,10 +35,7 @@ enum status finder_open(struct finder **out, const struct place *place, const st
     return OK;
 }
 
-const struct lens *finder_lens(const struct finder *f)
-{
-    return &f->lens;
-}
+const struct lens *finder_lens(const struct finder *f) { return &f->lens; }
 
 void finder_close(struct finder **f)
 {

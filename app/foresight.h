@@ -15,8 +15,8 @@ struct foresight {
 struct foresight_now {
     int64_t at_ns, length_ns, each_ns; // of the take: what is shown, how long it is, from recorded frame to frame
     bool playing, loop;
-    int64_t clock_ns;                  // when it is drawn
-    int64_t takes_ns;                  // to make one picture's frame ready; 0: not known
+    int64_t clock_ns; // when it is drawn
+    int64_t takes_ns; // to make one picture's frame ready; 0: not known
 };
 
 // The instants to be made ready for, the first one first. 0: nothing is to come, or what comes cannot be foreseen.

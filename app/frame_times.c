@@ -2,9 +2,11 @@
 
 #include <stdlib.h>
 
-const char *const frame_stage_names[FRAME_STAGES] = {
-    [FRAME_LOCATE] = "locate", [FRAME_WAIT] = "wait", [FRAME_ACTOR] = "actor", [FRAME_CONTROLS] = "controls",
-    [FRAME_SHOW] = "show"};
+const char *const frame_stage_names[FRAME_STAGES] = {[FRAME_LOCATE] = "locate",
+                                                     [FRAME_WAIT] = "wait",
+                                                     [FRAME_ACTOR] = "actor",
+                                                     [FRAME_CONTROLS] = "controls",
+                                                     [FRAME_SHOW] = "show"};
 
 void frame_times_add(struct frame_times *t, const double ms[FRAME_STAGES])
 {

@@ -13,7 +13,7 @@ struct gesture {
     } fingers[GESTURE_FINGERS];
     double travelled; // by the first finger since it went down
     int64_t down_ns;
-    bool several;     // more than one finger took part since the first went down
+    bool several; // more than one finger took part since the first went down
     // Gathered since gesture_take.
     double drag_x, drag_y; // of one finger
     double push_x, push_y; // of the middle of two

@@ -5,7 +5,7 @@
 // Each level has about 0.65 of the pixels of the one before.
 static const double scales[GOVERNOR_LEVELS] = {1, 0.8, 0.64, 0.5, 0.4};
 
-static const double SMOOTH = 0.2; // of a new time in the typical one
+static const double SMOOTH = 0.2;                                                // of a new time in the typical one
 enum { SETTLE = 4, CALM = 90, MOST_CALM = 16 * CALM, JUDGE = 12, RESIGN = 900 }; // pictures
 static const double WORTH = 0.93; // a fall that leaves more of the time than this was for nothing
 

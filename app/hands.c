@@ -41,12 +41,18 @@ enum show_action hands_key(int key, bool shift)
 enum show_action hands_button(enum screen_button button)
 {
     static const enum show_action actions[PAD_BUTTONS] = {
-        [PAD_A] = DO_CHOOSE,           [PAD_B] = DO_BACK,
-        [PAD_X] = DO_PHOTOGRAPH,       [PAD_Y] = DO_MOVE,
-        [PAD_BACK] = DO_TAKES,         [PAD_START] = DO_PLAY_PAUSE,
-        [PAD_LEFT_SHOULDER] = DO_SLOWER, [PAD_RIGHT_SHOULDER] = DO_FASTER,
-        [PAD_UP] = DO_ORBIT,           [PAD_DOWN] = DO_SKELETON,
-        [PAD_LEFT] = DO_STEP_BACK,     [PAD_RIGHT] = DO_STEP_ON,
+        [PAD_A] = DO_CHOOSE,
+        [PAD_B] = DO_BACK,
+        [PAD_X] = DO_PHOTOGRAPH,
+        [PAD_Y] = DO_MOVE,
+        [PAD_BACK] = DO_TAKES,
+        [PAD_START] = DO_PLAY_PAUSE,
+        [PAD_LEFT_SHOULDER] = DO_SLOWER,
+        [PAD_RIGHT_SHOULDER] = DO_FASTER,
+        [PAD_UP] = DO_ORBIT,
+        [PAD_DOWN] = DO_SKELETON,
+        [PAD_LEFT] = DO_STEP_BACK,
+        [PAD_RIGHT] = DO_STEP_ON,
     };
     return button < PAD_BUTTONS ? actions[button] : DO_NOTHING;
 }
@@ -117,7 +123,8 @@ void hands_drawn(struct hands *h)
 
 bool hands_pad(const struct hands *h, struct show *show, double passed_s, int64_t now_ns)
 {
-    const double x = h->pad[PAD_LEFT_X], y = h->pad[PAD_LEFT_Y], turn = h->pad[PAD_RIGHT_X], near = -h->pad[PAD_RIGHT_Y];
+    const double x = h->pad[PAD_LEFT_X], y = h->pad[PAD_LEFT_Y], turn = h->pad[PAD_RIGHT_X],
+                 near = -h->pad[PAD_RIGHT_Y];
     const double wind = h->pad[PAD_RIGHT_TRIGGER] - h->pad[PAD_LEFT_TRIGGER];
     if (show->page != PAGE_WATCH || (x == 0 && y == 0 && turn == 0 && near == 0 && wind == 0))
         return false;

@@ -7,9 +7,9 @@
 struct hands {
     double pointer_x, pointer_y; // dp
     bool pointer_down, pointer_there;
-    int64_t pointer;             // which finger it is; valid while pointer_down
-    bool leaving;                // a finger was lifted: the pointer goes with the next frame
-    struct gesture gesture;      // dp
+    int64_t pointer;        // which finger it is; valid while pointer_down
+    bool leaving;           // a finger was lifted: the pointer goes with the next frame
+    struct gesture gesture; // dp
     double wheel;
     double pad[PAD_AXES];
 };

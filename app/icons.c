@@ -39,7 +39,10 @@ static void solid(const struct grid *g, const double *xy, int count)
 }
 #define SOLID(g, ...) solid(g, (const double[]){__VA_ARGS__}, (int)COUNT_OF(((const double[]){__VA_ARGS__})) / 2)
 
-static void dot(const struct grid *g, double x, double y, double r) { ui_disc(g->ui, on(g, x, y), r * g->unit, g->color); }
+static void dot(const struct grid *g, double x, double y, double r)
+{
+    ui_disc(g->ui, on(g, x, y), r * g->unit, g->color);
+}
 
 static void box(const struct grid *g, double x, double y, double w, double h, double round)
 {
@@ -156,9 +159,7 @@ static void draw_more(const struct grid *g, enum icon icon)
         box(g, 2.5, 4.5, 19, 15, 2.5);
         bar(g, 12, 11.5, 6.5, 5);
         break;
-    case ICON_BARS:
-        bar(g, 4, 13, 3, 7), bar(g, 10.5, 8, 3, 12), bar(g, 17, 4, 3, 16);
-        break;
+    case ICON_BARS: bar(g, 4, 13, 3, 7), bar(g, 10.5, 8, 3, 12), bar(g, 17, 4, 3, 16); break;
     default: break;
     }
 }

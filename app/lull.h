@@ -6,7 +6,7 @@
 struct lull;
 
 MUST_CHECK enum status lull_open(struct lull **out); // ERR_MEMORY
-void lull_close(struct lull **l); // NULL is fine; nobody may be waiting
+void lull_close(struct lull **l);                    // NULL is fine; nobody may be waiting
 
 void lull_begins(struct lull *l); // a picture has been shown
 

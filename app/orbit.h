@@ -3,9 +3,9 @@
 #include "platform/lens.h"
 
 struct orbit {
-    struct vec3 centre;  // looked at; world axes, z up
-    double angle_rad;    // round z, 0 = from -y
-    double rise_rad;     // above the horizon
+    struct vec3 centre; // looked at; world axes, z up
+    double angle_rad;   // round z, 0 = from -y
+    double rise_rad;    // above the horizon
     double distance_m;
 };
 

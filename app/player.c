@@ -5,10 +5,8 @@
 struct player player_start(int64_t length_ns, int64_t frames)
 {
     assert(length_ns >= 0 && frames >= 1);
-    return (struct player){.length_ns = length_ns,
-                           .step_ns = frames > 1 ? length_ns / (frames - 1) : 0,
-                           .loop = true,
-                           .speed = 1};
+    return (struct player){
+        .length_ns = length_ns, .step_ns = frames > 1 ? length_ns / (frames - 1) : 0, .loop = true, .speed = 1};
 }
 
 static int64_t within(const struct player *p, int64_t at_ns)

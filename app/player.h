@@ -10,7 +10,7 @@ struct player {
     int64_t length_ns; // of the take; its last instant is shown, too
     int64_t step_ns;   // from one recorded frame to the next
     bool playing, loop;
-    double speed;      // PLAYER_SLOWEST..PLAYER_FASTEST
+    double speed; // PLAYER_SLOWEST..PLAYER_FASTEST
     // The take's instant `at_ns` belongs to the clock's `clock_ns`.
     int64_t at_ns, clock_ns;
 };
@@ -27,7 +27,7 @@ bool player_tick(struct player *p, int64_t clock_ns);
 
 void player_play(struct player *p, int64_t clock_ns, bool playing); // from the end it begins anew
 void player_seek(struct player *p, int64_t clock_ns, int64_t at_ns);
-void player_step(struct player *p, int64_t clock_ns, int frames);   // pauses, then goes to the frame so far away
+void player_step(struct player *p, int64_t clock_ns, int frames); // pauses, then goes to the frame so far away
 void player_set_speed(struct player *p, int64_t clock_ns, double speed);
 void player_set_loop(struct player *p, int64_t clock_ns, bool loop);
 

@@ -10,7 +10,8 @@ struct preparation_options {
     void (*news)(void *self); // called on that thread when there is something new; may be NULL
     void *news_self;
 };
-MUST_CHECK enum status preparation_start(struct preparation **out, const struct preparation_options *options); // ERR_MEMORY
+MUST_CHECK enum status preparation_start(struct preparation **out,
+                                         const struct preparation_options *options); // ERR_MEMORY
 // Stops it and waits for that, a small part of a second. NULL is fine.
 void preparation_close(struct preparation **p);
 

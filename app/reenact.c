@@ -9,6 +9,7 @@ int main(int argc, char **argv)
         {"compare", "say where two takes of a movement differ", reenact_compare},
     };
     static const struct command watch = {"FILE", "watch, in a window", reenact_watch};
-    return command_main("reenact shows a recorded person again, from any side.\n\n  reenact FILE               watch, in a window",
-                        commands, COUNT_OF(commands), &watch, argc, argv);
+    return command_main(
+        "reenact shows a recorded person again, from any side.\n\n  reenact FILE               watch, in a window",
+        commands, COUNT_OF(commands), &watch, argc, argv);
 }

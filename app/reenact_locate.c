@@ -32,18 +32,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
     switch (key) {
-    case KEY_CAMERA:
-        a->camera = value;
-        return 0;
-    case KEY_OUT:
-        a->out = value;
-        return 0;
-    case KEY_JSON:
-        a->json = true;
-        return 0;
-    case KEY_DECIMATE:
-        a->decimate = command_number(state, "--quad-decimate", value, 1, 8);
-        return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_DECIMATE: a->decimate = command_number(state, "--quad-decimate", value, 1, 8); return 0;
     case ARGP_KEY_ARG:
         if (a->file)
             argp_error(state, "'%s' is one word too many", value);
@@ -54,8 +46,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_need(state, a->camera, "--camera");
         command_need(state, a->out, "--out");
         return 0;
-    default:
-        return ARGP_ERR_UNKNOWN;
+    default: return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -97,7 +88,8 @@ struct summary {
 };
 
 // One picture. Negative statuses only for what ends the run.
-static enum status place_one(struct camera_track *track, const struct frame *frame, struct text *lines, struct summary *s)
+static enum status place_one(struct camera_track *track, const struct frame *frame, struct text *lines,
+                             struct summary *s)
 {
     struct location found;
     struct camera_motion motion;

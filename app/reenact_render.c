@@ -47,30 +47,14 @@ static error_t parse(int key, char *value, struct argp_state *state)
 {
     struct arguments *a = state->input;
     switch (key) {
-    case KEY_TAKE:
-        a->take = value;
-        return 0;
-    case KEY_CAMERA:
-        a->camera = value;
-        return 0;
-    case KEY_OUT:
-        a->out = value;
-        return 0;
-    case KEY_LAYERS:
-        a->layers = true;
-        return 0;
-    case KEY_ERROR:
-        a->error_px = command_number(state, "--error", value, 0, 1000);
-        return 0;
-    case KEY_ALONE:
-        a->alone = true;
-        return 0;
-    case KEY_JSON:
-        a->json = true;
-        return 0;
-    case KEY_START:
-        a->start_s = command_number(state, "--start", value, -1e6, 1e6);
-        return 0;
+    case KEY_TAKE: a->take = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_LAYERS: a->layers = true; return 0;
+    case KEY_ERROR: a->error_px = command_number(state, "--error", value, 0, 1000); return 0;
+    case KEY_ALONE: a->alone = true; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_START: a->start_s = command_number(state, "--start", value, -1e6, 1e6); return 0;
     case KEY_DETAIL:
         for (int d = 0; d < (int)COUNT_OF(detail_names); d++)
             if (!strcmp(value, detail_names[d])) {
@@ -91,8 +75,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_need(state, a->out, "--out DIR");
         a->alone |= a->detail == DETAIL_PAPER; // to the letter
         return 0;
-    default:
-        return ARGP_ERR_UNKNOWN;
+    default: return ARGP_ERR_UNKNOWN;
     }
 }
 

@@ -18,8 +18,18 @@ struct arguments {
     double dpi, seconds;
 };
 
-enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_PHOTOS, KEY_FULLSCREEN, KEY_LIGHT, KEY_ROTATE, KEY_SIZE, KEY_DPI,
-       KEY_SECONDS, KEY_STATS };
+enum {
+    KEY_TAKE = COMMAND_KEY,
+    KEY_CAMERA,
+    KEY_PHOTOS,
+    KEY_FULLSCREEN,
+    KEY_LIGHT,
+    KEY_ROTATE,
+    KEY_SIZE,
+    KEY_DPI,
+    KEY_SECONDS,
+    KEY_STATS
+};
 
 static const struct argp_option options[] = {
     {"take", KEY_TAKE, "NAME", 0, "the take to watch", 0},
@@ -90,8 +100,8 @@ struct watch {
     struct tablet tablet;
     bool fullscreen, hidden;
     int64_t shown_ns, until_ns;
-    char said[512];         // the sentence that the screen shows
-    int64_t placed_before;  // pictures with the actor in his place when it began to show that
+    char said[512];        // the sentence that the screen shows
+    int64_t placed_before; // pictures with the actor in his place when it began to show that
 };
 
 static void wake(void *self) { screen_wake(((struct watch *)self)->screen); }
@@ -107,13 +117,13 @@ static enum status watch_open(struct watch *w)
     if (status != OK)
         return status;
     const struct tablet_options how = {.file = a->file,
-                                           .take = a->take,
-                                           .camera = *camera && strcmp(camera, "none") ? camera : NULL,
-                                           .photos = a->photos,
-                                           .light = a->light,
-                                           .refresh_hz = screen_refresh_hz(w->screen),
-                                           .wake = wake,
-                                           .wake_self = w};
+                                       .take = a->take,
+                                       .camera = *camera && strcmp(camera, "none") ? camera : NULL,
+                                       .photos = a->photos,
+                                       .light = a->light,
+                                       .refresh_hz = screen_refresh_hz(w->screen),
+                                       .wake = wake,
+                                       .wake_self = w};
     w->fullscreen = w->tablet.show.fullscreen = a->fullscreen;
     return tablet_open(&w->tablet, w->gpu, &how);
 }
@@ -170,7 +180,7 @@ static void hear(struct watch *w, int wait_ms)
 static void say_news(struct watch *w)
 {
     const struct tablet *t = &w->tablet;
-    const char *hint = show_hint(&t->show), *shown = hint                             ? hint
+    const char *hint = show_hint(&t->show), *shown = hint                           ? hint
                                                      : t->placed > w->placed_before ? "the actor in his place"
                                                                                     : w->said;
     if (strcmp(shown, w->said))
@@ -247,7 +257,9 @@ static void say_stats(const struct watch *w)
 int reenact_watch(int argc, char **argv)
 {
     static const struct argp argp = {
-        options, parse, "FILE",
+        options,
+        parse,
+        "FILE",
         "Watch a recorded person, life-size, where they stood.\v"
         "Through a camera the actor stands in its picture; without one, or with O, you walk round by dragging and come "
         "nearer with two fingers or the wheel.\n\n"
@@ -255,7 +267,9 @@ int reenact_watch(int argc, char **argv)
         "from, I the sensor's picture, T times, G move the actor, R put back, P photograph, D dark or light, F "
         "fullscreen, Escape back, Q leave. A game pad: A play, X photograph, Y move, shoulders speed, cross step, "
         "sticks walk round, triggers wind.",
-        0, 0, 0};
+        0,
+        0,
+        0};
     struct arguments given = {.width = 1280, .height = 800};
     argp_parse(&argp, argc, argv, 0, NULL, &given);
     struct watch watch = {.arguments = &given};

@@ -33,14 +33,18 @@ static void take_card(const struct brush *b, struct show *s, struct screens *scr
         struct ui_part shown = {0, (1 - part) / 2, 1, (1 + part) / 2};
         ui_picture(b->ui, card->picture, picture, shown, ROUND, 0xffffffff);
         ui_picture(b->ui, card->picture, (struct ui_box){picture.x, picture.y + picture.h - ROUND, picture.w, ROUND},
-                   (struct ui_part){0, shown.v1 - (shown.v1 - shown.v0) * ROUND / picture.h, 1, shown.v1}, 0, 0xffffffff);
+                   (struct ui_part){0, shown.v1 - (shown.v1 - shown.v0) * ROUND / picture.h, 1, shown.v1}, 0,
+                   0xffffffff);
     }
     ui_disc(b->ui, (struct ui_point){picture.x + picture.w - 40, picture.y + picture.h}, 27, t->accent);
     icon_draw(b->ui, ICON_PLAY, (struct ui_point){picture.x + picture.w - 39, picture.y + picture.h}, 26, t->on_accent);
     ui_outline(b->ui, box, ROUND, number == s->take ? 3 : 1, number == s->take ? t->accent : t->hairline);
-    label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text, card->name);
+    label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
+          card->name);
     snprintf(text, sizeof text, "%.1f s%s", (double)card->length_ns * 1e-9,
-             !card->watchable ? " · nobody in it" : card->complete ? "" : " · interrupted");
+             !card->watchable ? " · nobody in it"
+             : card->complete ? ""
+                              : " · interrupted");
     label(b, FACE_SMALL, (struct ui_box){box.x + 18, picture.y + picture.h + 42, box.w - 36, 24}, t->quiet, text);
     if (touch.held && !screens->scrolling)
         ui_fill(b->ui, box, ROUND, faint(t->text, 0.08));

@@ -27,7 +27,8 @@ static void button_row(const struct brush *b, struct show *s, struct ui_box row,
     struct ui_box left = {row.x, y, row.w, TARGET}, right = left;
     if (icon_button(b, "loop", ICON_LOOP, p->loop ? BUTTON_ON : BUTTON_PLAIN, cut_left(&left, TARGET)))
         show_do(s, DO_LOOP, now_ns);
-    if (icon_button(b, "mirror", ICON_MIRROR, s->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN, cut_left(&left, TARGET)))
+    if (icon_button(b, "mirror", ICON_MIRROR, s->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN,
+                    cut_left(&left, TARGET)))
         show_do(s, DO_MIRROR, now_ns);
     if (icon_button(b, "layers", ICON_LAYERS, s->sheet == SHEET_LAYERS ? BUTTON_ON : BUTTON_PLAIN,
                     cut_right(&right, TARGET)))
@@ -118,8 +119,10 @@ static void sources_card(const struct brush *b, struct ui_box at)
     static const struct {
         uint32_t color;
         const char *text;
-    } rows[] = {{0x34d399ff, "seen at this instant"}, {0x38bdf8ff, "from a moment near it"},
-                {0xa73ef0ff, "from far away in time"}, {0xfb923cff, "nobody saw it: filled in"}};
+    } rows[] = {{0x34d399ff, "seen at this instant"},
+                {0x38bdf8ff, "from a moment near it"},
+                {0xa73ef0ff, "from far away in time"},
+                {0xfb923cff, "nobody saw it: filled in"}};
     struct ui_box box = {at.x, at.y, at.w, layout_sources_height()};
     panel(b, box, true);
     struct ui_box in = inner(box, 12);
@@ -225,8 +228,11 @@ void screen_words(const struct brush *b, const struct show *s)
     ui_shadow(b->ui, box, h / 2, 16, t->shadow);
     ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
     uint32_t color = is_notice ? t->accent : tag ? t->accent : t->warn;
-    icon_draw(b->ui, is_notice ? ICON_CHECK : tag ? ICON_TAG : ICON_WARNING, (struct ui_point){box.x + 34, box.y + h / 2},
-              28, color);
+    icon_draw(b->ui,
+              is_notice ? ICON_CHECK
+              : tag     ? ICON_TAG
+                        : ICON_WARNING,
+              (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
     ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, room + 1, t->text, text);
     ui_layer(b->ui, 0);
 }

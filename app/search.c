@@ -29,7 +29,7 @@ struct search {
     struct search_picture newer;
     bool newer_waits, closing;
     int most_finds, finds;
-    int64_t lulls; // when it was lent
+    int64_t lulls;      // when it was lent
     enum status status; // of the last search
     char sentence[512];
 };

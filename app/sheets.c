@@ -15,7 +15,8 @@ static void error_row(const struct brush *b, struct show *s, struct ui_box row)
         if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, cut_right(&row, TARGET)))
             show_set_error(s, errors_px[i]);
     }
-    label(b, FACE_BODY, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24}, b->theme->text, "Error, px");
+    label(b, FACE_BODY, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24}, b->theme->text,
+          "Error, px");
 }
 
 static void layers_sheet(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)

@@ -222,7 +222,8 @@ void show_set_turn(struct show *s, double turn_rad)
 
 void show_gesture(struct show *s, const struct gesture *g, const struct floor_drag *at, int64_t now_ns)
 {
-    bool still = g->drag_x == 0 && g->drag_y == 0 && g->push_x == 0 && g->push_y == 0 && g->spread == 1 && g->twist == 0;
+    bool still =
+        g->drag_x == 0 && g->drag_y == 0 && g->push_x == 0 && g->push_y == 0 && g->spread == 1 && g->twist == 0;
     if (s->page != PAGE_WATCH || (still && !g->tapped))
         return;
     if (g->tapped && s->sheet != SHEET_NONE) {
@@ -292,7 +293,10 @@ void show_model(struct show *s, bool shown)
     s->model_shown = shown;
 }
 
-static double toward(double from, double to, double by) { return from < to ? fmin(to, from + by) : fmax(to, from - by); }
+static double toward(double from, double to, double by)
+{
+    return from < to ? fmin(to, from + by) : fmax(to, from - by);
+}
 
 int64_t show_tick(struct show *s, int64_t now_ns)
 {

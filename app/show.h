@@ -10,7 +10,7 @@
 #include "app/player.h"
 
 enum show_page {
-    PAGE_TAKES,   // choose one
+    PAGE_TAKES, // choose one
     PAGE_WATCH,
     PAGE_TROUBLE, // nothing can be watched; show.trouble says why
 };
@@ -19,16 +19,33 @@ enum show_sheet { SHEET_NONE, SHEET_LAYERS, SHEET_SPEED };
 
 enum show_action {
     DO_NOTHING,
-    DO_PLAY_PAUSE, DO_STEP_BACK, DO_STEP_ON, DO_TO_START, DO_TO_END, DO_SLOWER, DO_FASTER, DO_LOOP, DO_MIRROR,
-    DO_ORBIT,      // between the camera and walking round with a finger
-    DO_SKELETON, DO_SOURCES, DO_INSET, DO_STRIP, DO_THEME,
-    DO_MOVE,       // begin or end moving the actor
-    DO_PUT_BACK,   // the actor to where he was filmed
+    DO_PLAY_PAUSE,
+    DO_STEP_BACK,
+    DO_STEP_ON,
+    DO_TO_START,
+    DO_TO_END,
+    DO_SLOWER,
+    DO_FASTER,
+    DO_LOOP,
+    DO_MIRROR,
+    DO_ORBIT, // between the camera and walking round with a finger
+    DO_SKELETON,
+    DO_SOURCES,
+    DO_INSET,
+    DO_STRIP,
+    DO_THEME,
+    DO_MOVE,     // begin or end moving the actor
+    DO_PUT_BACK, // the actor to where he was filmed
     DO_PHOTOGRAPH,
-    DO_LAYERS, DO_SPEED, // open or close the sheet
-    DO_BACK,       // one step out: sheet, moving, page, program
-    DO_TAKES, DO_FULLSCREEN, DO_QUIT,
-    DO_PREVIOUS, DO_NEXT, DO_CHOOSE, // on the page of takes
+    DO_LAYERS,
+    DO_SPEED, // open or close the sheet
+    DO_BACK,  // one step out: sheet, moving, page, program
+    DO_TAKES,
+    DO_FULLSCREEN,
+    DO_QUIT,
+    DO_PREVIOUS,
+    DO_NEXT,
+    DO_CHOOSE, // on the page of takes
 };
 
 // What is known of the camera at an instant.
@@ -59,30 +76,30 @@ struct show {
     struct player player;
     bool scrubbing, was_playing;
 
-    bool orbiting;       // else through the camera
-    bool orbit_wished;   // by hand; else only because there is no camera to look through
+    bool orbiting;     // else through the camera
+    bool orbit_wished; // by hand; else only because there is no camera to look through
     struct orbit orbit;
     struct placement placement;
-    bool moving;         // fingers move the actor, not the view
+    bool moving; // fingers move the actor, not the view
     bool skeleton, sources, inset, strip, dark, fullscreen;
     bool photo_wanted, quit;
 
     struct show_camera camera;
     char camera_trouble[512]; // its sentence, kept: the camera's may be another by now
-    const char *ailing;  // what is amiss with the recording while it plays; NULL nothing; borrowed
-    bool frozen;         // the camera is open and sends nothing
-    double error_px;     // that the actor may be wrong by, in the pixels he is drawn with
-    double presence;     // of the actor, 0..1: fades while it is not known where he stands
-    double prepared;     // the share of the take's preparing that is done; 1: all
-    bool model_shown;    // what was prepared is being drawn
-    double freshness;    // 0..1: from the plain actor to the prepared one
+    const char *ailing;       // what is amiss with the recording while it plays; NULL nothing; borrowed
+    bool frozen;              // the camera is open and sends nothing
+    double error_px;          // that the actor may be wrong by, in the pixels he is drawn with
+    double presence;          // of the actor, 0..1: fades while it is not known where he stands
+    double prepared;          // the share of the take's preparing that is done; 1: all
+    bool model_shown;         // what was prepared is being drawn
+    double freshness;         // 0..1: from the plain actor to the prepared one
     bool ever_placed;
-    int64_t placed_ns;   // last time it was known
-    int64_t stirred_ns;  // last touch, for hiding the controls while playing
-    char notice[160];    // passes after a while
+    int64_t placed_ns;  // last time it was known
+    int64_t stirred_ns; // last touch, for hiding the controls while playing
+    char notice[160];   // passes after a while
     int64_t notice_until_ns;
-    int64_t now_ns;      // of the last show_tick
-    bool changed;        // there is something new to draw; the drawer clears it
+    int64_t now_ns; // of the last show_tick
+    bool changed;   // there is something new to draw; the drawer clears it
 };
 
 struct show show_start(int take_count, bool dark, int64_t now_ns);

@@ -18,7 +18,7 @@ struct stage {
     struct recording *inset_recording; // the painter has the first for itself
     struct take *inset_take;
     struct motion *motion;
-    struct painter *painter; // made with the first picture, whose lens it needs
+    struct painter *painter;         // made with the first picture, whose lens it needs
     struct preparation *preparation; // NULL: it has ended
     struct ahead *ahead;             // NULL: the painter has no likeness yet
     int64_t next[AHEAD_MOST];        // that the pictures to come show
@@ -28,7 +28,7 @@ struct stage {
     struct gpu_texture *sources, *inset;
     int sources_width, sources_height;
     int64_t inset_frame;
-    uint8_t *codes, *colors; // of sources
+    uint8_t *codes, *colors;   // of sources
     struct vec3 anchor, right; // where the actor begins; the sensor's right hand, level
     struct orbit orbit;
 };
@@ -53,7 +53,8 @@ static void find_beginning(struct stage *s)
         struct vec3 body = moment.skeleton.joint[middle];
         struct vec3 from = v3_sub(moment.world_from_camera.translation, body);
         s->anchor = v3(body.x, body.y, 0);
-        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12, fmin(fmax(NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
+        s->orbit = (struct orbit){body, atan2(from.x, -from.y), 0.12,
+                                  fmin(fmax(NEAREST_M, hypot(from.x, from.y)), FARTHEST_M)};
         struct vec3 right = quat_rotate(moment.world_from_camera.rotation, v3(1, 0, 0));
         s->right = v3_unit(v3(right.x, right.y, 0));
         return;
@@ -329,8 +330,8 @@ static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t 
     int foreseen = foresee(&s->foresight, &now, at_ns), count = 0;
     for (int i = 0; i < foreseen && count < AHEAD_MOST; i++) {
         struct moment moment;
-        bool listed = motion_at(s->motion, at_ns[i], false, &moment) != OK ||
-                      painter_near(s->painter, moment.frame, 0) >= 0;
+        bool listed =
+            motion_at(s->motion, at_ns[i], false, &moment) != OK || painter_near(s->painter, moment.frame, 0) >= 0;
         for (int k = 0; k < count; k++)
             listed |= frames[k] == moment.frame;
         if (!listed)

@@ -30,16 +30,16 @@ int64_t stage_frames(const struct stage *s);
 struct orbit stage_orbit(const struct stage *s); // from where the sensor stood
 
 struct stage_look {
-    struct lens lens;              // of the picture to draw into
+    struct lens lens; // of the picture to draw into
     struct pose world_from_camera;
-    int64_t time_ns;               // of the take
-    bool playing, loop;            // what will be looked at next
+    int64_t time_ns;    // of the take
+    bool playing, loop; // what will be looked at next
     struct placement placement;
-    double fineness;               // 0..1: the share of the picture's size that the actor is drawn at
-    double error_px;               // that he may be wrong by where drawing less is quicker
-    bool sources, inset;           // are wanted
-    bool nobody;                   // the camera does not know where it is
-    bool former;                   // also the actor as he was drawn before he was prepared
+    double fineness;                  // 0..1: the share of the picture's size that the actor is drawn at
+    double error_px;                  // that he may be wrong by where drawing less is quicker
+    bool sources, inset;              // are wanted
+    bool nobody;                      // the camera does not know where it is
+    bool former;                      // also the actor as he was drawn before he was prepared
     const struct gpu_texture *camera; // its picture, of the lens's size; NULL: an orbit
     int64_t camera_number;            // another number is another picture
 };
@@ -47,21 +47,21 @@ struct stage_look {
 struct stage_picture {
     struct lens lens;
     struct pose world_from_camera;
-    const struct gpu_texture *camera; // the look's
-    const struct gpu_texture *actor;  // premultiplied; NULL: nobody
-    struct ui_part actor_part;        // where he is, in shares of the picture; all of it where that is not known
-    const struct gpu_texture *shadow; // likewise, under him; NULL
-    const struct gpu_texture *former; // likewise, as he was drawn before; NULL
-    bool prepared;                    // `actor` is what was prepared
+    const struct gpu_texture *camera;  // the look's
+    const struct gpu_texture *actor;   // premultiplied; NULL: nobody
+    struct ui_part actor_part;         // where he is, in shares of the picture; all of it where that is not known
+    const struct gpu_texture *shadow;  // likewise, under him; NULL
+    const struct gpu_texture *former;  // likewise, as he was drawn before; NULL
+    bool prepared;                     // `actor` is what was prepared
     const struct gpu_texture *sources; // premultiplied, laid over the actor; NULL
-    const struct gpu_texture *inset;  // the sensor's picture at that instant; NULL
-    double inset_shape;               // its width over its height
-    bool turned_over;                 // actor and sources are to be drawn left to right
+    const struct gpu_texture *inset;   // the sensor's picture at that instant; NULL
+    double inset_shape;                // its width over its height
+    bool turned_over;                  // actor and sources are to be drawn left to right
     bool has_skeleton;
-    struct skeleton skeleton;         // in the world, placed and mirrored
-    struct vec3 standing;             // on the floor under the actor
-    int64_t frame;                    // the recorded one that is shown
-    int parts;                        // drawn
+    struct skeleton skeleton; // in the world, placed and mirrored
+    struct vec3 standing;     // on the floor under the actor
+    int64_t frame;            // the recorded one that is shown
+    int parts;                // drawn
 };
 MUST_CHECK enum status stage_draw(struct stage *s, const struct stage_look *look, struct stage_picture *out);
 

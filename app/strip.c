@@ -29,7 +29,8 @@ void strip_draw(const struct brush *b, const struct frame_times *times, double b
     char text[64];
     panel(b, box, true);
     struct ui_box in = inner(box, 12), top = cut_top(&in, 20), names = cut_bottom(&in, 18);
-    snprintf(text, sizeof text, "%.0f ms a picture; the display takes one every %.0f", frame_times_median(times), budget_ms);
+    snprintf(text, sizeof text, "%.0f ms a picture; the display takes one every %.0f", frame_times_median(times),
+             budget_ms);
     label(b, FACE_SMALL, top, t->text, text);
     draw_bars(b, times, budget_ms, in);
     for (int i = 0; i < FRAME_STAGES; i++) {

@@ -102,7 +102,8 @@ static void open_take(struct tablet *t, int64_t now_ns)
 
 static void hear_eyes(struct tablet *t, int64_t now_ns)
 {
-    struct show_camera camera = {.there = t->eyes, .knows_place = t->has_place, .knows_tags = t->place.tag_count > 0, .trouble = ""};
+    struct show_camera camera = {
+        .there = t->eyes, .knows_place = t->has_place, .knows_tags = t->place.tag_count > 0, .trouble = ""};
     if (t->eyes) {
         const struct sight *sight = t->sight = eyes_look(t->eyes);
         t->eyes_now = eyes_state(t->eyes);
@@ -353,9 +354,9 @@ enum status tablet_draw(struct tablet *t, const struct tablet_glass *glass, int6
     if (status != OK)
         return status;
     t->drawn_ns = clock_now_ns();
-    const struct ui_input input = {glass->width,         glass->height,         glass->px_per_dp,
-                                   now_ns,               t->hands.pointer_x,    t->hands.pointer_y,
-                                   t->hands.pointer_down, t->hands.pointer_there};
+    const struct ui_input input = {
+        glass->width,       glass->height,      glass->px_per_dp,      now_ns,
+        t->hands.pointer_x, t->hands.pointer_y, t->hands.pointer_down, t->hands.pointer_there};
     status = ui_begin(t->ui, &input);
     if (status != OK)
         return status;

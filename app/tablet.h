@@ -12,11 +12,11 @@
 
 struct tablet_options {
     const char *file;
-    const char *take;        // NULL: the only one, or the user chooses
-    const char *camera;      // URI; NULL: none
-    const char *photos;      // folder; NULL: the user's pictures
+    const char *take;   // NULL: the only one, or the user chooses
+    const char *camera; // URI; NULL: none
+    const char *photos; // folder; NULL: the user's pictures
     bool light;
-    bool fixed_fineness;     // never less than every pixel
+    bool fixed_fineness; // never less than every pixel
     double refresh_hz;
     void (*wake)(void *self); // there is something new; from other threads
     void *wake_self;
@@ -37,12 +37,12 @@ struct tablet {
     struct eyes *eyes;
     struct viewfinder *viewfinder; // of the eyes
     int64_t found;                 // number of the sight that is in it
-    const struct sight *sight; // the newest at the last tablet_update; what is drawn until the next
-    struct stage_look look; // what `picture` was drawn for
+    const struct sight *sight;     // the newest at the last tablet_update; what is drawn until the next
+    struct stage_look look;        // what `picture` was drawn for
     bool looked;
     struct pose last_placed;
-    struct ui_box free;      // dp: where an orbit has the actor; it goes slowly to what the controls leave
-    int64_t freed_ns;        // when it last went
+    struct ui_box free; // dp: where an orbit has the actor; it goes slowly to what the controls leave
+    int64_t freed_ns;   // when it last went
     struct stage_picture picture;
     struct governor governor;
     struct frame_times times;
@@ -51,7 +51,7 @@ struct tablet {
     char trouble[512], ailing[512];
     int64_t checked_ns, padded_ns, timed_sight;
     bool resting;
-    int64_t rested_ns; // since when
+    int64_t rested_ns;                         // since when
     int64_t drawing_ns, drawn_ns, controls_ns; // when the last frame's stages began and ended
 };
 

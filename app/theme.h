@@ -9,10 +9,10 @@ extern const struct ui_face *theme_faces(void); // FACE_COUNT of them
 static const double TARGET = 58, GAP = 8, MARGIN = 16, ROUND = 18;
 
 struct theme {
-    uint32_t ground;     // behind everything
-    uint32_t surface;    // of panels on the ground
-    uint32_t glass;      // of panels over a picture
-    uint32_t raised;     // of buttons on panels
+    uint32_t ground;  // behind everything
+    uint32_t surface; // of panels on the ground
+    uint32_t glass;   // of panels over a picture
+    uint32_t raised;  // of buttons on panels
     uint32_t hairline;
     uint32_t text, quiet; // quiet: what is of second rank
     uint32_t accent, on_accent;

@@ -19,9 +19,9 @@ struct viewfinder {
     struct gpu_texture *uploaded;
     int width, height; // of `uploaded`
     struct raw_picture *raw;
-    bool shows_raw;         // the picture last shown is there, not in `uploaded`
+    bool shows_raw; // the picture last shown is there, not in `uploaded`
     bool can_borrow;
-    struct loan tried;      // its kind of picture was tried
+    struct loan tried; // its kind of picture was tried
     enum { UNTRIED, GOOD, BAD } trust;
     struct reading readings[MOST_OUT];
     struct viewfinder_counts counts;

@@ -29,10 +29,7 @@ struct cell {
 
 // Two readings within this of each other are of one surface: three standard
 // deviations of their difference (1.5e-3 z^2 m each) and the map's own error.
-static double same_surface_mm(double mm)
-{
-    return 3 * 1.4142 * 1.5e-6 * mm * mm + 20;
-}
+static double same_surface_mm(double mm) { return 3 * 1.4142 * 1.5e-6 * mm * mm + 20; }
 
 static void add_reading(struct cell *cell, double mm)
 {
@@ -67,8 +64,8 @@ static void splat_view(const struct place *place, const struct place_view *view,
                        const struct lens *lens, struct pose depth_from_world, struct cell *cells)
 {
     const struct lens *own = &place->calibration.depth;
-    struct pose out_from_view = pose_multiply(
-        depth_from_world, pose_multiply(view->world_from_camera, place->calibration.color_from_depth));
+    struct pose out_from_view =
+        pose_multiply(depth_from_world, pose_multiply(view->world_from_camera, place->calibration.color_from_depth));
     double turn[3][3];
     quat_to_matrix(out_from_view.rotation, turn);
     struct vec3 shift = out_from_view.translation;

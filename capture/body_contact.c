@@ -42,7 +42,7 @@ double body_floor(const struct fit_task *task, const struct body_build *build, s
 }
 
 // Flesh gives way: surfaces may overlap by this share of the thinner one's radius.
-#define SOFT_RATE 0.5
+#define SOFT_RATE       0.5
 #define CONTACT_SIGMA_M 0.015
 
 // How deep a ball is in a solid; *out points the short way out. <= 0: not in it.

@@ -25,7 +25,8 @@ enum status evidence_open(struct body_evidence **out, const struct lens *lens)
     }
     if (!e || !e->inside || !e->nearest) {
         evidence_close(&e);
-        return fail(ERR_MEMORY, "not enough memory to track a person in pictures of %d x %d", lens->width, lens->height);
+        return fail(ERR_MEMORY, "not enough memory to track a person in pictures of %d x %d", lens->width,
+                    lens->height);
     }
     *out = e;
     return OK;

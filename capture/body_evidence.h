@@ -17,15 +17,15 @@ struct cell_area {
 
 struct body_evidence {
     struct lens lens;
-    int step, width, height;     // of the grids: pixels a cell, cells
-    uint8_t *inside;             // per cell: some pixel is the person
-    struct cell_area area;       // where `nearest` is known: the person and some way around them
-    int16_t (*nearest)[2];       // per cell: cells to the nearest inside one, x and y
-    const uint16_t *depth;       // the picture itself, borrowed
+    int step, width, height; // of the grids: pixels a cell, cells
+    uint8_t *inside;         // per cell: some pixel is the person
+    struct cell_area area;   // where `nearest` is known: the person and some way around them
+    int16_t (*nearest)[2];   // per cell: cells to the nearest inside one, x and y
+    const uint16_t *depth;   // the picture itself, borrowed
     const uint8_t *mask;
     struct evidence_point point[EVIDENCE_POINTS_MAX];
     int count;
-    int pixels;                  // of the mask
+    int pixels;                   // of the mask
     int left, top, right, bottom; // of the mask, pixels, inclusive
     struct vec3 low, high;        // bounds of the points
     struct picture_bounds picture;

@@ -9,15 +9,15 @@
 // Neighbouring points err together (cloth, shape), so that a picture's points
 // say no more than this many independent ones.
 #define INDEPENDENT_POINTS 150.0
-// Of the silhouette, a sample of the model: a limb is not as round as its solid is, by this much. Tighter, a limb that is
-// beside its place in the picture would rather stay there than cross the gap.
-#define FREE_SIGMA_M 0.030
-#define BESIDE_RATE 0.4   // of that weight beside the person: the mask ends where readings do, a little short of the rim
-#define CROWN_RATE 4.0     // of that weight, a crown beside the person: hair and noise take a centimetre or two
+// Of the silhouette, a sample of the model: a limb is not as round as its solid is, by this much. Tighter, a limb that
+// is beside its place in the picture would rather stay there than cross the gap.
+#define FREE_SIGMA_M  0.030
+#define BESIDE_RATE   0.4 // of that weight beside the person: the mask ends where readings do, a little short of the rim
+#define CROWN_RATE    4.0 // of that weight, a crown beside the person: hair and noise take a centimetre or two
 #define CROWN_SLACK_M 0.010
-#define FREE_REACH_M 0.25  // beyond this a sample's pull fades
+#define FREE_REACH_M  0.25 // beyond this a sample's pull fades
 
-#define BEYOND_M 1e3       // off a tube that a place lies beyond the end of
+#define BEYOND_M 1e3 // off a tube that a place lies beyond the end of
 
 // How the build changes with each factor of the shape.
 struct shape_slope {
@@ -28,8 +28,9 @@ struct shape_slope {
 // What is the same for all points.
 struct solid_line {
     struct vec3 axis;
-    double per_length2, length, lean; // 1 / length^2; lean: of the nearest middle towards the thick end, by the way off the axis
-    bool flat;                        // has a width
+    double per_length2, length,
+        lean;  // 1 / length^2; lean: of the nearest middle towards the thick end, by the way off the axis
+    bool flat; // has a width
 };
 
 static struct solid_line solid_line(const struct body_solid *s)
@@ -57,7 +58,8 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
     struct vec3 off = v3_sub(from_a, v3_scale(l->axis, along));
     double away2 = v3_dot(off, off);
     if (l->flat) {
-        double beside = v3_dot(off, s->side), rest = fmax(0, fabs(beside) - s->width_a - (s->width_b - s->width_a) * along);
+        double beside = v3_dot(off, s->side),
+               rest = fmax(0, fabs(beside) - s->width_a - (s->width_b - s->width_a) * along);
         away2 = fmax(0, away2 - beside * beside + rest * rest);
     }
     along += l->lean * sqrt(away2);
@@ -167,8 +169,8 @@ static void find_bounds(const struct body_build *build, struct bounds *bounds)
     }
 }
 
-static void try_solid(const struct body_build *build, const struct solid_line *line, int k, struct vec3 p, struct vec3 view,
-                      struct nearest *best)
+static void try_solid(const struct body_build *build, const struct solid_line *line, int k, struct vec3 p,
+                      struct vec3 view, struct nearest *best)
 {
     struct nearest n = {.solid = k};
     measure_solid(&build->solid[k], &line[k], p, view, &n);
@@ -198,7 +200,8 @@ static struct nearest find_nearest(const struct body_build *build, const struct 
 
 static double point_share(const struct body_evidence *e) { return fmin(1, INDEPENDENT_POINTS / fmax(e->count, 1)); }
 
-// What the tails hide says nothing of the shape beneath: there a surface that is nearest to a point is not the one seen.
+// What the tails hide says nothing of the shape beneath: there a surface that is nearest to a point is not the one
+// seen.
 static bool is_under_tails(const struct body_build *build, const struct body_solid *s, struct vec3 p)
 {
     if (build->solids <= SOLID_TAILS || s->segment < SEG_LEFT_THIGH)
@@ -209,8 +212,8 @@ static bool is_under_tails(const struct body_build *build, const struct body_sol
 }
 
 // Points against the nearest surface that the camera can see. With `system` NULL only judges.
-static double add_points(const struct fit_task *task, const struct body_build *build,
-                         const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
+static double add_points(const struct fit_task *task, const struct body_build *build, const struct shape_slope *slope,
+                         struct fit_result *out, struct fit_system *system)
 {
     const struct body_evidence *e = task->evidence;
     struct bounds bounds;
@@ -232,7 +235,8 @@ static double add_points(const struct fit_task *task, const struct body_build *b
         if (teaches)
             shape_row(slope, s, best.solid, best.t, best.side_m, normal, row);
         struct vec3 at = v3_add(best.on, v3_scale(normal, radius));
-        double pull = weight * fade * fade, swing = s->open ? BODY_TAILS_SWING * best.t : 0; // a hem moves with the thighs
+        double pull = weight * fade * fade,
+               swing = s->open ? BODY_TAILS_SWING * best.t : 0; // a hem moves with the thighs
         if (swing > 0)
             fit_system_pull(system, build, best.solid == SOLID_TAILS ? SEG_LEFT_THIGH : SEG_RIGHT_THIGH, at, normal,
                             best.distance, swing * pull, NULL);
@@ -288,7 +292,8 @@ static double add_crown(const struct fit_task *task, const struct body_build *bu
     return add_free_sample(task, build, skull->segment, c, 0, CROWN_RATE, system);
 }
 
-static double add_free_solid(const struct fit_task *task, const struct body_build *build, int i, struct fit_system *system)
+static double add_free_solid(const struct fit_task *task, const struct body_build *build, int i,
+                             struct fit_system *system)
 {
     const struct body_solid *s = &build->solid[i];
     struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
@@ -418,7 +423,9 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
             break;
         move_pose(&pose, x);
         for (int k = 0; task->learn_shape && k < SHAPE_COUNT; k++)
-            shape.log[k] += x[FIT_POSE_COUNT + k] < -0.1 ? -0.1 : x[FIT_POSE_COUNT + k] > 0.1 ? 0.1 : x[FIT_POSE_COUNT + k];
+            shape.log[k] += x[FIT_POSE_COUNT + k] < -0.1  ? -0.1
+                            : x[FIT_POSE_COUNT + k] > 0.1 ? 0.1
+                                                          : x[FIT_POSE_COUNT + k];
     }
     if (task->learn_shape && task->iterations > 0) {
         fit_system_shape(&system, out->shape_information);
@@ -436,8 +443,8 @@ struct shape_belief shape_belief_start(void)
 {
     // Standard deviations of an adult population around the proportions (5 to 8 %)
     // and of its height (8 %).
-    static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04, 0.04,
-                                              0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
+    static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04,
+                                              0.04, 0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
     struct shape_belief belief;
     memset(&belief, 0, sizeof belief);
     for (int k = 0; k < SHAPE_COUNT; k++)

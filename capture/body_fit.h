@@ -9,7 +9,7 @@
 #include "capture/body_model.h"
 
 enum {
-    FIT_POSE_COUNT = 3 + 3 * SEG_COUNT,          // root, then each segment's turn in its parent's axes
+    FIT_POSE_COUNT = 3 + 3 * SEG_COUNT, // root, then each segment's turn in its parent's axes
     FIT_COUNT = FIT_POSE_COUNT + SHAPE_COUNT,
 };
 
@@ -24,26 +24,26 @@ struct fit_task {
     const struct body_evidence *evidence;
     bool have_floor;
     struct vec3 up;
-    double floor_m;               // the camera's height over the floor
-    struct body_pose expected;    // by the motion so far
-    double expected_sigma;        // 1: as a body moves between two frames; large: nothing is expected
+    double floor_m;            // the camera's height over the floor
+    struct body_pose expected; // by the motion so far
+    double expected_sigma;     // 1: as a body moves between two frames; large: nothing is expected
     int iterations;
-    int every;                    // of the points, one in so many is looked at; 1: all
-    double reach_m;               // how far a point pulls a surface towards it
-    bool rough;                   // of the result, only pose and shape are wanted
+    int every;      // of the points, one in so many is looked at; 1: all
+    double reach_m; // how far a point pulls a surface towards it
+    bool rough;     // of the result, only pose and shape are wanted
     bool learn_shape;
-    double learn_rate;            // > 0: how much this picture counts beside the belief; 1 = as its points do
-    struct shape_belief shape;    // in; with learn_shape its mean is the fit's start
+    double learn_rate;         // > 0: how much this picture counts beside the belief; 1 = as its points do
+    struct shape_belief shape; // in; with learn_shape its mean is the fit's start
 };
 
 struct fit_result {
     struct body_pose pose;
     struct body_shape shape;
     struct body_build build;
-    double energy;                              // of all, without the expectation
-    double limb_energy[SEG_COUNT];              // free-space part, by segment
-    float residual[EVIDENCE_POINTS_MAX];        // per point: metres off the nearest surface
-    int8_t solid[EVIDENCE_POINTS_MAX];          // per point: the nearest solid
+    double energy;                                      // of all, without the expectation
+    double limb_energy[SEG_COUNT];                      // free-space part, by segment
+    float residual[EVIDENCE_POINTS_MAX];                // per point: metres off the nearest surface
+    int8_t solid[EVIDENCE_POINTS_MAX];                  // per point: the nearest solid
     double shape_information[SHAPE_COUNT][SHAPE_COUNT]; // what this frame alone says of the shape
 };
 

@@ -1,10 +1,10 @@
 #include "capture/body_hem.h"
 
-#define BIN_M 0.02
-#define LOWEST 0.12  // of body height: over the ankles
+#define BIN_M   0.02
+#define LOWEST  0.12 // of body height: over the ankles
 #define HIGHEST 0.38 // below hands that hang
-#define NARROW 0.40  // at a hem; trousers have 0.3 and less for long
-#define WIDE 0.18    // and as wide as this, of body height; two legs are hardly
+#define NARROW  0.40 // at a hem; trousers have 0.3 and less for long
+#define WIDE    0.18 // and as wide as this, of body height; two legs are hardly
 enum { BINS = 60, NEAR = 1, FAR = 5, MOST = 60 };
 
 // Of the person, how wide in metres each level over the floor is seen.

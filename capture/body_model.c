@@ -30,8 +30,9 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
 
 // Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
 #define HIPS_AHEAD_IN_TAILS 0.010
-#define HEM_SLACK_M 0.06 // lower than it narrows most: it is not level, and a cone's surface ends before its axis does. What
-                         // hangs over the end would be taken for legs, and draw knees ahead, inwards and thick
+#define HEM_SLACK_M                                                                                                    \
+    0.06 // lower than it narrows most: it is not level, and a cone's surface ends before its axis does. What
+         // hangs over the end would be taken for legs, and draw knees ahead, inwards and thick
 
 // Where in its segment a solid lies; x grows with `wide`, y with `tall`; widths,
 // radii and z with `girth`.
@@ -43,24 +44,63 @@ struct solid_rule {
 };
 
 #define ARM(side, sign)                                                                                                \
-    {SEG_##side##_CLAVICLE, {sign * 0.015, -0.020, 0.008}, {sign * 0.098, -0.035, 0.006}, 0, 0, 0.036, 0.033,                   \
-     SHAPE_SHOULDERS, SHAPE_SHOULDERS, SHAPE_ARM_GIRTH},                                                               \
-    {SEG_##side##_UPPER_ARM, {0, 0, 0}, {0, -0.165, 0}, 0, 0, 0.030, 0.0235, SHAPE_SHOULDERS, SHAPE_UPPER_ARM,          \
+    {SEG_##side##_CLAVICLE,                                                                                            \
+     {sign * 0.015, -0.020, 0.008},                                                                                    \
+     {sign * 0.098, -0.035, 0.006},                                                                                    \
+     0,                                                                                                                \
+     0,                                                                                                                \
+     0.036,                                                                                                            \
+     0.033,                                                                                                            \
+     SHAPE_SHOULDERS,                                                                                                  \
+     SHAPE_SHOULDERS,                                                                                                  \
      SHAPE_ARM_GIRTH},                                                                                                 \
-    {SEG_##side##_FOREARM, {0, 0, 0}, {0, -0.148, 0}, 0, 0, 0.0245, 0.0165, SHAPE_SHOULDERS, SHAPE_FOREARM,             \
-     SHAPE_ARM_GIRTH},                                                                                                 \
-    {SEG_##side##_HAND, {0, -0.010, 0}, {0, -0.075, 0}, 0, 0, 0.0190, 0.0160, SHAPE_SHOULDERS, SHAPE_FOREARM,           \
-     SHAPE_FOREARM}
+        {SEG_##side##_UPPER_ARM, {0, 0, 0},       {0, -0.165, 0}, 0, 0, 0.030, 0.0235,                                 \
+         SHAPE_SHOULDERS,        SHAPE_UPPER_ARM, SHAPE_ARM_GIRTH},                                                    \
+        {SEG_##side##_FOREARM, {0, 0, 0},     {0, -0.148, 0}, 0, 0, 0.0245, 0.0165,                                    \
+         SHAPE_SHOULDERS,      SHAPE_FOREARM, SHAPE_ARM_GIRTH},                                                        \
+    {                                                                                                                  \
+        SEG_##side##_HAND, {0, -0.010, 0}, {0, -0.075, 0}, 0, 0, 0.0190, 0.0160, SHAPE_SHOULDERS, SHAPE_FOREARM,       \
+            SHAPE_FOREARM                                                                                              \
+    }
 #define LEG(side)                                                                                                      \
-    {SEG_##side##_THIGH, {0, 0, 0}, {0, -0.250, 0}, 0, 0, 0.050, 0.034, SHAPE_HIPS, SHAPE_THIGH, SHAPE_LEG_GIRTH},      \
-    {SEG_##side##_SHIN, {0, 0, 0}, {0, -0.238, 0}, 0, 0, 0.0335, 0.0215, SHAPE_HIPS, SHAPE_SHIN, SHAPE_LEG_GIRTH},      \
-    {SEG_##side##_FOOT, {0, -0.018, -0.012}, {0, -0.026, 0.095}, 0, 0, 0.0215, 0.0170, SHAPE_HIPS, SHAPE_SHIN,          \
-     SHAPE_LEG_GIRTH}
+    {SEG_##side##_THIGH, {0, 0, 0}, {0, -0.250, 0}, 0, 0, 0.050, 0.034, SHAPE_HIPS, SHAPE_THIGH, SHAPE_LEG_GIRTH},     \
+        {SEG_##side##_SHIN, {0, 0, 0}, {0, -0.238, 0}, 0, 0, 0.0335, 0.0215, SHAPE_HIPS, SHAPE_SHIN, SHAPE_LEG_GIRTH}, \
+    {                                                                                                                  \
+        SEG_##side##_FOOT, {0, -0.018, -0.012}, {0, -0.026, 0.095}, 0, 0, 0.0215, 0.0170, SHAPE_HIPS, SHAPE_SHIN,      \
+            SHAPE_LEG_GIRTH                                                                                            \
+    }
 
 static const struct solid_rule solid_rule[SOLID_TAILS] = {
-    {SEG_PELVIS, {0, -0.050, 0.022}, {0, 0.012, 0.028}, 0.026, 0.020, 0.072, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_HIP_GIRTH},
-    {SEG_ABDOMEN, {0, 0.020, 0.032}, {0, 0.115, 0.034}, 0.012, 0.010, 0.067, 0.068, SHAPE_HIPS, SHAPE_TORSO, SHAPE_WAIST_GIRTH},
-    {SEG_CHEST, {0, 0.0, 0.034}, {0, 0.094, 0.030}, 0.010, 0.028, 0.072, 0.067, SHAPE_SHOULDERS, SHAPE_TORSO, SHAPE_CHEST_GIRTH},
+    {SEG_PELVIS,
+     {0, -0.050, 0.022},
+     {0, 0.012, 0.028},
+     0.026,
+     0.020,
+     0.072,
+     0.068,
+     SHAPE_HIPS,
+     SHAPE_TORSO,
+     SHAPE_HIP_GIRTH},
+    {SEG_ABDOMEN,
+     {0, 0.020, 0.032},
+     {0, 0.115, 0.034},
+     0.012,
+     0.010,
+     0.067,
+     0.068,
+     SHAPE_HIPS,
+     SHAPE_TORSO,
+     SHAPE_WAIST_GIRTH},
+    {SEG_CHEST,
+     {0, 0.0, 0.034},
+     {0, 0.094, 0.030},
+     0.010,
+     0.028,
+     0.072,
+     0.067,
+     SHAPE_SHOULDERS,
+     SHAPE_TORSO,
+     SHAPE_CHEST_GIRTH},
     {SEG_HEAD, {0, -0.010, 0.004}, {0, 0.055, 0.008}, 0, 0, 0.036, 0.034, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
     {SEG_HEAD, {0, 0.060, 0.024}, {0, 0.094, 0.018}, 0, 0, 0.046, 0.052, SHAPE_HEAD, SHAPE_HEAD, SHAPE_HEAD},
     ARM(LEFT, 1),
@@ -69,8 +109,8 @@ static const struct solid_rule solid_rule[SOLID_TAILS] = {
     LEG(RIGHT),
 };
 
-// Of body height, from where the head turns, at the seventh vertebra: the head between the ears, the neck where it meets
-// the shoulders.
+// Of body height, from where the head turns, at the seventh vertebra: the head between the ears, the neck where it
+// meets the shoulders.
 static const struct vec3 head_centre = {0, 0.084, 0};
 static const struct vec3 neck = {0, -0.006, 0.0035};
 static const struct vec3 palm = {0, -0.154, 0};        // where it begins, from the elbow: beyond the wrist
@@ -125,11 +165,10 @@ static void add_tails(const struct body_shape *shape, double hip_girth, struct b
     out->solids = SOLID_COUNT;
 }
 
-void body_build(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out)
+// Where each segment begins, and its axes.
+static void place_segments(const struct body_shape *shape, const struct body_pose *pose,
+                           const double factor[SHAPE_COUNT], struct body_build *out)
 {
-    double factor[SHAPE_COUNT];
-    for (int i = 0; i < SHAPE_COUNT; i++)
-        factor[i] = exp(shape->log[i] + (i ? shape->log[SHAPE_SCALE] : 0)) * BODY_AVERAGE_HEIGHT_M;
     for (int s = 0; s < SEG_COUNT; s++) {
         const struct segment_rule *rule = &segment_rule[s];
         double own[3][3];
@@ -145,7 +184,8 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
         }
         bool in_tails = shape->hem_m > 0 && (s == SEG_LEFT_THIGH || s == SEG_RIGHT_THIGH);
         double ahead = in_tails ? HIPS_AHEAD_IN_TAILS : rule->at.z;
-        struct vec3 at = v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], ahead * factor[rule->tall]);
+        struct vec3 at =
+            v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], ahead * factor[rule->tall]);
         out->origin[s] = v3_add(out->origin[rule->parent], turned(out->axes[rule->parent], at));
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++) {
@@ -154,6 +194,10 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
                 out->axes[s][r][c] = p[r][0] * own[0][c] + p[r][1] * own[1][c] + p[r][2] * own[2][c];
             }
     }
+}
+
+static void place_solids(const double factor[SHAPE_COUNT], struct body_build *out)
+{
     for (int i = 0; i < SOLID_TAILS; i++) {
         const struct solid_rule *rule = &solid_rule[i];
         double wide = factor[rule->wide], tall = factor[rule->tall], girth = factor[rule->girth];
@@ -171,17 +215,34 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
         solid->open = false;
     }
     out->solids = SOLID_TAILS;
-    if (shape->hem_m > 0)
-        add_tails(shape, factor[SHAPE_HIP_GIRTH], out);
-    static const struct { enum joint joint; enum segment segment; } at_origin[] = {
-        {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM}, {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
-        {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM}, {JOINT_RIGHT_ELBOW, SEG_RIGHT_FOREARM}, {JOINT_WAIST, SEG_PELVIS},
-        {JOINT_LEFT_HIP, SEG_LEFT_THIGH}, {JOINT_LEFT_KNEE, SEG_LEFT_SHIN}, {JOINT_LEFT_FOOT, SEG_LEFT_FOOT},
-        {JOINT_RIGHT_HIP, SEG_RIGHT_THIGH}, {JOINT_RIGHT_KNEE, SEG_RIGHT_SHIN}, {JOINT_RIGHT_FOOT, SEG_RIGHT_FOOT},
+}
+
+static void place_joints(const double factor[SHAPE_COUNT], struct body_build *out)
+{
+    static const struct {
+        enum joint joint;
+        enum segment segment;
+    } at_origin[] = {
+        {JOINT_LEFT_SHOULDER, SEG_LEFT_UPPER_ARM},
+        {JOINT_LEFT_ELBOW, SEG_LEFT_FOREARM},
+        {JOINT_RIGHT_SHOULDER, SEG_RIGHT_UPPER_ARM},
+        {JOINT_RIGHT_ELBOW, SEG_RIGHT_FOREARM},
+        {JOINT_WAIST, SEG_PELVIS},
+        {JOINT_LEFT_HIP, SEG_LEFT_THIGH},
+        {JOINT_LEFT_KNEE, SEG_LEFT_SHIN},
+        {JOINT_LEFT_FOOT, SEG_LEFT_FOOT},
+        {JOINT_RIGHT_HIP, SEG_RIGHT_THIGH},
+        {JOINT_RIGHT_KNEE, SEG_RIGHT_SHIN},
+        {JOINT_RIGHT_FOOT, SEG_RIGHT_FOOT},
     };
     for (size_t i = 0; i < COUNT_OF(at_origin); i++)
         out->joint[at_origin[i].joint] = out->origin[at_origin[i].segment];
-    const struct { enum joint joint; enum segment segment; struct vec3 at; double size; } within[] = {
+    const struct {
+        enum joint joint;
+        enum segment segment;
+        struct vec3 at;
+        double size;
+    } within[] = {
         {JOINT_HEAD, SEG_HEAD, head_centre, factor[SHAPE_HEAD]},
         {JOINT_NECK, SEG_HEAD, neck, factor[SHAPE_TORSO]},
         {JOINT_TORSO, SEG_CHEST, chest_centre, factor[SHAPE_TORSO]},
@@ -189,8 +250,21 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
         {JOINT_RIGHT_HAND, SEG_RIGHT_FOREARM, palm, factor[SHAPE_FOREARM]},
     };
     for (size_t i = 0; i < COUNT_OF(within); i++)
-        out->joint[within[i].joint] = v3_add(out->origin[within[i].segment],
-                                             turned(out->axes[within[i].segment], v3_scale(within[i].at, within[i].size)));
+        out->joint[within[i].joint] =
+            v3_add(out->origin[within[i].segment],
+                   turned(out->axes[within[i].segment], v3_scale(within[i].at, within[i].size)));
+}
+
+void body_build(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out)
+{
+    double factor[SHAPE_COUNT];
+    for (int i = 0; i < SHAPE_COUNT; i++)
+        factor[i] = exp(shape->log[i] + (i ? shape->log[SHAPE_SCALE] : 0)) * BODY_AVERAGE_HEIGHT_M;
+    place_segments(shape, pose, factor, out);
+    place_solids(factor, out);
+    if (shape->hem_m > 0)
+        add_tails(shape, factor[SHAPE_HIP_GIRTH], out);
+    place_joints(factor, out);
 }
 
 struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)

@@ -17,33 +17,58 @@
 #include "capture/recording/skeleton.h"
 
 enum segment {
-    SEG_PELVIS, SEG_ABDOMEN, SEG_CHEST, SEG_HEAD,
-    SEG_LEFT_CLAVICLE, SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND,
-    SEG_RIGHT_CLAVICLE, SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND,
-    SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT,
-    SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT,
+    SEG_PELVIS,
+    SEG_ABDOMEN,
+    SEG_CHEST,
+    SEG_HEAD,
+    SEG_LEFT_CLAVICLE,
+    SEG_LEFT_UPPER_ARM,
+    SEG_LEFT_FOREARM,
+    SEG_LEFT_HAND,
+    SEG_RIGHT_CLAVICLE,
+    SEG_RIGHT_UPPER_ARM,
+    SEG_RIGHT_FOREARM,
+    SEG_RIGHT_HAND,
+    SEG_LEFT_THIGH,
+    SEG_LEFT_SHIN,
+    SEG_LEFT_FOOT,
+    SEG_RIGHT_THIGH,
+    SEG_RIGHT_SHIN,
+    SEG_RIGHT_FOOT,
     SEG_COUNT
 };
 
 // What makes one body differ from another: natural logarithms of factors, 0 is average.
 enum shape_factor {
     SHAPE_SCALE, // of everything
-    SHAPE_TORSO, SHAPE_SHOULDERS, SHAPE_HIPS, SHAPE_UPPER_ARM, SHAPE_FOREARM, SHAPE_THIGH, SHAPE_SHIN, SHAPE_HEAD,
-    SHAPE_CHEST_GIRTH, SHAPE_WAIST_GIRTH, SHAPE_HIP_GIRTH, SHAPE_ARM_GIRTH, SHAPE_LEG_GIRTH,
+    SHAPE_TORSO,
+    SHAPE_SHOULDERS,
+    SHAPE_HIPS,
+    SHAPE_UPPER_ARM,
+    SHAPE_FOREARM,
+    SHAPE_THIGH,
+    SHAPE_SHIN,
+    SHAPE_HEAD,
+    SHAPE_CHEST_GIRTH,
+    SHAPE_WAIST_GIRTH,
+    SHAPE_HIP_GIRTH,
+    SHAPE_ARM_GIRTH,
+    SHAPE_LEG_GIRTH,
     SHAPE_COUNT
 };
 
 struct body_shape {
     double log[SHAPE_COUNT];
-    double hem_m, hem_radius_m; // a skirt or a coat's tails: from the waist joint down to the hem, half as wide there; 0: none
+    double hem_m,
+        hem_radius_m; // a skirt or a coat's tails: from the waist joint down to the hem, half as wide there; 0: none
 };
 
 #define BODY_AVERAGE_HEIGHT_M 1.72
-#define BODY_TAILS_SWING 0.67 // of a thigh's turn, so much its half of the hem goes along with
+#define BODY_TAILS_SWING      0.67 // of a thigh's turn, so much its half of the hem goes along with
 
 struct body_pose {
-    struct vec3 root;             // the waist joint
-    struct quat turn[SEG_COUNT];  // parent_from_segment; the pelvis's is camera_from_segment
+    struct vec3 root;            // the waist joint
+    struct quat turn[SEG_COUNT]; // parent_from_segment; the pelvis's is camera_from_segment
 };
 
 // All points at most `radius` from a flat trapezium: its axis runs from a to b,
@@ -56,14 +81,18 @@ struct body_solid {
     bool open; // a tube: nothing of it is beyond b
 };
 
-enum { SOLID_SKULL = 4, SOLID_TAILS = 19, SOLID_COUNT = 21 }; // the tails hang about each leg, left and right, and hide them
+enum {
+    SOLID_SKULL = 4,
+    SOLID_TAILS = 19,
+    SOLID_COUNT = 21
+}; // the tails hang about each leg, left and right, and hide them
 
 struct body_build {
-    struct vec3 origin[SEG_COUNT];      // the joint a segment turns about
-    double axes[SEG_COUNT][3][3];       // camera_from_segment, rotation matrix
+    struct vec3 origin[SEG_COUNT];       // the joint a segment turns about
+    double axes[SEG_COUNT][3][3];        // camera_from_segment, rotation matrix
     double parent_axes[SEG_COUNT][3][3]; // camera_from_parent; identity for the pelvis
     struct body_solid solid[SOLID_COUNT];
-    int solids;                          // so many are there: without tails two less
+    int solids; // so many are there: without tails two less
     struct vec3 joint[JOINT_COUNT];
 };
 

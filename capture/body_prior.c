@@ -25,8 +25,8 @@ static const struct turn_rule turn_rule[SEG_COUNT] = {
     LEG_RULES(RIGHT),
 };
 
-#define TAILS_HOLD 0.5 // of the rest's sigma, for legs in a skirt or a coat: it lets them go less far, and hides where
-#define ELBOW_BENT 0.6 // as elbows mostly are: a forearm that nobody sees is not stretched out, it is before the trunk
+#define TAILS_HOLD  0.5 // of the rest's sigma, for legs in a skirt or a coat: it lets them go less far, and hides where
+#define ELBOW_BENT  0.6 // as elbows mostly are: a forearm that nobody sees is not stretched out, it is before the trunk
 #define ROOT_STEP_M 0.03
 
 static void add_block(double *h, int at, double block[3][3])
@@ -38,7 +38,8 @@ static void add_block(double *h, int at, double block[3][3])
 
 // Draws a turn to `wanted`, loosely across the segment's axis and otherwise
 // about it. Everything in the parent's axes, where the unknowns live.
-static double add_turn(int s, struct quat now, struct quat wanted, double sigma, double sigma_twist, double *h, double *g)
+static double add_turn(int s, struct quat now, struct quat wanted, double sigma, double sigma_twist, double *h,
+                       double *g)
 {
     struct vec3 off = quat_to_rotation_vector(quat_multiply(wanted, quat_conjugate(now)));
     struct vec3 axis = quat_rotate(now, v3(0, 1, 0));
@@ -122,7 +123,7 @@ double body_prior_expected(const struct body_pose *pose, const struct body_pose 
         }
     }
     for (int s = 0; s < SEG_COUNT; s++)
-        energy += add_turn(s, pose->turn[s], expected->turn[s], turn_rule[s].step * sigma, turn_rule[s].step_twist * sigma,
-                           h, g);
+        energy += add_turn(s, pose->turn[s], expected->turn[s], turn_rule[s].step * sigma,
+                           turn_rule[s].step_twist * sigma, h, g);
     return energy;
 }

@@ -4,15 +4,15 @@
 
 #include <string.h>
 
-#define TREMBLE_S 0.5          // over this time the trembling is averaged
-#define TREMBLE_FIRST_M 0.008  // before anything was measured
+#define TREMBLE_S       0.5   // over this time the trembling is averaged
+#define TREMBLE_FIRST_M 0.008 // before anything was measured
 #define TREMBLE_LEAST_M 0.002
-#define TREMBLE_MOST_M 0.015   // more is motion
-#define FOLLOW_TREMBLES 12.0   // so many standard deviations off, nothing is held any more
-#define FOLLOW_M_S 0.30        // nor when the fits move as fast as this
-#define SPEED_S 0.25           // over which speed is averaged
-#define HOLD_S 2.0             // a limb that is held comes to the mean of its fits of this time; at first, of all so far
-#define FASTEST_M_S 6.5        // of a thrown punch (McGill et al. 2010 have 6 to 10 m/s)
+#define TREMBLE_MOST_M  0.015 // more is motion
+#define FOLLOW_TREMBLES 12.0  // so many standard deviations off, nothing is held any more
+#define FOLLOW_M_S      0.30  // nor when the fits move as fast as this
+#define SPEED_S         0.25  // over which speed is averaged
+#define HOLD_S          2.0   // a limb that is held comes to the mean of its fits of this time; at first, of all so far
+#define FASTEST_M_S     6.5   // of a thrown punch (McGill et al. 2010 have 6 to 10 m/s)
 
 // What moves together: the trunk and four limbs.
 enum { TRUNK, GROUPS = 5 };
@@ -26,7 +26,10 @@ static int group_of(int segment)
                                                                          : TRUNK;
 }
 
-static const struct { enum segment first, middle, end; enum joint bend, tip; } limb[GROUPS] = {
+static const struct {
+    enum segment first, middle, end;
+    enum joint bend, tip;
+} limb[GROUPS] = {
     {0},
     {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
     {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
@@ -56,7 +59,8 @@ static void measure_tremble(struct body_steady *s, const struct body_build *is, 
             double now = fmin(v3_dot(bend, bend) / 6, TREMBLE_MOST_M * TREMBLE_MOST_M); // 1 + 4 + 1 variances
             s->tremble_m2[j] += (now - s->tremble_m2[j]) * (1 - exp(-passed_s / TREMBLE_S));
         }
-        s->speed[j] = v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / passed_s), 1 - exp(-passed_s / SPEED_S));
+        s->speed[j] =
+            v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / passed_s), 1 - exp(-passed_s / SPEED_S));
         s->fit[1][j] = s->fit[0][j];
         s->fit[0][j] = p;
     }

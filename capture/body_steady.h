@@ -9,12 +9,12 @@
 #include "capture/body_model.h"
 
 struct body_steady {
-    struct body_pose pose;                // as told last
-    struct vec3 joint[JOINT_COUNT];       // the same, metres
-    struct vec3 fit[2][JOINT_COUNT];      // of the last frame and the one before
-    int fits;                             // so many there were, at most 1000
-    double tremble_m2[JOINT_COUNT];       // of the fits, variance in all three directions together
-    struct vec3 speed[JOINT_COUNT];       // of the fits, mean, m/s
+    struct body_pose pose;           // as told last
+    struct vec3 joint[JOINT_COUNT];  // the same, metres
+    struct vec3 fit[2][JOINT_COUNT]; // of the last frame and the one before
+    int fits;                        // so many there were, at most 1000
+    double tremble_m2[JOINT_COUNT];  // of the fits, variance in all three directions together
+    struct vec3 speed[JOINT_COUNT];  // of the fits, mean, m/s
 };
 
 void body_steady_start(struct body_steady *s, const struct body_shape *shape, const struct body_pose *pose);

@@ -99,9 +99,9 @@ void fit_system_gather(struct fit_system *s, const struct body_build *build)
     }
 }
 
-// Unknowns in the order in which they are eliminated: limbs from their ends inwards, the shape last. What is not above or
-// below one another has nothing in common then, and stays so (Featherstone, section 6.5): of each row only what is not
-// left of the outermost segment that hangs on its own is ever not zero.
+// Unknowns in the order in which they are eliminated: limbs from their ends inwards, the shape last. What is not above
+// or below one another has nothing in common then, and stays so (Featherstone, section 6.5): of each row only what is
+// not left of the outermost segment that hangs on its own is ever not zero.
 struct elimination {
     int unknown[FIT_COUNT], first[FIT_COUNT]; // by row
 };

@@ -8,7 +8,7 @@
 
 enum { TWIST_COUNT = 6 }; // along x, y, z; about x, y, z
 
-struct segment_sum { // of w j j' and w j residual, by the segment's own twist
+struct segment_sum {                    // of w j j' and w j residual, by the segment's own twist
     double h[TWIST_COUNT][TWIST_COUNT]; // lower triangle
     double g[TWIST_COUNT];
     double shape[SHAPE_COUNT][TWIST_COUNT];

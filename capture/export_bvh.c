@@ -18,28 +18,16 @@ static const struct bone {
     enum joint joint;
     int parent; // index into this table; LEAF for the root
 } bones[] = {
-    {JOINT_WAIST, LEAF},
-    {JOINT_TORSO, 0},
-    {JOINT_NECK, 1},
-    {JOINT_HEAD, 2},
-    {JOINT_LEFT_SHOULDER, 2},
-    {JOINT_LEFT_ELBOW, 4},
-    {JOINT_LEFT_HAND, 5},
-    {JOINT_RIGHT_SHOULDER, 2},
-    {JOINT_RIGHT_ELBOW, 7},
-    {JOINT_RIGHT_HAND, 8},
-    {JOINT_LEFT_HIP, 0},
-    {JOINT_LEFT_KNEE, 10},
-    {JOINT_LEFT_FOOT, 11},
-    {JOINT_RIGHT_HIP, 0},
-    {JOINT_RIGHT_KNEE, 13},
-    {JOINT_RIGHT_FOOT, 14},
+    {JOINT_WAIST, LEAF},      {JOINT_TORSO, 0},      {JOINT_NECK, 1},        {JOINT_HEAD, 2},
+    {JOINT_LEFT_SHOULDER, 2}, {JOINT_LEFT_ELBOW, 4}, {JOINT_LEFT_HAND, 5},   {JOINT_RIGHT_SHOULDER, 2},
+    {JOINT_RIGHT_ELBOW, 7},   {JOINT_RIGHT_HAND, 8}, {JOINT_LEFT_HIP, 0},    {JOINT_LEFT_KNEE, 10},
+    {JOINT_LEFT_FOOT, 11},    {JOINT_RIGHT_HIP, 0},  {JOINT_RIGHT_KNEE, 13}, {JOINT_RIGHT_FOOT, 14},
 };
 enum { BONES = COUNT_OF(bones) };
 
 // The person at rest, y up, facing +z: the directions from parent to joint.
 static const struct vec3 rest_direction[BONES] = {
-    {0, 0, 0},  {0, 1, 0},  {0, 1, 0},  {0, 1, 0},  {1, 0, 0},        {1, 0, 0},  {1, 0, 0},  {-1, 0, 0},
+    {0, 0, 0},  {0, 1, 0},  {0, 1, 0},      {0, 1, 0},  {1, 0, 0},  {1, 0, 0},       {1, 0, 0},  {-1, 0, 0},
     {-1, 0, 0}, {-1, 0, 0}, {0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0}, {-0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0},
 };
 
@@ -48,7 +36,8 @@ static struct skeleton upright(const struct take_entry *entry)
 {
     static const struct pose y_up_from_z_up = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
     static const struct pose y_up_from_camera = {{1, 0, 0, 0}, {0, 0, 0}};
-    struct pose from_camera = entry->located ? pose_multiply(y_up_from_z_up, entry->world_from_camera) : y_up_from_camera;
+    struct pose from_camera =
+        entry->located ? pose_multiply(y_up_from_z_up, entry->world_from_camera) : y_up_from_camera;
     return skeleton_transform(from_camera, &entry->skeleton);
 }
 
@@ -75,8 +64,8 @@ static enum status bone_lengths(const struct take *take, double length[BONES])
         for (int64_t i = 0; i < frames && bones[b].parent != LEAF; i++) {
             const struct take_entry *e = take_entry(take, i);
             if (e->has_skeleton && usable(&e->skeleton, b) && usable(&e->skeleton, bones[b].parent))
-                seen[count++] = v3_distance(e->skeleton.joint[bones[b].joint],
-                                            e->skeleton.joint[bones[bones[b].parent].joint]);
+                seen[count++] =
+                    v3_distance(e->skeleton.joint[bones[b].joint], e->skeleton.joint[bones[bones[b].parent].joint]);
         }
         qsort(seen, (size_t)count, sizeof *seen, by_value);
         length[b] = count ? seen[count / 2] : 0;
@@ -89,7 +78,8 @@ static void print_hierarchy(FILE *out, const double length[BONES], int bone, int
 {
     struct vec3 offset = v3_scale(v3_unit(rest_direction[bone]), CM * length[bone]);
     bool root = bones[bone].parent == LEAF, leaf = true;
-    fprintf(out, "%*s%s %s\n%*s{\n", 2 * depth, "", root ? "ROOT" : "JOINT", joint_name(bones[bone].joint), 2 * depth, "");
+    fprintf(out, "%*s%s %s\n%*s{\n", 2 * depth, "", root ? "ROOT" : "JOINT", joint_name(bones[bone].joint), 2 * depth,
+            "");
     fprintf(out, "%*sOFFSET %.4f %.4f %.4f\n", 2 * depth + 2, "", offset.x, offset.y, offset.z);
     fprintf(out, "%*sCHANNELS %s Zrotation Xrotation Yrotation\n", 2 * depth + 2, "",
             root ? "6 Xposition Yposition Zposition" : "3");
@@ -99,8 +89,8 @@ static void print_hierarchy(FILE *out, const double length[BONES], int bone, int
             leaf = false;
         }
     if (leaf)
-        fprintf(out, "%*sEnd Site\n%*s{\n%*sOFFSET 0 0 0\n%*s}\n", 2 * depth + 2, "", 2 * depth + 2, "", 2 * depth + 4, "",
-                2 * depth + 2, "");
+        fprintf(out, "%*sEnd Site\n%*s{\n%*sOFFSET 0 0 0\n%*s}\n", 2 * depth + 2, "", 2 * depth + 2, "", 2 * depth + 4,
+                "", 2 * depth + 2, "");
     fprintf(out, "%*s}\n", 2 * depth, "");
 }
 
@@ -161,7 +151,8 @@ static void print_motion(FILE *out, const struct take *take)
             last = i;
             frames++;
         }
-    double seconds = frames > 1 ? (double)(take_entry(take, last)->time_ns - take_entry(take, first)->time_ns) / 1e9 : 0;
+    double seconds =
+        frames > 1 ? (double)(take_entry(take, last)->time_ns - take_entry(take, first)->time_ns) / 1e9 : 0;
     fprintf(out, "MOTION\nFrames: %lld\nFrame Time: %.6f\n", (long long)frames,
             frames > 1 ? seconds / (double)(frames - 1) : 1.0 / 30);
     struct quat root = {0, 0, 0, 1};

@@ -26,8 +26,7 @@ enum status export_joints_csv(const struct take *take, const char *path)
     }
     bool written = !ferror(out);
     written = fclose(out) == 0 && written;
-    enum status status =
-        written ? file_write(path, text, size) : fail(ERR_MEMORY, "no memory to export the joints");
+    enum status status = written ? file_write(path, text, size) : fail(ERR_MEMORY, "no memory to export the joints");
     free(text);
     return status;
 }

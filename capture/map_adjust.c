@@ -14,10 +14,10 @@ static const double DEPTH_TIMES_SIGMA = 0.01, DEPTH_TIMES_MOST = 0.05;
 struct how {
     int rounds;
     bool hold_frames;
-    double loose_px;     // points are less sure by this
-    const bool *joins;   // which points; NULL: all
-    double *cost;        // NULL: not asked for
-    double *depth_times; // NULL: depth is true
+    double loose_px;        // points are less sure by this
+    const bool *joins;      // which points; NULL: all
+    double *cost;           // NULL: not asked for
+    double *depth_times;    // NULL: depth is true
     double *tag_covariance; // NULL: not asked for
 };
 
@@ -110,8 +110,7 @@ static void move_others(struct map *m, const struct adjust_problem *p, const boo
 {
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
-        struct pose new_from_old =
-            pose_multiply(pose_inverse(p->cameras[i].camera_from_world), f->camera_from_world);
+        struct pose new_from_old = pose_multiply(pose_inverse(p->cameras[i].camera_from_world), f->camera_from_world);
         for (int32_t k = 0; f->placed && k < f->feature_count; k++) {
             int32_t point = f->features[k].point;
             if (point < m->held_points || joins[point] || moved[point])
@@ -241,10 +240,7 @@ enum status map_adjust_by(struct map *m, int rounds, const bool *joins)
     return adjust_all(m, &(struct how){.rounds = rounds, .joins = joins});
 }
 
-enum status map_covariance(struct map *m, double *tags)
-{
-    return adjust_all(m, &(struct how){.tag_covariance = tags});
-}
+enum status map_covariance(struct map *m, double *tags) { return adjust_all(m, &(struct how){.tag_covariance = tags}); }
 
 struct sum {
     double squares;
@@ -259,10 +255,7 @@ static void add(struct sum *sum, double error)
     }
 }
 
-static double rms(struct sum sum)
-{
-    return sum.count ? sqrt(sum.squares / (double)sum.count) : 0;
-}
+static double rms(struct sum sum) { return sum.count ? sqrt(sum.squares / (double)sum.count) : 0; }
 
 static void measure_tag(const struct map *m, const struct map_frame *f, int32_t k, struct sum *px, struct sum *metres)
 {

@@ -15,20 +15,20 @@ enum {
 
 struct map_feature {
     struct feature feature;
-    double depth;  // metres; 0: none, or at the edge of something
-    double guess;  // without depth, what two pictures make of it, to begin with; 0: nothing
-    int32_t point; // that it shows; -1: none
+    double depth;         // metres; 0: none, or at the edge of something
+    double guess;         // without depth, what two pictures make of it, to begin with; 0: nothing
+    int32_t point;        // that it shows; -1: none
     struct pixel read_at; // `feature.at` and `depth` as they were before map_unroll
     double depth_as_read;
 };
 
 struct map_frame {
     int64_t time_ns;
-    struct sighting *seen;    // of listed tags
-    struct tag_depth *depths; // one for each; count 0 without depth
+    struct sighting *seen;         // of listed tags
+    struct tag_depth *depths;      // one for each; count 0 without depth
     struct sighting *seen_as_read; // before map_unroll
     struct tag_depth *depths_as_read;
-    int32_t *which;           // index into map.tags
+    int32_t *which; // index into map.tags
     int32_t seen_count;
     struct map_feature *features;
     int32_t feature_count;
@@ -84,8 +84,8 @@ int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag 
 MUST_CHECK enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost);
 // The same with points less sure by loose_px: for a start that is so far off.
 MUST_CHECK enum status map_adjust_loosely(struct map *m, int rounds, double loose_px);
-// The same where tags say how large the place is: by how much all depth is too long or short is found out with the rest,
-// and corrected.
+// The same where tags say how large the place is: by how much all depth is too long or short is found out with the
+// rest, and corrected.
 MUST_CHECK enum status map_adjust_depth(struct map *m, int rounds);
 // The same with those points alone for which joins[point]; the others go with the frames.
 MUST_CHECK enum status map_adjust_by(struct map *m, int rounds, const bool *joins);
@@ -95,8 +95,8 @@ MUST_CHECK enum status map_covariance(struct map *m, double *tags);
 void map_measure(struct map *m);
 
 // ---- map_shutter.c
-// Of a rolling shutter: puts what placed frames show where the middle row's camera would have seen it, as far as the map
-// and the frames beside each tell. Each map_adjust begins with it.
+// Of a rolling shutter: puts what placed frames show where the middle row's camera would have seen it, as far as the
+// map and the frames beside each tell. Each map_adjust begins with it.
 void map_unroll(struct map *m);
 
 // ---- map_points.c: natural points

@@ -78,9 +78,9 @@ static enum status see_tags(struct worker *w, struct map_looked *out)
         if (i == 0 || seen[i - 1].id != seen[i].id)
             out->ids[out->id_count++] = seen[i].id;
         for (int32_t k = 0; k < map->tag_count && !twin; k++) { // of twins nobody knows which is meant
-            if (map->tags[k].id != seen[i].id || !refine_tag(w->refiner, out->frame.color, seen[i].id,
-                                                             &map->tags[k].pattern, seen[i].corner,
-                                                             &f->seen[f->seen_count]))
+            if (map->tags[k].id != seen[i].id ||
+                !refine_tag(w->refiner, out->frame.color, seen[i].id, &map->tags[k].pattern, seen[i].corner,
+                            &f->seen[f->seen_count]))
                 continue;
             if (depth)
                 tag_read_depth(&f->seen[f->seen_count], lens, depth, &f->depths[f->seen_count]);
@@ -207,10 +207,7 @@ void map_look_close(struct map_look **out)
     *out = NULL;
 }
 
-bool map_look_full(const struct map_look *l)
-{
-    return l->put - l->taken == SLOTS;
-}
+bool map_look_full(const struct map_look *l) { return l->put - l->taken == SLOTS; }
 
 static enum status copy(struct slot *s, const struct calibration *c, const struct frame *frame, int32_t number)
 {

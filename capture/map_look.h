@@ -18,7 +18,8 @@ struct map_looked {
 };
 
 // Calibration and tags of `map` must not change meanwhile. ERR_MEMORY, ERR_INPUT: options.
-MUST_CHECK enum status map_look_open(struct map_look **out, const struct map *map, const struct mapper_options *options);
+MUST_CHECK enum status map_look_open(struct map_look **out, const struct map *map,
+                                     const struct mapper_options *options);
 
 // As many pictures as it holds have been put and not taken.
 bool map_look_full(const struct map_look *l);
@@ -32,4 +33,4 @@ MUST_CHECK enum status map_look_take(struct map_look *l, struct map_looked *out)
 void map_look_close(struct map_look **l); // NULL is fine; sets *l = NULL
 
 bool map_depth_usable(const struct calibration *c); // it is of the colour's own pixels
-void map_frame_free(struct map_frame *f); // what it holds; zeroes it
+void map_frame_free(struct map_frame *f);           // what it holds; zeroes it

@@ -148,8 +148,8 @@ static void forget_bad(struct map *m)
 }
 
 // Without depth nothing but its sightings says how far away a point is. Where they contradict each other by more than
-// chance makes them in one case of a hundred, it is no one thing, as where a near edge crosses a far one, or slides along
-// an edge; and errs more often, and further, than it says.
+// chance makes them in one case of a hundred, it is no one thing, as where a near edge crosses a far one, or slides
+// along an edge; and errs more often, and further, than it says.
 static enum status forget_torn(struct map *m)
 {
     static const double ONE_IN_A_HUNDRED = 2.33; // standard deviations

@@ -1,6 +1,6 @@
-// A sweep by a rolling shutter: what each picture shows, put where its middle row's camera would have seen it. From what
-// was read, the camera's way through the pictures beside it, and how far what it saw is from it as the map stands; so it
-// gets better as the map does. Depth is taken to be read with the colour of its pixel.
+// A sweep by a rolling shutter: what each picture shows, put where its middle row's camera would have seen it. From
+// what was read, the camera's way through the pictures beside it, and how far what it saw is from it as the map stands;
+// so it gets better as the map does. Depth is taken to be read with the colour of its pixel.
 #include "capture/map_internal.h"
 #include "locate/shutter.h"
 

@@ -8,7 +8,7 @@ static const double AGREE_COS = 0.985; // 10 degrees: hung by hand
 static const double FLAT_COS = 0.94;   // 20 degrees: a surface that may be floor
 static const double TILT_RAD = 0.14;   // 8 degrees: the floor may correct the tags by this much
 enum { STEP_PX = 8, REACH_PX = 6, BINS = 800, MOST_SURFACE = 200000, MOST_CANDIDATES = 3000 };
-static const double HELD_COS = 0.64;  // 50 degrees: a camera is seldom held more crooked
+static const double HELD_COS = 0.64;                      // 50 degrees: a camera is seldom held more crooked
 static const double LEVEL_COS = 0.99, UPRIGHT_COS = 0.14; // 8 degrees
 static const double BIN_M = 0.01;
 

@@ -28,8 +28,9 @@ static enum status check(const struct calibration *calibration, const struct map
     if (status != OK)
         return status;
     if (calibration->color.focal_sigma > MOST_FOCAL_SIGMA)
-        return fail(ERR_INPUT, "the camera's focal length is known to %.1f %% only, and a place would be no truer; measure "
-                               "its lens and write it down (the guide says where)",
+        return fail(ERR_INPUT,
+                    "the camera's focal length is known to %.1f %% only, and a place would be no truer; measure "
+                    "its lens and write it down (the guide says where)",
                     calibration->color.focal_sigma * 100);
     if (options->most_points < 0 || options->most_points > MAP_MOST_CANDIDATES || options->most_views < 0)
         return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
@@ -252,8 +253,8 @@ static void hand_over_views(struct map *map, int32_t most, struct place *out)
     for (int32_t i = 0; i < map->frame_count; i++) {
         distance[i] = map->frames[i].placed && map->frames[i].jpeg ? 1e9 : -1;
         for (int32_t k = 0; k < out->view_count && distance[i] > 0; k++)
-            distance[i] = fmin(distance[i], apart(map->frames[i].camera_from_world,
-                                                  pose_inverse(out->views[k].world_from_camera)));
+            distance[i] = fmin(distance[i],
+                               apart(map->frames[i].camera_from_world, pose_inverse(out->views[k].world_from_camera)));
     }
     for (most += out->view_count; out->view_count < most;) {
         int32_t best = -1;

@@ -57,10 +57,7 @@ struct recorder {
     char process_sentence[512], write_sentence[512];
 };
 
-static size_t pixels(const struct lens *lens)
-{
-    return (size_t)lens->width * (size_t)lens->height;
-}
+static size_t pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
 
 static void item_free(struct item *item)
 {
@@ -144,8 +141,8 @@ static enum status track_item(struct recorder *r, struct item *item)
     if (status != OK || nobody)
         return status;
     item->has_skeleton = true;
-    item->body_changed = representative_offer(&r->representative, r->frames_processed, r->calibration,
-                                              &item->skeleton, item->depth, item->mask);
+    item->body_changed = representative_offer(&r->representative, r->frames_processed, r->calibration, &item->skeleton,
+                                              item->depth, item->mask);
     item->body = r->representative.body;
     return OK;
 }
@@ -316,7 +313,8 @@ static enum status recorder_prepare(struct recorder *r)
     enum status status = tracker_open(&r->tracker, r->calibration, &options);
     if (status == OK)
         status = settle_open(&r->settle, r->calibration);
-    if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) && r->calibration->color.width > 0)
+    if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) &&
+        r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
         status = queue_open(&r->to_process, WAITING_FRAMES);

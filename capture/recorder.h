@@ -15,8 +15,8 @@
 #include "platform/source.h"
 
 struct recorder_options {
-    bool (*should_stop)(void);      // asked before every frame read, and looked back at, where true leaves the joints
-                                    // as they were told; NULL = never
+    bool (*should_stop)(void);       // asked before every frame read, and looked back at, where true leaves the joints
+                                     // as they were told; NULL = never
     void (*on_frame)(void *context); // called on the caller's thread for every frame read; may be NULL
     void (*on_settle)(void *context, int64_t frames); // so many are now looked back at; may be NULL
     void (*on_settled)(void *context);                // on the caller's thread for each of them; may be NULL
@@ -24,13 +24,13 @@ struct recorder_options {
 };
 
 struct recorder_result {
-    int64_t frames;          // written
-    int64_t tracked;         // of them with a person
-    int64_t dropped;         // lost by the sensor or by us
-    int64_t damaged;         // pictures that could not be read
-    char first_damage[256];  // what the first of them said; "" when none
-    bool located;            // the sensor was found in the place
-    int sensor_moves;        // how often it was moved on the way
+    int64_t frames;             // written
+    int64_t tracked;            // of them with a person
+    int64_t dropped;            // lost by the sensor or by us
+    int64_t damaged;            // pictures that could not be read
+    char first_damage[256];     // what the first of them said; "" when none
+    bool located;               // the sensor was found in the place
+    int sensor_moves;           // how often it was moved on the way
     double slowest_ms, mean_ms; // locating, segmenting and tracking one frame
     double settle_ms;           // a frame, looking back; 0 where that was not done
 };

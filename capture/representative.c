@@ -19,10 +19,7 @@ static const double WIDEST_M = 0.35;
 // Depth steps by less than this between neighbouring pixels of one limb: four
 // standard deviations of a Kinect's reading (1.5e-3 z^2 m, Khoshelham and
 // Elberink 2012) and a slope of 60 degrees over a pixel at f = 525.
-static double largest_step_m(double z_m)
-{
-    return 4 * 1.5e-3 * z_m * z_m + 0.0033 * z_m + 0.005;
-}
+static double largest_step_m(double z_m) { return 4 * 1.5e-3 * z_m * z_m + 0.0033 * z_m + 0.005; }
 
 void representative_start(struct representative *r)
 {
@@ -31,10 +28,7 @@ void representative_start(struct representative *r)
         r->part_best[p] = -1;
 }
 
-static bool known(const struct skeleton *s, enum joint a)
-{
-    return s->confidence[a] > 0;
-}
+static bool known(const struct skeleton *s, enum joint a) { return s->confidence[a] > 0; }
 
 // theta_n * a_n of equation 3 for one arm: the angle between torso and arm, times
 // how parallel to the picture the arm lies.
@@ -103,10 +97,9 @@ static double distance_to_part(const struct seen *seen, enum part p, double x, d
 // widths of an adult (Drillis and Contini 1966), wanted only to say which of two
 // bones a pixel between them belongs to.
 static const double thickness[PART_COUNT] = {
-    [PART_HEAD] = 0.55,          [PART_UPPER_TORSO] = 1,         [PART_LOWER_TORSO] = 0.95,
-    [PART_LEFT_UPPER_ARM] = 0.3, [PART_LEFT_FOREARM] = 0.25,     [PART_RIGHT_UPPER_ARM] = 0.3,
-    [PART_RIGHT_FOREARM] = 0.25, [PART_LEFT_THIGH] = 0.5,        [PART_LEFT_SHIN] = 0.35,
-    [PART_RIGHT_THIGH] = 0.5,    [PART_RIGHT_SHIN] = 0.35,
+    [PART_HEAD] = 0.55,         [PART_UPPER_TORSO] = 1,       [PART_LOWER_TORSO] = 0.95,   [PART_LEFT_UPPER_ARM] = 0.3,
+    [PART_LEFT_FOREARM] = 0.25, [PART_RIGHT_UPPER_ARM] = 0.3, [PART_RIGHT_FOREARM] = 0.25, [PART_LEFT_THIGH] = 0.5,
+    [PART_LEFT_SHIN] = 0.35,    [PART_RIGHT_THIGH] = 0.5,     [PART_RIGHT_SHIN] = 0.35,
 };
 
 // No other bone that the pixel lies alongside of is nearer, measured in their

@@ -79,8 +79,8 @@ enum status segmenter_open(struct segmenter **out, const struct lens *lens)
     s->front = calloc(UINT16_MAX + 1, sizeof *s->front);
     s->person = calloc(n, 1);
     s->before = calloc(n, 1);
-    if (!s->ray || !s->depth || !s->label || !s->parent || !s->candidate || !s->background || !s->sightings || !s->nearer || !s->given ||
-        !s->fixed || !s->limit || !s->front || !s->person || !s->before) {
+    if (!s->ray || !s->depth || !s->label || !s->parent || !s->candidate || !s->background || !s->sightings ||
+        !s->nearer || !s->given || !s->fixed || !s->limit || !s->front || !s->person || !s->before) {
         segmenter_close(&s);
         return fail(ERR_MEMORY, "not enough memory to segment depth pictures of %d x %d", lens->width, lens->height);
     }
@@ -206,7 +206,8 @@ static void read_cells(struct segmenter *s, const uint16_t *picture)
     for (int y = 0; y < s->height; y++) {
         read_row(s, picture, y + 1, rows[(y + 1) % 3]);
         bool inner = y > 0 && y < s->height - 1;
-        const uint16_t *here = rows[y % 3], *above = inner ? rows[(y + 2) % 3] : here, *below = inner ? rows[(y + 1) % 3] : here;
+        const uint16_t *here = rows[y % 3], *above = inner ? rows[(y + 2) % 3] : here,
+                       *below = inner ? rows[(y + 1) % 3] : here;
         uint16_t *out = s->depth + y * w;
         for (int x = 0; x < w; x++) {
             int d = here[x], left = x > 0 && x < w - 1 ? here[x - 1] : d, right = x > 0 && x < w - 1 ? here[x + 1] : d,
@@ -298,7 +299,8 @@ static void level_axes(const struct segmenter *s, struct vec3 *across, struct ve
 static void clear_components(struct segmenter *s)
 {
     for (int c = 0; c < s->component_count; c++)
-        s->components[c] = (struct component){.top = -1e9, .bottom = 1e9, .low = {1e9, 1e9, 1e9}, .high = {-1e9, -1e9, -1e9}};
+        s->components[c] =
+            (struct component){.top = -1e9, .bottom = 1e9, .low = {1e9, 1e9, 1e9}, .high = {-1e9, -1e9, -1e9}};
 }
 
 // How many cells each component has, and how many of them are close to the balls.
@@ -466,7 +468,8 @@ static bool belongs(const struct segmenter *s, const struct component *c, const 
     for (int k = 0; k < 3; k++)
         away[k] = c->sum[k] / c->cells - main->sum[k] / main->cells;
     // As large as the main part: somebody else, unless both are in one place, parted by an arm before them.
-    bool stacked = fabs(away[0]) < 0.3 && fabs(away[2]) < 0.3 && fmax(c->top, main->top) - fmin(c->bottom, main->bottom) < 2.4;
+    bool stacked =
+        fabs(away[0]) < 0.3 && fabs(away[2]) < 0.3 && fmax(c->top, main->top) - fmin(c->bottom, main->bottom) < 2.4;
     if (c->area_m2 > 0.6 * main->area_m2 && !stacked)
         return false;
     if (fabs(away[2]) > 0.9 || fabs(away[0]) > 1.1)

@@ -5,9 +5,9 @@
 
 enum {
     COLUMNS_MAX = 320,
-    JUMPS = 10001,         // depths whose jump and noise are looked up, mm
-    SETTLED_FRAMES = 3,    // a background value is believed after so many sightings
-    REPLACED_FRAMES = 24,  // something nearer that stays this long becomes background
+    JUMPS = 10001,        // depths whose jump and noise are looked up, mm
+    SETTLED_FRAMES = 3,   // a background value is believed after so many sightings
+    REPLACED_FRAMES = 24, // something nearer that stays this long becomes background
 };
 
 struct segmenter {
@@ -22,12 +22,12 @@ struct segmenter {
     int32_t *parent;         // union-find
     int32_t *candidate;      // the cells that may be the person, in the picture's order
     int candidate_count;
-    uint16_t *background;    // per cell, learned; 0 unknown
+    uint16_t *background; // per cell, learned; 0 unknown
     uint8_t *sightings, *nearer;
-    uint16_t *given;         // per cell, given; 0 unknown
-    uint16_t *fixed;         // per cell: the furthest depth in front of the floor and of what is given, mm
-    uint16_t *limit;         // the same, and in front of what was learned: up to there it may be the person
-    uint16_t *front;         // by a surface's depth, mm: the furthest reading that is in front of it for certain
+    uint16_t *given;          // per cell, given; 0 unknown
+    uint16_t *fixed;          // per cell: the furthest depth in front of the floor and of what is given, mm
+    uint16_t *limit;          // the same, and in front of what was learned: up to there it may be the person
+    uint16_t *front;          // by a surface's depth, mm: the furthest reading that is in front of it for certain
     uint8_t *person, *before; // per cell
     struct component *components;
     int component_count, component_room;
@@ -41,15 +41,15 @@ struct segmenter {
 struct component {
     int cells;
     double area_m2;
-    double top, bottom;       // along up, metres (over the floor when known)
-    double low[3], high[3];   // bounds: across, depth (horizontal), and picture depth
-    double sum[3];            // of the points
+    double top, bottom;     // along up, metres (over the floor when known)
+    double low[3], high[3]; // bounds: across, depth (horizontal), and picture depth
+    double sum[3];          // of the points
     int border_left, border_right, border_bottom, border_top;
-    int overlap;              // cells that were the person's before
-    int close;                // cells close to the predicted body
-    int touching;             // cells beside what is the person's already
-    bool mine;                // it is the person, or a part of them
-    double top_width;         // how wide it is within 0.2 m of its top
+    int overlap;      // cells that were the person's before
+    int close;        // cells close to the predicted body
+    int touching;     // cells beside what is the person's already
+    bool mine;        // it is the person, or a part of them
+    double top_width; // how wide it is within 0.2 m of its top
 };
 
 static inline int by_depth(const uint16_t table[JUMPS], int depth_mm)

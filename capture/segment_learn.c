@@ -82,7 +82,8 @@ void segmenter_learn(struct segmenter *s)
                 continue;
             // Inside the person's bounds nothing is learned that is not clearly behind
             // them: it may be a part of them that the mask lost.
-            if (d < far + 400 && x > person.left - 8 && x < person.right + 8 && y > person.top - 8 && y < person.bottom + 4)
+            if (d < far + 400 && x > person.left - 8 && x < person.right + 8 && y > person.top - 8 &&
+                y < person.bottom + 4)
                 continue;
             int said = learn_cell(s, i, d);
             known += said != 0;

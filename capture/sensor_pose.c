@@ -26,17 +26,16 @@ struct sensor_pose {
     struct vec3 *anchors; // the tags' middles, world axes; in a place without tags its points
     int32_t anchor_count;
     int64_t frame;
-    int poses;         // in the mean; 0 = not located
+    int poses; // in the mean; 0 = not located
     struct pose mean;
     double mean_weight;
     double least_sigma_m; // of the poses in the mean
-    int rival_checks;  // that agreed with the rival in a row; 0 = there is none
+    int rival_checks;     // that agreed with the rival in a row; 0 = there is none
     struct pose rival;
     int moves;
 };
 
-enum status sensor_pose_open(struct sensor_pose **out, const struct place *place,
-                             const struct calibration *calibration)
+enum status sensor_pose_open(struct sensor_pose **out, const struct place *place, const struct calibration *calibration)
 {
     struct sensor_pose *s = calloc(1, sizeof *s);
     *out = NULL;
@@ -172,9 +171,9 @@ static struct pose same_everywhere(struct pose p)
     const double turns = 1 << 17, steps_a_m = 1 << 14;
     const struct quat q = p.rotation;
     const struct vec3 t = p.translation;
-    return (struct pose){quat_unit((struct quat){rounded(q.x, turns), rounded(q.y, turns), rounded(q.z, turns),
-                                                 rounded(q.w, turns)}),
-                         v3(rounded(t.x, steps_a_m), rounded(t.y, steps_a_m), rounded(t.z, steps_a_m))};
+    return (struct pose){
+        quat_unit((struct quat){rounded(q.x, turns), rounded(q.y, turns), rounded(q.z, turns), rounded(q.w, turns)}),
+        v3(rounded(t.x, steps_a_m), rounded(t.y, steps_a_m), rounded(t.z, steps_a_m))};
 }
 
 bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera)
@@ -183,7 +182,4 @@ bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera
     return s->poses > 0;
 }
 
-int sensor_pose_moves(const struct sensor_pose *s)
-{
-    return s->moves;
-}
+int sensor_pose_moves(const struct sensor_pose *s) { return s->moves; }

@@ -5,27 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GAP_NS 200000000     // frames further from each other are not one motion
-#define AGREE_M 0.06         // two places of a limb about this far apart are half averaged
-#define TURNED_M 0.15        // trunks further apart stand another way round
-#define PICTURE_ODDS_MOST 3  // one picture alone may err
-#define CHANGE_M 0.05        // a limb that goes this far from one frame to the next costs 1 in odds
-#define CHANGE_ODDS_MOST 50.0
-#define AROUND_NS 500000000  // so far to both sides trembling is averaged
-#define LINE_M 0.010         // off the line between two moments; more is motion
-#define FASTEST_M_S 6.5      // of a thrown punch, as in body_steady.c
-enum { SMOOTHINGS = 2, SLOWINGS = 60, REPAIRS = 40 }; // the second smoothing knows better than the first where the line is
+#define GAP_NS            200000000 // frames further from each other are not one motion
+#define AGREE_M           0.06      // two places of a limb about this far apart are half averaged
+#define TURNED_M          0.15      // trunks further apart stand another way round
+#define PICTURE_ODDS_MOST 3         // one picture alone may err
+#define CHANGE_M          0.05      // a limb that goes this far from one frame to the next costs 1 in odds
+#define CHANGE_ODDS_MOST  50.0
+#define AROUND_NS         500000000 // so far to both sides trembling is averaged
+#define LINE_M            0.010     // off the line between two moments; more is motion
+#define FASTEST_M_S       6.5       // of a thrown punch, as in body_steady.c
+enum {
+    SMOOTHINGS = 2,
+    SLOWINGS = 60,
+    REPAIRS = 40
+}; // the second smoothing knows better than the first where the line is
 
 enum way { AHEAD, BACK, WAYS };
 
 struct moment {
     int64_t time_ns;
-    int person;                     // counts those found; -1: nobody
+    int person; // counts those found; -1: nobody
     bool looked_back;
-    struct body_pose pose;          // the way forward, as told
-    struct skeleton way[WAYS];      // depth camera's axes
-    struct pose_odds odds;          // against the way forward
-    struct skeleton settled;        // at last in the colour camera's axes
+    struct body_pose pose;     // the way forward, as told
+    struct skeleton way[WAYS]; // depth camera's axes
+    struct pose_odds odds;     // against the way forward
+    struct skeleton settled;   // at last in the colour camera's axes
 };
 
 struct settle {
@@ -38,7 +42,9 @@ struct settle {
     int looked_at; // the person
 };
 
-static const struct { enum joint root, bend, tip; } limb[LIMB_COUNT] = {
+static const struct {
+    enum joint root, bend, tip;
+} limb[LIMB_COUNT] = {
     {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
     {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
     {JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},

@@ -21,7 +21,8 @@ void settle_close(struct settle **s); // NULL is fine; sets *s = NULL
 
 // After each frame of the take: what the tracker told of it, NULL where there is nobody or no depth.
 // time_ns must rise. ERR_MEMORY: 2 KiB a frame are kept.
-MUST_CHECK enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_ns, const struct skeleton *told);
+MUST_CHECK enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_ns,
+                                   const struct skeleton *told);
 
 // When all were noted: each frame that has depth, from the last to the first. The tracker is the
 // same. ERR_MEMORY.

@@ -10,10 +10,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BALLS_MAX = 2 * 4 * SOLID_COUNT, TURN_EVERY = 4, TURN_START = 24, LEARN_EVERY = 2, HEM_EVERY = 4, HEM_PICTURES = 8 };
+enum {
+    BALLS_MAX = 2 * 4 * SOLID_COUNT,
+    TURN_EVERY = 4,
+    TURN_START = 24,
+    LEARN_EVERY = 2,
+    HEM_EVERY = 4,
+    HEM_PICTURES = 8
+};
 
 #define ELSEWHERE_M 0.08 // a limb that a search moves further than this was lost
-#define APART_M 0.04     // two places of a limb nearer than this are the same
+#define APART_M     0.04 // two places of a limb nearer than this are the same
 
 struct tracker {
     struct tracker_options options;
@@ -22,25 +29,25 @@ struct tracker {
     struct body_evidence *evidence;
     struct fit_room *room;
     uint8_t *mask;
-    bool following, back;            // back: frames come in falling order, their times negated here
-    int found_count;                 // how often somebody was found anew
-    struct body_pose pose, before;   // of the last two frames
-    struct body_steady shown;        // what was reported last
-    int64_t time_ns, before_ns;      // their times
-    bool moving;                     // `before` is there
-    struct body_pose other;          // in the next frame: where the other way had the body
+    bool following, back;          // back: frames come in falling order, their times negated here
+    int found_count;               // how often somebody was found anew
+    struct body_pose pose, before; // of the last two frames
+    struct body_steady shown;      // what was reported last
+    int64_t time_ns, before_ns;    // their times
+    bool moving;                   // `before` is there
+    struct body_pose other;        // in the next frame: where the other way had the body
     bool has_other;
     struct shape_belief shape;
     double learned_s;
     struct hem_belief hem;
-    struct body_pose taught;         // the last one that taught much of the shape
-    int64_t lost_since_ns;           // 0: in sight
+    struct body_pose taught; // the last one that taught much of the shape
+    int64_t lost_since_ns;   // 0: in sight
     int poor_frames, frames;
-    double turned_evidence;          // that the person looks the other way, as a logarithm of odds
-    double swapped_evidence;         // the same for their legs
+    double turned_evidence;                // that the person looks the other way, as a logarithm of odds
+    double swapped_evidence;               // the same for their legs
     double elsewhere_evidence[LIMB_COUNT]; // and that a limb is elsewhere
     bool found_elsewhere[LIMB_COUNT];      // in this frame it turned out to
-    bool turned;                     // in this frame they turned out to
+    bool turned;                           // in this frame they turned out to
     bool seen_ever[JOINT_COUNT];
     float out_of_picture_s[JOINT_COUNT];
     struct tracker_times times;
@@ -52,12 +59,13 @@ struct tracker_options tracker_default_options(void)
     return (struct tracker_options){.points = 600, .iterations = 5, .learn_s = 10, .patience_s = 0.7};
 }
 
-enum status tracker_open(struct tracker **out, const struct calibration *calibration, const struct tracker_options *options)
+enum status tracker_open(struct tracker **out, const struct calibration *calibration,
+                         const struct tracker_options *options)
 {
     *out = NULL;
     struct tracker_options o = options ? *options : tracker_default_options();
-    if (o.points < 100 || o.points > EVIDENCE_POINTS_MAX || o.iterations < 1 || o.iterations > 30 || !(o.learn_s >= 0) ||
-        !(o.patience_s >= 0))
+    if (o.points < 100 || o.points > EVIDENCE_POINTS_MAX || o.iterations < 1 || o.iterations > 30 ||
+        !(o.learn_s >= 0) || !(o.patience_s >= 0))
         return fail(ERR_INPUT, "tracking: points (%d) must be 100 to %d, iterations (%d) 1 to 30, times not negative",
                     o.points, EVIDENCE_POINTS_MAX, o.iterations);
     enum status status = lens_check(&calibration->depth, "depth");
@@ -99,7 +107,10 @@ void tracker_close(struct tracker **t)
 
 void tracker_set_background(struct tracker *t, const uint16_t *depth) { segmenter_set_background(t->segmenter, depth); }
 
-void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m) { segmenter_set_floor(t->segmenter, up, height_m); }
+void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m)
+{
+    segmenter_set_floor(t->segmenter, up, height_m);
+}
 
 struct tracker_times tracker_times(const struct tracker *t) { return t->times; }
 
@@ -188,10 +199,11 @@ static void report(struct tracker *t, const struct fit_result *fit, double passe
     body_build(&fit->shape, &t->shown.pose, &build);
     double size = exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     static const double radius[JOINT_COUNT] = {
-        [JOINT_HEAD] = 0.05, [JOINT_NECK] = 0.04, [JOINT_LEFT_SHOULDER] = 0.032, [JOINT_LEFT_ELBOW] = 0.024,
-        [JOINT_LEFT_HAND] = 0.017, [JOINT_RIGHT_SHOULDER] = 0.032, [JOINT_RIGHT_ELBOW] = 0.024,
-        [JOINT_RIGHT_HAND] = 0.017, [JOINT_TORSO] = 0.058, [JOINT_WAIST] = 0.058, [JOINT_LEFT_HIP] = 0.055,
-        [JOINT_LEFT_KNEE] = 0.034, [JOINT_LEFT_FOOT] = 0.024, [JOINT_RIGHT_HIP] = 0.055, [JOINT_RIGHT_KNEE] = 0.034,
+        [JOINT_HEAD] = 0.05,         [JOINT_NECK] = 0.04,        [JOINT_LEFT_SHOULDER] = 0.032,
+        [JOINT_LEFT_ELBOW] = 0.024,  [JOINT_LEFT_HAND] = 0.017,  [JOINT_RIGHT_SHOULDER] = 0.032,
+        [JOINT_RIGHT_ELBOW] = 0.024, [JOINT_RIGHT_HAND] = 0.017, [JOINT_TORSO] = 0.058,
+        [JOINT_WAIST] = 0.058,       [JOINT_LEFT_HIP] = 0.055,   [JOINT_LEFT_KNEE] = 0.034,
+        [JOINT_LEFT_FOOT] = 0.024,   [JOINT_RIGHT_HIP] = 0.055,  [JOINT_RIGHT_KNEE] = 0.034,
         [JOINT_RIGHT_FOOT] = 0.024,
     };
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -249,7 +261,8 @@ static double backwards_odds(const struct tracker *t)
 {
     const double(*pelvis)[3] = (const double(*)[3])t->room->best.build.axes[SEG_PELVIS];
     struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
-    return (t->back ? -6 : 6) * fmax(-1, fmin(1, -v3_dot(t->shown.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
+    return (t->back ? -6 : 6) *
+           fmax(-1, fmin(1, -v3_dot(t->shown.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
 }
 
 // A person in front and one from behind look much alike, and so do legs that crossed. Now and
@@ -268,7 +281,8 @@ static bool is_otherwise(struct tracker *t, const struct fit_task *task)
                                        turned_round_gain(task, t->room) - 0.1 * energy + backwards_odds(t), 20);
     bool tails = task->shape.mean.hem_m > 0;
     return t->frames % every == every / 2 &&
-           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - (tails ? 0.02 : 0.2) * energy, tails ? 10 : 20);
+           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - (tails ? 0.02 : 0.2) * energy,
+                       tails ? 10 : 20);
 }
 
 // An arm may hide before the trunk so that nothing is left unexplained: one arm a frame is thought over.
@@ -392,7 +406,8 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     size_t pixels = (size_t)t->calibration.depth.width * (size_t)t->calibration.depth.height;
     if (mask)
         memset(mask, 0, pixels);
-    if (t->following && (time_ns <= t->time_ns || (t->lost_since_ns && (double)(time_ns - t->lost_since_ns) > t->options.patience_s * 1e9))) {
+    if (t->following && (time_ns <= t->time_ns ||
+                         (t->lost_since_ns && (double)(time_ns - t->lost_since_ns) > t->options.patience_s * 1e9))) {
         if (time_ns > t->time_ns)
             forget_person(t);
         t->moving = false;
@@ -494,8 +509,13 @@ struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
     if (!any)
         return odds;
     // As far a reach as in the search for limbs: what is left unexplained has to count.
-    struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = *other, .expected_sigma = 2,
-                            .shape = t->shape, .iterations = 2, .reach_m = 0.12};
+    struct fit_task task = {.every = 1,
+                            .evidence = t->evidence,
+                            .expected = *other,
+                            .expected_sigma = 2,
+                            .shape = t->shape,
+                            .iterations = 2,
+                            .reach_m = 0.12};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     struct fit_result *judged = &t->room->other;
     body_fit(&task, other, &t->room->trial); // a fit beside a fit

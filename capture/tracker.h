@@ -15,10 +15,10 @@
 struct tracker;
 
 struct tracker_options {
-    int points;          // of the person, a frame. More is steadier and slower. 100..1600, default 600
-    int iterations;      // a frame, 1..30. Default 5
-    double learn_s;      // how long proportions are learned, from the first frame. Default 10
-    double patience_s;   // how long a person out of sight is expected back where they were. Default 0.7
+    int points;        // of the person, a frame. More is steadier and slower. 100..1600, default 600
+    int iterations;    // a frame, 1..30. Default 5
+    double learn_s;    // how long proportions are learned, from the first frame. Default 10
+    double patience_s; // how long a person out of sight is expected back where they were. Default 0.7
 };
 struct tracker_options tracker_default_options(void);
 

@@ -45,7 +45,8 @@ static const struct limb limb[LIMB_COUNT] = {
     {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, 16},
 };
 
-static struct body_pose reach_for(const struct fit_result *from, const struct limb *l, struct vec3 target, struct vec3 bulge)
+static struct body_pose reach_for(const struct fit_result *from, const struct limb *l, struct vec3 target,
+                                  struct vec3 bulge)
 {
     struct body_pose pose = from->pose;
     pose.turn[l->end] = (struct quat){0, 0, 0, 1};
@@ -53,8 +54,8 @@ static struct body_pose reach_for(const struct fit_result *from, const struct li
     return pose;
 }
 
-struct loose { // points that nothing explains, within a limb's reach
-    struct vec3 far; // the one that is farthest off
+struct loose {                       // points that nothing explains, within a limb's reach
+    struct vec3 far;                 // the one that is farthest off
     struct vec3 own_far, own_middle; // of those nearer to this limb's root than to its twin's
     int count, own;
 };
@@ -63,7 +64,8 @@ static struct loose find_loose(const struct body_evidence *e, const struct fit_r
 {
     struct vec3 base = r->build.origin[l->upper], twin = r->build.origin[body_mirror(l->upper)];
     double reach = 1.25 * (v3_distance(base, r->build.origin[l->lower]) +
-                           v3_distance(r->build.origin[l->lower], r->build.origin[l->end])) + 0.05;
+                           v3_distance(r->build.origin[l->lower], r->build.origin[l->end])) +
+                   0.05;
     struct loose out = {.far = base, .own_far = base};
     for (int i = 0; i < e->count; i++) {
         struct vec3 p = e->point[i].p;
@@ -175,8 +177,8 @@ double legs_swapped_gain(const struct fit_task *given, struct fit_room *room)
 {
     struct fit_result *best = &room->best;
     double(*pelvis)[3] = best->build.axes[SEG_PELVIS];
-    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]),
-                left = best->build.origin[SEG_LEFT_FOOT], right = best->build.origin[SEG_RIGHT_FOOT];
+    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]), left = best->build.origin[SEG_LEFT_FOOT],
+                right = best->build.origin[SEG_RIGHT_FOOT];
     struct body_pose one = reach_for(best, &limb[2], right, ahead), other = reach_for(best, &limb[3], left, ahead),
                      pose = best->pose, now = best->pose;
     for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
@@ -203,7 +205,7 @@ void limb_copy(int k, const struct body_pose *from, struct body_pose *to)
 enum { TARGETS = 4, KEPT = 2 };
 
 #define APART_M 0.12 // places nearer to each other than this are one, and a fit comes from the one to the other
-#define ROUGH 3.0 // a fit takes about this much energy off a place: four of five that a fit makes better are within it
+#define ROUGH   3.0 // a fit takes about this much energy off a place: four of five that a fit makes better are within it
 
 struct place {
     struct body_pose pose;
@@ -248,7 +250,8 @@ static void find_targets(struct limb_task *t)
     const struct fit_result *r = t->best;
     struct vec3 base = r->build.origin[t->limb->upper];
     double reach = 1.15 * (v3_distance(base, r->build.origin[t->limb->lower]) +
-                           v3_distance(r->build.origin[t->limb->lower], r->build.origin[t->limb->end])) + 0.05;
+                           v3_distance(r->build.origin[t->limb->lower], r->build.origin[t->limb->end])) +
+                   0.05;
     t->count = t->targets = 0;
     for (int i = 0; i < e->count; i++) {
         struct vec3 p = e->point[i].p;

@@ -5,9 +5,9 @@
 #include <string.h>
 
 enum { YAWS = 8 };
-#define BACK_RATE 2.0
+#define BACK_RATE  2.0
 #define WAIST_RATE 0.571 // the waist joint, of body height over the floor
-#define PI 3.14159265358979323846
+#define PI         3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
 {
@@ -33,9 +33,9 @@ static double rank_of(double *values, int count, double share)
 struct start {
     double top, bottom, height; // over the floor or any level
     struct vec3 trunk;          // a point of the trunk's surface, its middle
-    bool cut;    // by the picture's lower edge or by something before the legs
-    bool beheaded; // by its upper edge
-    int halved;  // by its left (-1) or right (1) edge
+    bool cut;                   // by the picture's lower edge or by something before the legs
+    bool beheaded;              // by its upper edge
+    int halved;                 // by its left (-1) or right (1) edge
 };
 
 static double level_of(const struct fit_task *task, struct vec3 p) { return v3_dot(task->up, p) + task->floor_m; }
@@ -83,7 +83,8 @@ static void raise_arms(struct body_pose *pose, double left, double right)
 }
 
 // Fits from `pose` and keeps what is likelier than `best`, the energy so far.
-static double fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_room *room, double best, bool cut)
+static double fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_room *room, double best,
+                        bool cut)
 {
     task->expected = *pose;
     task->expected_sigma = 8;
@@ -137,7 +138,8 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     task->every = 3;
     for (int turn = 0; turn < (s.halved ? 1 : YAWS); turn++) // half a person fits any way
         for (int a = 0; a < 2; a++)
-            for (int k = 0; k < (s.halved || middle ? 3 : 1); k++) { // and their middle is nearer to the edge, or beyond
+            for (int k = 0; k < (s.halved || middle ? 3 : 1);
+                 k++) { // and their middle is nearer to the edge, or beyond
                 double by = away[k] * s.height;
                 struct vec3 at = v3_add(root, v3_add(v3(s.halved * by, 0, 0), v3_scale(task->up, middle ? 2 * by : 0)));
                 struct body_pose pose = body_rest_pose(at, task->up, turn * 2 * PI / YAWS);

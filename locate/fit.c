@@ -8,7 +8,7 @@
 // The fit begins with corners this uncertain and tightens, so that tags far from
 // the one that gave the start can pull although they are pixels off.
 static const double STAGES_PX[] = {8, 2, 0.5, 0};
-static const double ROBUST = 3;         // standard deviations from where on errors lose weight
+static const double ROBUST = 3; // standard deviations from where on errors lose weight
 // Two poses count as different from here on, and as equally good up to here.
 static const double APART_RAD = 0.05, APART_M = 0.05, ALIKE_COST = 12;
 
@@ -178,8 +178,7 @@ static double add_tag(struct normal *n, const struct fit_tag *tag, const double 
 
 // One point's part.
 static double add_point(struct normal *n, const struct fit_point *point, double extra_px,
-                        const struct shutter_motion *motion, const struct pose *camera_from_world, double fx,
-                        double fy)
+                        const struct shutter_motion *motion, const struct pose *camera_from_world, double fx, double fy)
 {
     struct vec3 p = shutter_moved(motion, point->time_s, pose_apply(*camera_from_world, point->world));
     if (!(p.z > 1e-2))
@@ -247,9 +246,8 @@ static void normal_equations(const struct evidence *all, const struct pose *came
         add_expected(n, all->motion);
     for (int i = 0; i < all->tag_count; i++)
         if (all->tags[i].used)
-            n->cost +=
-                add_tag(n, &all->tags[i], all->information[i].a, all->motion, camera_from_world, all->depth, all->fx,
-                        all->fy);
+            n->cost += add_tag(n, &all->tags[i], all->information[i].a, all->motion, camera_from_world, all->depth,
+                               all->fx, all->fy);
     for (int i = 0; i < all->point_count; i++)
         n->cost += add_point(n, &all->points[i], all->point_px, all->motion, camera_from_world, all->fx, all->fy);
 }

@@ -16,36 +16,36 @@ struct fit_tag {
     const struct tag_depth *depth; // or NULL
     struct pose world_from_tag;
     double side_m;
-    double map_px; // how well its corners are seen, beside the picture's noise: standard deviation
+    double map_px;           // how well its corners are seen, beside the picture's noise: standard deviation
     const float *covariance; // how surely the map has it, as struct place_tag; or NULL: exactly
-    bool used;     // out: in agreement with the pose
-    double rms_px; // out: reprojection error of its corners
+    bool used;               // out: in agreement with the pose
+    double rms_px;           // out: reprojection error of its corners
 };
 
 // A natural point whose place is known, seen on the ray (x, y, 1).
 struct fit_point {
     struct vec3 world;
     double x, y;
-    double sigma_px; // of either coordinate, beside `own`
-    double z;        // depth read there, metres; 0: none
-    double own[3];   // covariance beside sigma_px: xx, xy, yy, pixels^2
-    double time_s;   // when its row was read, as shutter_time
+    double sigma_px;   // of either coordinate, beside `own`
+    double z;          // depth read there, metres; 0: none
+    double own[3];     // covariance beside sigma_px: xx, xy, yy, pixels^2
+    double time_s;     // when its row was read, as shutter_time
     double z_variance; // of the place's own distance, m^2
 };
 
 struct camera_fit {
     struct pose camera_from_world;
-    struct pose other; // with AMBIGUOUS: the second best
-    double rms_px;     // over the corners used
-    double cost;       // robust, whitened; of the tags used
+    struct pose other;  // with AMBIGUOUS: the second best
+    double rms_px;      // over the corners used
+    double cost;        // robust, whitened; of the tags used
     double other_worse; // by how much the other's cost is higher
     int32_t used;
     struct shutter_motion motion, other_motion; // with a rolling shutter
 };
 
-// fx, fy: what a pixel is. motion: what is known of the camera's before; NULL: no rolling shutter. 0 <= count <= FIT_MAX_TAGS; the same tag may be there
-// twice, one at most is used.
-// OK, NOTHING (no pose fits within max_rms_px; *out untouched) or AMBIGUOUS
+// fx, fy: what a pixel is. motion: what is known of the camera's before; NULL: no rolling shutter. 0 <= count <=
+// FIT_MAX_TAGS; the same tag may be there twice, one at most is used. OK, NOTHING (no pose fits within max_rms_px; *out
+// untouched) or AMBIGUOUS
 // (*out is the better of two poses that are apart but fit alike).
 enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
                        const struct shutter_motion *motion, struct camera_fit *out);
@@ -55,8 +55,7 @@ enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, do
 // for a start that is far off. motion: the speed is fitted too; NULL: no rolling shutter.
 // Returns the robust cost.
 double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
-                  double point_px, double fx, double fy, struct shutter_motion *motion,
-                  struct pose *camera_from_world);
+                  double point_px, double fx, double fy, struct shutter_motion *motion, struct pose *camera_from_world);
 
 // How sure fit_refine's pose is: the covariance of a small motion (turn, then shift; camera
 // axes, radians and metres) of the camera, row-major. Errors larger than the evidence owns

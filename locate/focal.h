@@ -9,8 +9,9 @@ struct focal {
     int pictures;
 };
 
-// Adds what a picture says; depth is not asked. motion: of a rolling shutter, or NULL. points: at most FOCAL_MOST_POINTS are used.
-// Nothing changes where the picture leaves the focal length open: all of one plane, head-on.
+// Adds what a picture says; depth is not asked. motion: of a rolling shutter, or NULL. points: at most
+// FOCAL_MOST_POINTS are used. Nothing changes where the picture leaves the focal length open: all of one plane,
+// head-on.
 enum { FOCAL_MOST_POINTS = 400 };
 void focal_add(struct focal *f, const struct fit_tag *tags, int count, const struct fit_point *points, int point_count,
                double fx, double fy, const struct shutter_motion *motion, const struct pose *camera_from_world);

@@ -17,7 +17,7 @@ enum { MEMORY = 10 }; // pictures that say how exactly
 enum { ENOUGH_TO_TRUST = 24 };
 static const double TRUST_PX = 2;
 static const double CHANGE_PX = 0.05; // by how much more a track errs in the next picture
-static const double NEW_LOOK = 0.08; // a patch seen from this much aside (radians), nearer or further is cut anew
+static const double NEW_LOOK = 0.08;  // a patch seen from this much aside (radians), nearer or further is cut anew
 
 // Where a point is for the camera when the row is read that shows it.
 static struct vec3 seen_at(const struct locator *l, const struct pose *camera_from_world, struct vec3 world,
@@ -34,8 +34,7 @@ void locator_add_track(struct locator *l, int32_t point, struct vec3 world, cons
     struct point_track *t = &l->tracks[l->track_count];
     double time_s = shutter_time(&l->lens, at.y);
     struct vec3 p = seen_at(l, camera_from_world, world, time_s), ray = lens_ray(&l->lens, at);
-    *t = (struct point_track){
-        .point = point, .world = world, .at = at, .ray = ray, .time_s = time_s};
+    *t = (struct point_track){.point = point, .world = world, .at = at, .ray = ray, .time_s = time_s};
     memcpy(t->seen, seen, sizeof t->seen);
     t->off[0] = point < 0 ? 0 : l->lens.fx * (ray.x - p.x / p.z);
     t->off[1] = point < 0 ? 0 : l->lens.fy * (ray.y - p.y / p.z);
@@ -53,8 +52,7 @@ static void add_corners(struct locator *l, const struct fit_tag *tags, const str
         const double sure[3] = {CORNER_PX * CORNER_PX, 0, CORNER_PX * CORNER_PX};
         place_tag_corners(&l->tags[l->which[i]], world);
         for (int k = 0; k < 4 && tags[i].used; k++)
-            locator_add_track(l, -1, world[k], sure, lens_project(&l->lens, l->sightings[i].ray[k]),
-                              camera_from_world);
+            locator_add_track(l, -1, world[k], sure, lens_project(&l->lens, l->sightings[i].ray[k]), camera_from_world);
     }
 }
 
@@ -340,8 +338,7 @@ static void look_back(const struct locator *l, const uint16_t *depth, const stru
         old[i].used = tags[i].used && l->tag_tracks[l->which[i]].known;
     }
     count = gather(l, depth, WEIGHED, map, points);
-    fit_information(old, l->count, points, count, lens->fx, lens->fy, l->motion, map,
-                    look->map_information);
+    fit_information(old, l->count, points, count, lens->fx, lens->fy, l->motion, map, look->map_information);
     for (int i = 0; i < 36; i++) // errors that are larger than expected are so in both
         look->map_information[i] *= inverse[0] / look->map_covariance[0];
 }
@@ -378,8 +375,8 @@ static void expect_speed(struct locator *l, const struct fit_tag *known, int kno
 
 // From the pose that was followed towards the one that the map gives by itself, as far as
 // that is worth. False: what is in sight leaves a motion open.
-static bool settle_on(struct locator *l, const uint16_t *depth, const struct fit_tag *tags,
-                      const struct pose *followed, struct anchor_look *look, struct pose *best)
+static bool settle_on(struct locator *l, const uint16_t *depth, const struct fit_tag *tags, const struct pose *followed,
+                      struct anchor_look *look, struct pose *best)
 {
     struct fit_point points[LOCATOR_MOST_TRACKS];
     const struct lens *lens = &l->lens;

@@ -460,8 +460,8 @@ static enum status find(struct locator *l, const uint8_t *color, const uint16_t 
     int agree, apart = 0;
     enum status status = find_anew(l, color, depth, tags, &found, &agree);
     if (status == OK || status == AMBIGUOUS) {
-        points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, &found.camera_from_world, l->matches,
-                      agree, points);
+        points_gather(l->points, &l->index, depth ? l->feature_depths : NULL, lens, &found.camera_from_world,
+                      l->matches, agree, points);
         apart = each_once(l, points, agree);
         const bool known = fit_covariance(tags, l->count, points, apart, lens->fx, lens->fy, l->motion,
                                           &found.camera_from_world, covariance);
@@ -495,12 +495,6 @@ enum status locator_refind(struct locator *l, const uint8_t *color, const uint16
     return find(l, color, depth, true, out);
 }
 
-const struct lens *locator_lens(const struct locator *l)
-{
-    return &l->lens;
-}
+const struct lens *locator_lens(const struct locator *l) { return &l->lens; }
 
-bool locator_doubts_focal(const struct locator *l, double *scale)
-{
-    return focal_is_wrong(&l->focal, scale);
-}
+bool locator_doubts_focal(const struct locator *l, double *scale) { return focal_is_wrong(&l->focal, scale); }

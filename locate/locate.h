@@ -59,8 +59,8 @@ MUST_CHECK enum status locator_find(struct locator *l, const uint8_t *color, con
 // the camera: what was seen there is looked for near where `guess`, world_from_camera, puts it
 // (to about ten pixels), which takes a fifteenth of the time.
 // OK; NOTHING: too little of it is there, *out untouched: find the camera anew.
-MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                                      struct pose guess, struct location *out);
+MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose guess,
+                                      struct location *out);
 
 // locator_find for a picture that locator_follow had no good guess for: what was seen in the last
 // one is looked for where the camera is found, so that it is followed on without a jump.

@@ -13,14 +13,14 @@ enum { LOCATOR_MOST_TRACKS = 220, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_
 struct point_track {
     int32_t point; // index into the place's points; -1: a tag's corner
     struct vec3 world;
-    double seen[3]; // covariance of where it was seen when it was recognised: xx, xy, yy, pixels^2
+    double seen[3];  // covariance of where it was seen when it was recognised: xx, xy, yy, pixels^2
     struct pixel at; // in the last picture
     struct vec3 ray; // of that, on the plane z = 1
     double time_s;   // of that, when its row was read
     // Of point, map and feature each errs by some pixels, and the same in each picture that
     // follows. That is learnt, so that new points and old ones do not make the pose jump.
     double off[2], off_variance; // ideal pixels
-    double noise[3]; // how exactly it is found again: covariance as it has been so far; xx, xy, yy
+    double noise[3];             // how exactly it is found again: covariance as it has been so far; xx, xy, yy
     bool weighed;                // the map's pose of the last picture knows of it
     struct patch patch;          // what it looks like ...
     struct vec3 cut_from;        // ... seen from here: the camera less the point, world axes
@@ -63,14 +63,14 @@ struct locator {
     struct sighting corrected[FIT_MAX_TAGS]; // the tags in sight less what is known of their errors
     struct anchor anchor;
     int32_t *part_of, *in_parts, part_start[LOCATOR_PARTS + 1]; // points by the part they should be seen in
-    struct place_point *some_points;                             // of one part
+    struct place_point *some_points;                            // of one part
     int unsearched[LOCATOR_PARTS]; // for how many pictures no new points were looked for in each part
-    uint8_t *vain; // how often each point was looked for in vain since it was last found, at most 255
-    struct pose last; // camera_from_world of the last picture that was placed
+    uint8_t *vain;                 // how often each point was looked for in vain since it was last found, at most 255
+    struct pose last;              // camera_from_world of the last picture that was placed
     struct shutter_motion last_moving;
     // of the picture in hand, with a rolling shutter
     struct shutter_motion moving;
-    struct shutter_motion *motion; // &moving; NULL: all rows are read at once
+    struct shutter_motion *motion;  // &moving; NULL: all rows are read at once
     struct shutter_motion expected; // of the next picture
 };
 

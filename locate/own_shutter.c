@@ -1,12 +1,12 @@
 // The shutter of a camera of which nobody said that it reads row by row. Swung, it shows tags where no pose of a camera
-// that reads all rows at once can have them, and a pose by those that happen to agree may be a foot off. Where it is taken
-// to have moved while it read, they fit.
+// that reads all rows at once can have them, and a pose by those that happen to agree may be a foot off. Where it is
+// taken to have moved while it read, they fit.
 #include "locate/locator_internal.h"
 
 #include <string.h>
 
-// Most cameras read a picture within 10 to 33 ms. How fast the camera moves is found out with the pose, and only what it
-// moves within a picture matters, so a half more or less is none.
+// Most cameras read a picture within 10 to 33 ms. How fast the camera moves is found out with the pose, and only what
+// it moves within a picture matters, so a half more or less is none.
 static const double LIKELY_READOUT_S = 0.03;
 // Three tags say more numbers than a pose and a speed have; then what is left of each costs no more than twice what
 // chance makes of its eight. A tag that was hung elsewhere does not come to fit by a camera's motion.

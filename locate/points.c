@@ -9,7 +9,7 @@ enum {
     CELL_PX = 16,
     MOST_BITS = 64,      // of 256 that may differ
     MOST_BITS_NEAR = 80, // the same within POINTS_NEAR_PX: then one in ten shows something else
-    CLEARLY = 80,   // percent: the best must differ by less than this share of the second best
+    CLEARLY = 80,        // percent: the best must differ by less than this share of the second best
     LEAST_POINTS = 12,
 };
 
@@ -73,8 +73,9 @@ static double between(const float c[6], struct vec3 r, struct vec3 q)
 // What looks less alike was found less exactly, or is something else: by how much larger the variance is than usual.
 static double unlikeness(const struct place_point *point, const struct feature *f)
 {
-    // Measured in the small world, between features within POINTS_NEAR_PX that should show one point: mean squared error
-    // by bits that differ, 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55, 4.7 at 65.
+    // Measured in the small world, between features within POINTS_NEAR_PX that should show one point: mean squared
+    // error by bits that differ, 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55, 4.7
+    // at 65.
     double bits = feature_distance(point->descriptor, f->descriptor) / 32.0;
     return fmax(1, 0.3 + bits * bits);
 }
@@ -280,8 +281,7 @@ static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct
     struct pose there = {quat_multiply(turn, world_from_camera.rotation), v3_add(centre, quat_rotate(turn, out))};
     struct pose pose = pose_inverse(there);
     double own = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion, camera_from_world);
-    double other =
-        fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion ? &moving : NULL, &pose);
+    double other = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion ? &moving : NULL, &pose);
     if (!(other < own))
         return;
     *camera_from_world = pose;
@@ -409,7 +409,7 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
     *camera_from_world = best;
     if (motion)
         *motion = best_motion;
-    *match_count = tag_count ? kept
-                             : leave_out_astray(points, index, depth, lens, motion, camera_from_world, matches, kept);
+    *match_count =
+        tag_count ? kept : leave_out_astray(points, index, depth, lens, motion, camera_from_world, matches, kept);
     return true;
 }

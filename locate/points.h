@@ -56,8 +56,8 @@ void feature_covariance(const struct feature *f, double out[3]);
 // The same of one that should show a point: the less alike they look, the less exactly it does.
 void sighting_covariance(const struct place_point *point, const struct feature *f, double out[3]);
 
-// The same of where it is from where the place has its point: the feature errs, so did those of the sweep, and the point
-// may lie elsewhere along their lines of sight.
+// The same of where it is from where the place has its point: the feature errs, so did those of the sweep, and the
+// point may lie elsewhere along their lines of sight.
 void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
                        const struct pose *camera_from_world, double out[3]);
 

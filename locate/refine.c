@@ -48,7 +48,7 @@ static const double GOLDEN = 0.6180339887498949;
 struct refiner {
     struct lens lens;
     double pixel_x, pixel_y; // a pixel's sides on the plane z = 1
-    float *ray; // of each pixel on the plane z = 1, distortion undone: x, y
+    float *ray;              // of each pixel on the plane z = 1, distortion undone: x, y
     struct bell bell[BELL_STEPS + 1];
     double linear[256];       // sRGB to linear light
     double slope[SLOPES + 1]; // of the encoding, over linear light 0..1

@@ -3,16 +3,16 @@
 #include <string.h>
 
 enum {
-    MOST_BITS = 70,   // of 256 that may differ between point and feature
-    CLEARLY = 85,     // percent: the best must differ by less than this share of the second best
+    MOST_BITS = 70, // of 256 that may differ between point and feature
+    CLEARLY = 85,   // percent: the best must differ by less than this share of the second best
     MOST_ROUNDS = 2000,
     // Wrong matches agree with a wrong pose by chance: of 300, each in 10000 pixels
     // of a picture 30 times that, three or four do.
     LEAST_AGREEING = 10,
 };
-static const double SAME_M = 0.05;       // points nearer than this are one corner mapped twice
-static const double AGREE_SIGMA = 5;     // 3 pixels at full size
-static const double SURE = 1e-3;         // chance of never having drawn three good matches
+static const double SAME_M = 0.05;   // points nearer than this are one corner mapped twice
+static const double AGREE_SIGMA = 5; // 3 pixels at full size
+static const double SURE = 1e-3;     // chance of never having drawn three good matches
 
 // ---------------------------------------------------------------- three points
 
@@ -237,9 +237,8 @@ bool relocate(const struct place_point *points, const struct feature_index *inde
         if (i == k || k == m || i == m)
             continue;
         struct pose poses[4];
-        int n = three_point_poses(
-            (struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
-            (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
+        int n = three_point_poses((struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
+                                  (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
         for (int p = 0; p < n; p++) {
             int now = agreeing(seen, count, motion, &poses[p], lens, most);
             if (now > most) {

@@ -10,7 +10,8 @@ int relocate_match(const struct place_point *points, int32_t point_count, const 
                    struct point_match *out, int capacity);
 
 // The pose most matches agree with, to about a pixel; a first idea for points_refine.
-// motion: of a rolling shutter, or NULL. agree: out, how many. False, nothing written: too few agree for it to be no chance.
+// motion: of a rolling shutter, or NULL. agree: out, how many. False, nothing written: too few agree for it to be no
+// chance.
 bool relocate(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
               const struct point_match *matches, int count, struct shutter_motion *motion,
               struct pose *camera_from_world, int *agree);

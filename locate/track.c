@@ -20,7 +20,7 @@ enum { TELL_SPEED = 1 };
 
 struct camera_track {
     struct locator *locator;
-    int followed; // pictures since it was found
+    int followed;    // pictures since it was found
     int64_t time_ns; // of the last picture
     bool started;    // time_ns holds
     bool anew;       // that picture is to be found without what was known before
@@ -169,8 +169,8 @@ enum status camera_track_find(struct camera_track *t, const uint8_t *color, cons
     assert(t->started);
     if (t->count == 1)
         expect(t);
-    enum status status = t->anew ? locator_find(t->locator, color, depth, &found)
-                                 : locator_refind(t->locator, color, depth, &found);
+    enum status status =
+        t->anew ? locator_find(t->locator, color, depth, &found) : locator_refind(t->locator, color, depth, &found);
     return status < 0 || status == NOTHING ? status : conclude(t, &found, status == AMBIGUOUS, out, motion);
 }
 
@@ -188,10 +188,7 @@ void camera_track_restart(struct camera_track *t)
     t->unseen_s = 0;
 }
 
-const struct lens *camera_track_lens(const struct camera_track *t)
-{
-    return locator_lens(t->locator);
-}
+const struct lens *camera_track_lens(const struct camera_track *t) { return locator_lens(t->locator); }
 
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale)
 {

@@ -60,16 +60,11 @@ struct placed {
     Matrix3 by_turn(const Vector3 &p) const { return -cross(rotation * p) * spin; }
 };
 
-Eigen::Quaterniond rotation_of(const pose &p)
-{
-    return {p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z};
-}
+Eigen::Quaterniond rotation_of(const pose &p) { return {p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z}; }
 
 moving moving_from(const pose &p)
 {
-    return {rotation_of(p).toRotationMatrix(),
-            {0, 0, 0},
-            {p.translation.x, p.translation.y, p.translation.z}};
+    return {rotation_of(p).toRotationMatrix(), {0, 0, 0}, {p.translation.x, p.translation.y, p.translation.z}};
 }
 
 pose pose_from(const pose &start, const moving &m)
@@ -94,7 +89,8 @@ class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
     bool Evaluate(double const *const *blocks, double *residual, double **by) const override
     {
         using Rows = Eigen::Matrix<double, 8, 3>;
-        const placed camera(camera_start->start, blocks[0], blocks[1]), square(square_start->start, blocks[2], blocks[3]);
+        const placed camera(camera_start->start, blocks[0], blocks[1]),
+            square(square_start->start, blocks[2], blocks[3]);
         Eigen::Matrix<double, 8, 1> e;
         Rows by_block[4];
         for (int k = 0; k < 4; k++) {
@@ -139,7 +135,8 @@ class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
 
     bool Evaluate(double const *const *blocks, double *residual, double **by) const override
     {
-        const placed camera(camera_start->start, blocks[0], blocks[1]), square(square_start->start, blocks[2], blocks[3]);
+        const placed camera(camera_start->start, blocks[0], blocks[1]),
+            square(square_start->start, blocks[2], blocks[3]);
         const Vector3 ray(seen->x, seen->y, 1), across = square.rotation.col(2), normal = camera.rotation * across;
         const Vector3 centre = camera.rotation * square.shift + camera.shift;
         double slant = normal.dot(ray);
@@ -190,7 +187,8 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
         if (!by)
             return true;
         Matrix3 by_p;
-        by_p << of_x / p[2], 0, -of_x * x / p[2], of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2], 0, 0, uz;
+        by_p << of_x / p[2], 0, -of_x * x / p[2], of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2], 0, 0,
+            uz;
         hand_out<3>(by_p * (-cross(turned) * camera.spin), by[0]);
         hand_out<3>(by_p, by[1]);
         hand_out<3>(by_p * camera.rotation, by[2]);
@@ -203,8 +201,8 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
     double of_x, of_both, of_y;
 };
 
-// An error of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have to
-// be multiplied with.
+// An error of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have
+// to be multiplied with.
 template <class Error, int Row> class with_depth_times : public ceres::CostFunction
 {
   public:
@@ -403,8 +401,8 @@ struct derivative {
     double value(int i) const { return all.values[(size_t)i]; }
 };
 
-// What errors of one point take from what is known of poses, since the point is free to follow them: times its transpose,
-// three columns.
+// What errors of one point take from what is known of poses, since the point is free to follow them: times its
+// transpose, three columns.
 void add_point(const derivative &by, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
 {
     Matrix3 own = Matrix3::Zero();
@@ -510,8 +508,8 @@ void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &proble
     if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &by.all))
         return;
     const std::array<Eigen::MatrixXd, KINDS> information = information_of_poses(in, by);
-    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] +
-                                             information[SIGHTINGS] + information[PRIOR]);
+    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] + information[SIGHTINGS] +
+                                             information[PRIOR]);
     if (factor.info() != Eigen::Success)
         return;
     const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));

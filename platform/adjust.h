@@ -35,7 +35,7 @@ struct adjust_plane_depth {
 // A point in a camera; z = 0: no depth.
 struct adjust_sighting {
     int32_t camera, point;
-    double x, y;        // on the plane z = 1
+    double x, y;          // on the plane z = 1
     double covariance[3]; // of where it was seen: xx, xy, yy, pixels^2
     double z, sigma_m;
 };
@@ -50,15 +50,15 @@ struct adjust_problem {
     const struct adjust_sighting *sightings;
     int32_t camera_count, square_count, point_count;
     int32_t corner_count, plane_depth_count, sighting_count;
-    int32_t held_camera; // stays where it is; -1: none does
-    int32_t held_points; // so many, the first ones, stay where they are
-    bool hold_cameras;   // all of them stay where they are
-    int32_t most_rounds; // of Ceres
-    double *cost;        // out: the robust cost in the end; or NULL
-    double *depth_times; // in and out: readings of depth times this are true; or NULL: they are true
+    int32_t held_camera;      // stays where it is; -1: none does
+    int32_t held_points;      // so many, the first ones, stay where they are
+    bool hold_cameras;        // all of them stay where they are
+    int32_t most_rounds;      // of Ceres
+    double *cost;             // out: the robust cost in the end; or NULL
+    double *depth_times;      // in and out: readings of depth times this are true; or NULL: they are true
     double depth_times_sigma; // it is about 1, within this
-    // out: 6 square_count on a side, row-major: the joint covariance of a small turn (radians) and shift (metres) of each
-    // square in its own axes, in the end, with what is held as exact. 0 for what is held or seen by nothing, and
+    // out: 6 square_count on a side, row-major: the joint covariance of a small turn (radians) and shift (metres) of
+    // each square in its own axes, in the end, with what is held as exact. 0 for what is held or seen by nothing, and
     // everywhere where the errors leave something open. Or NULL.
     double *square_covariance;
 };

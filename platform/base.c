@@ -22,32 +22,19 @@ const char *status_sentence(void) { return sentence; }
 const char *status_name(enum status status)
 {
     switch (status) {
-    case OK:
-        return "OK";
-    case NOTHING:
-        return "NOTHING";
-    case AMBIGUOUS:
-        return "AMBIGUOUS";
-    case ERR_INPUT:
-        return "ERR_INPUT";
-    case ERR_IO:
-        return "ERR_IO";
-    case ERR_MEMORY:
-        return "ERR_MEMORY";
-    case ERR_FORMAT:
-        return "ERR_FORMAT";
-    case ERR_CORRUPT:
-        return "ERR_CORRUPT";
-    case ERR_EXISTS:
-        return "ERR_EXISTS";
-    case ERR_MISSING:
-        return "ERR_MISSING";
-    case ERR_ORDER:
-        return "ERR_ORDER";
-    case ERR_SOLVER:
-        return "ERR_SOLVER";
-    case ERR_DEVICE:
-        return "ERR_DEVICE";
+    case OK: return "OK";
+    case NOTHING: return "NOTHING";
+    case AMBIGUOUS: return "AMBIGUOUS";
+    case ERR_INPUT: return "ERR_INPUT";
+    case ERR_IO: return "ERR_IO";
+    case ERR_MEMORY: return "ERR_MEMORY";
+    case ERR_FORMAT: return "ERR_FORMAT";
+    case ERR_CORRUPT: return "ERR_CORRUPT";
+    case ERR_EXISTS: return "ERR_EXISTS";
+    case ERR_MISSING: return "ERR_MISSING";
+    case ERR_ORDER: return "ERR_ORDER";
+    case ERR_SOLVER: return "ERR_SOLVER";
+    case ERR_DEVICE: return "ERR_DEVICE";
     }
     return "unknown status";
 }

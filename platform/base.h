@@ -19,13 +19,13 @@
 extern "C" {
 #endif
 
-#define MUST_CHECK __attribute__((warn_unused_result))
+#define MUST_CHECK      __attribute__((warn_unused_result))
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
 
 enum status {
     OK = 0,
-    NOTHING = 1,   // nothing in sight, nothing found, end of the stream
-    AMBIGUOUS = 2, // an answer, but a second one fits nearly as well
+    NOTHING = 1,      // nothing in sight, nothing found, end of the stream
+    AMBIGUOUS = 2,    // an answer, but a second one fits nearly as well
     ERR_INPUT = -1,   // what came from outside is wrong: a file's content, an option, a picture
     ERR_IO = -2,      // the system refused: open, read, write, disk full
     ERR_MEMORY = -3,  // out of memory

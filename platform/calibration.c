@@ -91,8 +91,8 @@ static enum status read_lens(const struct json *object, const char *what, const 
     lens->readout_s = readout_ms * 1e-3;
     const struct json *unsure = json_member(object, "focal_sigma");
     if (status == OK && unsure && !json_get_number(unsure, &lens->focal_sigma))
-        status = fail(ERR_INPUT, "%s: '%s.focal_sigma' must be a number, 0.1 for a focal length unsure by a tenth", path,
-                      what);
+        status = fail(ERR_INPUT, "%s: '%s.focal_sigma' must be a number, 0.1 for a focal length unsure by a tenth",
+                      path, what);
     if (status == OK && lens_check(lens, what) != OK)
         status = fail(ERR_INPUT, "%s: %s", path, status_sentence());
     return status;
@@ -263,6 +263,11 @@ static const double GUESS_SIGMA = 0.15;
 struct lens camera_lens_guess(int width, int height)
 {
     double f = 0.5 * width * sqrt(3); // tan 30 degrees is 1 / sqrt 3
-    return (struct lens){.width = width, .height = height, .fx = f, .fy = f, .cx = 0.5 * (width - 1),
-                         .cy = 0.5 * (height - 1), .focal_sigma = GUESS_SIGMA};
+    return (struct lens){.width = width,
+                         .height = height,
+                         .fx = f,
+                         .fy = f,
+                         .cx = 0.5 * (width - 1),
+                         .cy = 0.5 * (height - 1),
+                         .focal_sigma = GUESS_SIGMA};
 }

@@ -2,6 +2,6 @@
 #pragma once
 #include "platform/base.h"
 
-int64_t clock_now_ns(void);          // monotonic; the origin means nothing
-int64_t clock_cpu_ns(void);          // this thread's own processor time
+int64_t clock_now_ns(void); // monotonic; the origin means nothing
+int64_t clock_cpu_ns(void); // this thread's own processor time
 void clock_sleep_until_ns(int64_t when_ns);

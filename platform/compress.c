@@ -35,13 +35,10 @@ void compressor_close(struct compressor **c)
     *c = NULL;
 }
 
-size_t compress_bound(size_t count)
-{
-    return ZSTD_compressBound(count);
-}
+size_t compress_bound(size_t count) { return ZSTD_compressBound(count); }
 
-enum status compress_bytes(struct compressor *c, int level, const void *bytes, size_t count, void *out,
-                           size_t capacity, size_t *out_count)
+enum status compress_bytes(struct compressor *c, int level, const void *bytes, size_t count, void *out, size_t capacity,
+                           size_t *out_count)
 {
     assert(capacity >= ZSTD_compressBound(count));
     size_t got = ZSTD_compressCCtx(c->pack, out, capacity, bytes, count, level);

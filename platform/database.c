@@ -35,7 +35,8 @@ static enum status refuse(const struct database *db, int code)
     case SQLITE_BUSY:
     case SQLITE_LOCKED: return fail(ERR_IO, "%s is in use by another program; try again when that has ended", path);
     case SQLITE_READONLY: return fail(ERR_IO, "%s or its folder cannot be written", path);
-    case SQLITE_CANTOPEN: return fail(ERR_IO, "%s cannot be opened: %s", path, system_errno ? strerror(system_errno) : why);
+    case SQLITE_CANTOPEN:
+        return fail(ERR_IO, "%s cannot be opened: %s", path, system_errno ? strerror(system_errno) : why);
     case SQLITE_IOERR:
         // SQLite looks at errno late, and may find it overwritten with 0.
         if (system_errno == ENOSPC || system_errno == EFBIG || system_errno == EDQUOT ||
@@ -206,10 +207,7 @@ void database_close(struct database **db)
     *db = NULL;
 }
 
-const char *database_path(const struct database *db)
-{
-    return db->path;
-}
+const char *database_path(const struct database *db) { return db->path; }
 
 // ------------------------------------------------------------- whole statements
 
@@ -231,10 +229,7 @@ enum status database_number(struct database *db, const char *sql, int64_t *out)
     return status;
 }
 
-bool database_in_transaction(const struct database *db)
-{
-    return !sqlite3_get_autocommit(db->handle);
-}
+bool database_in_transaction(const struct database *db) { return !sqlite3_get_autocommit(db->handle); }
 
 enum status database_claim(struct database *db)
 {
@@ -377,10 +372,7 @@ void statement_reset(struct statement *s)
     sqlite3_clear_bindings(s->handle);
 }
 
-int64_t statement_number(struct statement *s, int column)
-{
-    return sqlite3_column_int64(s->handle, column);
-}
+int64_t statement_number(struct statement *s, int column) { return sqlite3_column_int64(s->handle, column); }
 
 const char *statement_text(struct statement *s, int column)
 {

@@ -85,8 +85,8 @@ void slope_around(const cv::Mat &picture, const cv::KeyPoint &k, float scale, fl
     }
 }
 
-// OpenCV multiplies a pixel of a copy with its scale. But the copy's first pixel is the mean of several, and the copy is
-// a whole number of pixels wide.
+// OpenCV multiplies a pixel of a copy with its scale. But the copy's first pixel is the mean of several, and the copy
+// is a whole number of pixels wide.
 double whole(float at, float scale, int length)
 {
     double copy = std::lround((float)length * (1 / scale));

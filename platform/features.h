@@ -10,8 +10,8 @@ extern "C" {
 struct feature {
     struct pixel at; // centre of the top-left pixel is (0, 0)
     float scale;     // 1 at full size, 1.2, 1.44 ... in smaller copies of the picture
-    // How brightness slopes around it, as coarse as the copy: mean of the slope's xx, xy, yy. Along an edge it does not,
-    // and there the feature may slide.
+    // How brightness slopes around it, as coarse as the copy: mean of the slope's xx, xy, yy. Along an edge it does
+    // not, and there the feature may slide.
     float slope[3];
     uint8_t descriptor[32];
 };

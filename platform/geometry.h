@@ -55,19 +55,19 @@ static inline struct vec3 v3_unit(struct vec3 a)
 // Some unit vector perpendicular to `a`; for the zero vector, the x axis.
 struct vec3 v3_perpendicular(struct vec3 a);
 
-struct quat quat_unit(struct quat q);                      // zero becomes the identity
-struct quat quat_multiply(struct quat a, struct quat b);   // first b, then a
+struct quat quat_unit(struct quat q);                    // zero becomes the identity
+struct quat quat_multiply(struct quat a, struct quat b); // first b, then a
 static inline struct vec3 quat_rotate(struct quat q, struct vec3 v)
 {
     // v + 2 w (u x v) + 2 u x (u x v), u the vector part
     struct vec3 u = v3(q.x, q.y, q.z), t = v3_scale(v3_cross(u, v), 2);
     return v3_add(v, v3_add(v3_scale(t, q.w), v3_cross(u, t)));
 }
-struct quat quat_from_rotation_vector(struct vec3 r);      // axis times angle; series near 0
-struct vec3 quat_to_rotation_vector(struct quat q);        // angle in [0, pi]
-struct quat quat_from_matrix(double m[3][3]);              // a rotation matrix, row-major
+struct quat quat_from_rotation_vector(struct vec3 r); // axis times angle; series near 0
+struct vec3 quat_to_rotation_vector(struct quat q);   // angle in [0, pi]
+struct quat quat_from_matrix(double m[3][3]);         // a rotation matrix, row-major
 void quat_to_matrix(struct quat q, double m[3][3]);
-struct quat quat_between(struct vec3 a, struct vec3 b);    // shortest turn taking a's direction to b's
+struct quat quat_between(struct vec3 a, struct vec3 b); // shortest turn taking a's direction to b's
 struct quat quat_slerp(struct quat a, struct quat b, double t);
 static inline struct quat quat_conjugate(struct quat q)
 {

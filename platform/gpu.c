@@ -17,18 +17,12 @@ void gpu_use(const struct gpu *g)
 static const char *error_name(GLenum error)
 {
     switch (error) {
-    case GL_OUT_OF_MEMORY:
-        return "out of memory";
-    case GL_INVALID_ENUM:
-        return "invalid enum";
-    case GL_INVALID_VALUE:
-        return "invalid value";
-    case GL_INVALID_OPERATION:
-        return "invalid operation";
-    case GL_INVALID_FRAMEBUFFER_OPERATION:
-        return "incomplete framebuffer";
-    default:
-        return "unknown error";
+    case GL_OUT_OF_MEMORY: return "out of memory";
+    case GL_INVALID_ENUM: return "invalid enum";
+    case GL_INVALID_VALUE: return "invalid value";
+    case GL_INVALID_OPERATION: return "invalid operation";
+    case GL_INVALID_FRAMEBUFFER_OPERATION: return "incomplete framebuffer";
+    default: return "unknown error";
     }
 }
 

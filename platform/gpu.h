@@ -72,7 +72,8 @@ MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g,
                                         int height, enum gpu_filter filter, const uint8_t *pixels);
 void gpu_texture_close(struct gpu_texture **t);
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels); // all of it, rows without padding
-void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels); // likewise, `count` of them
+void gpu_texture_write_rows(struct gpu_texture *t, int first, int count,
+                            const uint8_t *pixels); // likewise, `count` of them
 
 // ---- meshes: triangles
 // vertices: `components` floats each: 2 to 4, or 8, 12, 16, 20, of which the shader

@@ -33,7 +33,8 @@ enum status gpu_flat_open(struct gpu_flat **out, struct gpu *g, const struct gpu
     const GLsizei stride = sizeof(struct gpu_flat_vertex);
     glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_flat_vertex, x));
     glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_flat_vertex, u));
-    glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride, (const void *)offsetof(struct gpu_flat_vertex, rgba));
+    glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
+                          (const void *)offsetof(struct gpu_flat_vertex, rgba));
     for (GLuint i = 0; i < 3; i++)
         glEnableVertexAttribArray(i);
     glBindVertexArray(0);
@@ -162,7 +163,8 @@ void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, i
             const char *base = (const char *)((size_t)first_vertex * sizeof *vertices);
             glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_flat_vertex, x));
             glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_flat_vertex, u));
-            glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride, base + offsetof(struct gpu_flat_vertex, rgba));
+            glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
+                                  base + offsetof(struct gpu_flat_vertex, rgba));
         }
         set_clip(f, &runs[i]);
         glBindTexture(GL_TEXTURE_2D, runs[i].texture->id);

@@ -94,7 +94,6 @@ enum status json_need_number(const struct json *object, const char *name, const 
 
 struct json *json_new_object(void) { return ours(cJSON_CreateObject()); }
 
-
 static cJSON *attach(struct json *parent, const char *name, cJSON *child)
 {
     if (name)

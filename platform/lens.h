@@ -29,8 +29,8 @@ struct pixel {
 struct calibration {
     struct lens color;
     struct lens depth;
-    bool registered;               // depth pixels are already the colour camera's
-    struct pose color_from_depth;  // identity when registered
+    bool registered;              // depth pixels are already the colour camera's
+    struct pose color_from_depth; // identity when registered
 };
 
 bool lens_is_ideal(const struct lens *lens); // no distortion

@@ -133,7 +133,7 @@ class Mapping
 
 // Where what was lent comes back to: as long as the camera is open it goes on with it.
 struct Counter {
-    std::mutex lock; // guards what follows
+    std::mutex lock;                                     // guards what follows
     std::function<void(libcamera::Request *)> take_back; // empty: the camera was closed
     int out = 0;
 };

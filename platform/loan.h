@@ -19,7 +19,7 @@ enum loan_layout {
 };
 
 struct loan_plane {
-    int file; // dma-buf; the loan's
+    int file;                // dma-buf; the loan's
     uint32_t offset, stride; // bytes
 };
 

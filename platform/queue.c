@@ -50,15 +50,9 @@ static bool put(struct queue *q, void *item, bool wait)
     return room;
 }
 
-bool queue_put(struct queue *q, void *item)
-{
-    return put(q, item, true);
-}
+bool queue_put(struct queue *q, void *item) { return put(q, item, true); }
 
-bool queue_try_put(struct queue *q, void *item)
-{
-    return put(q, item, false);
-}
+bool queue_try_put(struct queue *q, void *item) { return put(q, item, false); }
 
 void *queue_take(struct queue *q)
 {

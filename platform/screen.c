@@ -27,7 +27,7 @@ static enum status refused(struct screen **s, const char *what)
 
 static bool make_window(struct screen *s, const struct screen_options *o)
 {
-    SDL_SetHint(SDL_HINT_TOUCH_MOUSE_EVENTS, "0");  // a finger is a finger and no mouse besides
+    SDL_SetHint(SDL_HINT_TOUCH_MOUSE_EVENTS, "0"); // a finger is a finger and no mouse besides
     SDL_SetHint(SDL_HINT_MOUSE_TOUCH_EVENTS, "0");
     SDL_GL_SetAttribute(SDL_GL_CONTEXT_PROFILE_MASK, SDL_GL_CONTEXT_PROFILE_ES);
     SDL_GL_SetAttribute(SDL_GL_CONTEXT_MAJOR_VERSION, 3);
@@ -49,7 +49,7 @@ enum status screen_open(struct screen **out, const struct screen_options *option
         return fail(ERR_MEMORY, "no memory for a window");
     s->quarter_turns = options->quarter_turns & 3;
     s->dpi_wished = options->dpi;
-    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1"); // Ctrl-C is the program's
+    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");  // Ctrl-C is the program's
     SDL_SetHint(SDL_HINT_VIDEO_X11_FORCE_EGL, "1"); // ES 3 everywhere through EGL; without this, X11 tries GLX first
     if (SDL_Init(SDL_INIT_VIDEO))
         return refused(&s, "no window can be opened; is there a display?");
@@ -187,8 +187,8 @@ static void hear_key(const SDL_KeyboardEvent *e, struct screen_event *out)
         SDL_Keycode from;
         int to;
     } keys[] = {
-        {SDLK_LEFT, SCREEN_KEY_LEFT}, {SDLK_RIGHT, SCREEN_KEY_RIGHT}, {SDLK_UP, SCREEN_KEY_UP},
-        {SDLK_DOWN, SCREEN_KEY_DOWN}, {SDLK_HOME, SCREEN_KEY_HOME},   {SDLK_END, SCREEN_KEY_END},
+        {SDLK_LEFT, SCREEN_KEY_LEFT}, {SDLK_RIGHT, SCREEN_KEY_RIGHT},  {SDLK_UP, SCREEN_KEY_UP},
+        {SDLK_DOWN, SCREEN_KEY_DOWN}, {SDLK_HOME, SCREEN_KEY_HOME},    {SDLK_END, SCREEN_KEY_END},
         {SDLK_F11, SCREEN_KEY_F11},   {SDLK_AC_BACK, SCREEN_KEY_BACK},
     };
     out->shift = e->keysym.mod & KMOD_SHIFT;

@@ -13,10 +13,10 @@ struct screen;
 
 struct screen_options {
     const char *title;
-    int width, height;  // of a window; on KMS and in fullscreen the glass says
+    int width, height; // of a window; on KMS and in fullscreen the glass says
     bool fullscreen;
-    int quarter_turns;  // 0..3, clockwise: how the glass is mounted
-    double dpi;         // 0: ask the system
+    int quarter_turns; // 0..3, clockwise: how the glass is mounted
+    double dpi;        // 0: ask the system
 };
 
 // ERR_DEVICE: no display, or none with OpenGL ES 3; the sentence says which.
@@ -44,22 +44,41 @@ enum screen_event_kind {
     SCREEN_POINTER_DOWN, // finger or mouse button
     SCREEN_POINTER_MOVE, // also the mouse with no button down
     SCREEN_POINTER_UP,
-    SCREEN_WHEEL,        // amount: notches, away from the hand is positive
-    SCREEN_KEY,          // key
-    SCREEN_PAD_BUTTON,   // button, pressed
-    SCREEN_PAD_AXIS,     // axis at amount, -1..1; triggers 0..1
+    SCREEN_WHEEL,      // amount: notches, away from the hand is positive
+    SCREEN_KEY,        // key
+    SCREEN_PAD_BUTTON, // button, pressed
+    SCREEN_PAD_AXIS,   // axis at amount, -1..1; triggers 0..1
 };
 
 // Keys that write nothing; others are their lower-case Latin letter.
 enum screen_key {
-    SCREEN_KEY_ENTER = 13, SCREEN_KEY_ESCAPE = 27, SCREEN_KEY_SPACE = 32,
-    SCREEN_KEY_LEFT = 256, SCREEN_KEY_RIGHT, SCREEN_KEY_UP, SCREEN_KEY_DOWN, SCREEN_KEY_HOME, SCREEN_KEY_END,
-    SCREEN_KEY_F11, SCREEN_KEY_BACK,
+    SCREEN_KEY_ENTER = 13,
+    SCREEN_KEY_ESCAPE = 27,
+    SCREEN_KEY_SPACE = 32,
+    SCREEN_KEY_LEFT = 256,
+    SCREEN_KEY_RIGHT,
+    SCREEN_KEY_UP,
+    SCREEN_KEY_DOWN,
+    SCREEN_KEY_HOME,
+    SCREEN_KEY_END,
+    SCREEN_KEY_F11,
+    SCREEN_KEY_BACK,
 };
 
 enum screen_button {
-    PAD_A, PAD_B, PAD_X, PAD_Y, PAD_BACK, PAD_START, PAD_LEFT_SHOULDER, PAD_RIGHT_SHOULDER,
-    PAD_UP, PAD_DOWN, PAD_LEFT, PAD_RIGHT, PAD_BUTTONS
+    PAD_A,
+    PAD_B,
+    PAD_X,
+    PAD_Y,
+    PAD_BACK,
+    PAD_START,
+    PAD_LEFT_SHOULDER,
+    PAD_RIGHT_SHOULDER,
+    PAD_UP,
+    PAD_DOWN,
+    PAD_LEFT,
+    PAD_RIGHT,
+    PAD_BUTTONS
 };
 enum screen_axis { PAD_LEFT_X, PAD_LEFT_Y, PAD_RIGHT_X, PAD_RIGHT_Y, PAD_LEFT_TRIGGER, PAD_RIGHT_TRIGGER, PAD_AXES };
 

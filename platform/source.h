@@ -14,10 +14,10 @@
 
 // One instant. A picture that is not there has NULL pixels.
 struct frame {
-    int64_t time_ns;       // the source's own clock, strictly increasing
-    char name[32];         // "0007": the picture's file name without ending, or its running number
-    const uint8_t *color;  // RGB, 8 bit, width * height * 3 of calibration.color
-    const uint8_t *jpeg;   // the same picture as the source coded it, where it did; else NULL
+    int64_t time_ns;      // the source's own clock, strictly increasing
+    char name[32];        // "0007": the picture's file name without ending, or its running number
+    const uint8_t *color; // RGB, 8 bit, width * height * 3 of calibration.color
+    const uint8_t *jpeg;  // the same picture as the source coded it, where it did; else NULL
     size_t jpeg_bytes;
     const uint16_t *depth; // millimetres, 0 = no reading, of calibration.depth
     struct loan *loan;     // the colour picture where it lies, after source_lend; who fetched the frame returns it

@@ -15,7 +15,7 @@ struct source_facts {
     bool live;
     int64_t remaining; // -1: unknown
     int64_t dropped;
-    bool lends; // source_lend was called
+    bool lends;          // source_lend was called
     char camera_id[256]; // by which what is known of a tablet's camera is kept; "" of all else
 };
 

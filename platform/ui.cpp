@@ -36,10 +36,7 @@ struct ui {
 namespace
 {
 
-ImU32 ink_of(uint32_t color)
-{
-    return IM_COL32(color >> 24, color >> 16 & 255, color >> 8 & 255, color & 255);
-}
+ImU32 ink_of(uint32_t color) { return IM_COL32(color >> 24, color >> 16 & 255, color >> 8 & 255, color & 255); }
 
 ImVec2 at(double x, double y) { return ImVec2(float(x), float(y)); }
 ImVec2 at(ui_point p) { return at(p.x, p.y); }
@@ -47,8 +44,8 @@ ImVec2 first(ui_box b) { return at(b.x, b.y); }
 ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
 
 // Latin with all its accents, and the punctuation of good typesetting.
-const ImWchar letters_wanted[] = {0x20, 0x7e, 0xa0, 0x24f, 0x2010, 0x2027, 0x2030, 0x203a, 0x20ac, 0x20ac,
-                                  0x2190, 0x2193, 0x2212, 0x2212, 0};
+const ImWchar letters_wanted[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
+                                  0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
 
 enum status cut_letters(ui *u, double px_per_dp)
 {
@@ -115,8 +112,8 @@ float size_of(const ui *u, int face) { return float(u->faces[size_t(face)].size)
 
 extern "C" {
 
-enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_flat_texts *shaders,
-                    const struct ui_face *faces, int face_count)
+enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_flat_texts *shaders, const struct ui_face *faces,
+                    int face_count)
 {
     *out = nullptr;
     ui *u = new (std::nothrow) ui{};
@@ -159,7 +156,8 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
     u->height_px = in->height_px;
     ImGuiIO &io = ImGui::GetIO();
     // It clips to whole dp; to too few of them, and the last row and column would stay empty.
-    io.DisplaySize = ImVec2(float(std::ceil(in->width_px / in->px_per_dp)), float(std::ceil(in->height_px / in->px_per_dp)));
+    io.DisplaySize =
+        ImVec2(float(std::ceil(in->width_px / in->px_per_dp)), float(std::ceil(in->height_px / in->px_per_dp)));
     io.DisplayFramebufferScale = ImVec2(float(in->px_per_dp), float(in->px_per_dp));
     io.DeltaTime = 1.0F / 60; // nothing here lasts; what moves is timed by its users
     io.MousePos = in->pointer_there ? ImVec2(float(in->pointer_x), float(in->pointer_y)) : ImVec2(-FLT_MAX, -FLT_MAX);
@@ -169,7 +167,8 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
     ImGui::SetNextWindowSize(io.DisplaySize);
     ImGui::Begin("screen", nullptr,
                  ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoMove |
-                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoBringToFrontOnFocus);
+                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoNav |
+                     ImGuiWindowFlags_NoBringToFrontOnFocus);
     u->ink = ImGui::GetWindowDrawList();
     u->ink->_FringeScale = float(1 / in->px_per_dp); // edges one pixel soft, not one dp
     u->ink->ChannelsSplit(UI_LAYERS);
@@ -283,8 +282,8 @@ void ui_polygon(struct ui *u, const struct ui_point *points, int count, uint32_t
     u->ink->PathFillConvex(ink_of(color));
 }
 
-void ui_picture(struct ui *u, const struct gpu_texture *texture, struct ui_box box, struct ui_part part,
-                double radius, uint32_t tint)
+void ui_picture(struct ui *u, const struct gpu_texture *texture, struct ui_box box, struct ui_part part, double radius,
+                uint32_t tint)
 {
     ImTextureID id = const_cast<gpu_texture *>(texture);
     u->ink->AddImageRounded(id, first(box), last(box), at(part.u0, part.v0), at(part.u1, part.v1), ink_of(tint),
@@ -338,7 +337,8 @@ struct ui_touch ui_area(struct ui *u, const char *name, struct ui_box box)
     const bool was = ImGui::IsAnyItemActive();
     ImGui::SetCursorScreenPos(first(box));
     touch.tapped = ImGui::InvisibleButton(name, at(box.w, box.h));
-    touch.over = ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenBlockedByActiveItem) && (!was || ImGui::IsItemActive());
+    touch.over =
+        ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenBlockedByActiveItem) && (!was || ImGui::IsItemActive());
     touch.held = ImGui::IsItemActive();
     touch.went_down = ImGui::IsItemActivated();
     const ImVec2 pointer = ImGui::GetIO().MousePos;

@@ -73,8 +73,8 @@ void ui_polygon(struct ui *ui, const struct ui_point *points, int count, uint32_
 struct ui_part {
     double u0, v0, u1, v1;
 };
-void ui_picture(struct ui *ui, const struct gpu_texture *texture, struct ui_box box, struct ui_part part,
-                double radius, uint32_t tint);
+void ui_picture(struct ui *ui, const struct gpu_texture *texture, struct ui_box box, struct ui_part part, double radius,
+                uint32_t tint);
 
 // ---- text
 double ui_text_width(struct ui *ui, int face, const char *text);
@@ -88,11 +88,11 @@ void ui_unclip(struct ui *ui);
 
 // ---- fingers
 struct ui_touch {
-    bool over;    // the pointer is over it and nothing above it
+    bool over; // the pointer is over it and nothing above it
     bool went_down;
-    bool held;    // since it went down here, wherever it is by now
-    bool tapped;  // let go over it
-    double x, y;  // of the pointer, within the box's top left
+    bool held;   // since it went down here, wherever it is by now
+    bool tapped; // let go over it
+    double x, y; // of the pointer, within the box's top left
 };
 // An area that feels the pointer. Of areas that overlap, the one asked for first
 // has it; `name` tells areas apart, also those of one frame from those of the last.

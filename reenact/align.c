@@ -16,10 +16,7 @@ static const double TURNED_RAD = 0.02;                  // colours tell better t
 static const double OUTLIER_M = 0.025;
 static const double SURELY_SEEN = 1; // frames; a surface that is only guessed holds nothing
 
-bool turned_by_colors(int bone)
-{
-    return bone == PART_HEAD || bone == PART_LEFT_SHIN || bone == PART_RIGHT_SHIN;
-}
+bool turned_by_colors(int bone) { return bone == PART_HEAD || bone == PART_LEFT_SHIN || bone == PART_RIGHT_SHIN; }
 
 struct adjustment adjustment_none(void)
 {
@@ -197,8 +194,8 @@ static void add_prior(const struct state *s, struct system *system, int p, const
 static void add_turned(const struct state *s, struct system *system, int p)
 {
     struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->rest->frame[p].z);
-    struct vec3 turn = quat_to_rotation_vector(
-        quat_multiply(s->start.bone[p].rotation, quat_conjugate(s->now.bone[p].rotation)));
+    struct vec3 turn =
+        quat_to_rotation_vector(quat_multiply(s->start.bone[p].rotation, quat_conjugate(s->now.bone[p].rotation)));
     const int index[3] = {6 * p + 3, 6 * p + 4, 6 * p + 5};
     const double j[3] = {axis.x, axis.y, axis.z};
     add_row(system, index, j, 3, v3_dot(axis, turn), 1 / (TURNED_RAD * TURNED_RAD));

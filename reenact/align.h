@@ -16,7 +16,6 @@ struct adjustment adjustment_mix(const struct adjustment *a, const struct adjust
 // example the frame's before. turned: it has head and shins turned as colours have them (turns.h), and so they stay.
 // The sight's labels are used and made better.
 struct adjustment align(const struct volume *volume, const struct rest *rest, struct sight *sight,
-                        const struct posture *joints, const struct adjustment *start,
-                        bool turned);
+                        const struct posture *joints, const struct adjustment *start, bool turned);
 
 bool turned_by_colors(int bone); // round: depth alone does not tell how it is turned about itself

@@ -226,7 +226,8 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
         room_hidden_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
     }
     const int count = view->viewer_from_room ? put_room(a, view->viewer_from_room, &hidden) : 0;
-    struct part_map world = {{{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
+    struct part_map world = {
+        {{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
     struct part_map map = part_map_of(viewer_from_world), viewer = part_map_multiply(&map, &world);
     const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARK};
     gpu_program_set(a->program, VIEWER_FROM_FLOOR, viewer.row[0], 3);

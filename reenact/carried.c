@@ -76,8 +76,7 @@ struct skeleton carried_skeleton(const struct take *take, int64_t frame)
         if (s.confidence[bones[i].to] > 0 || !(s.confidence[bones[i].from] > 0) ||
             !carried_bone(take, frame, &bones[i], &b))
             continue;
-        const struct vec3 bone =
-            v3_add(v3_add(v3_scale(trunk.x, b.x), v3_scale(trunk.y, b.y)), v3_scale(trunk.z, b.z));
+        const struct vec3 bone = v3_add(v3_add(v3_scale(trunk.x, b.x), v3_scale(trunk.y, b.y)), v3_scale(trunk.z, b.z));
         s.joint[bones[i].to] = v3_add(s.joint[bones[i].from], bone);
         s.confidence[bones[i].to] = CONFIDENCE;
     }

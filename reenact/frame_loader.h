@@ -33,10 +33,10 @@ struct loaded_frame {
     float (*shift)[3];            // beyond it (warp.h), of each point of the atlas's mesh in the rest pose, metres
     struct loaded_point *points;  // of each; NULL, as shift: the frame's posture is not known
     int point_count, triangle_count;
-    bool *own;                    // of each of its triangles: whether it may have colours of the frame's own
-                                  // (own_triangles.h); NULL, as points
+    bool *own; // of each of its triangles: whether it may have colours of the frame's own
+               // (own_triangles.h); NULL, as points
 };
-void loaded_frame_free(struct loaded_frame *f); // zeroed is fine
+void loaded_frame_free(struct loaded_frame *f);          // zeroed is fine
 size_t loaded_frame_bytes(const struct loaded_frame *f); // pictures as textures, four a pixel
 
 struct frame_loader;

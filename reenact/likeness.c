@@ -11,7 +11,7 @@
 #include <string.h>
 
 enum { SMOOTH_PASSES = 2, TURNS = 24 };
-static const double CARRIED = 0.85; // of a frame's adjustment goes on to the next
+static const double CARRIED = 0.85;                   // of a frame's adjustment goes on to the next
 static const double FIRST_STEP_M = 2 * VOLUME_STEP_M; // joints are a few centimetres off: nothing finer comes of them
 
 // Which way the trunk is turned, as one of TURNS.

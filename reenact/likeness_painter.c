@@ -61,8 +61,8 @@ struct likeness_painter {
 
 void lens_uniform(const struct lens *l, float out[12])
 {
-    const double values[12] = {l->fx, l->fy, l->cx, l->cy,          l->k1,    l->k2,
-                               l->p1, l->p2, l->k3, lens_largest_r2(l), l->width, l->height};
+    const double values[12] = {l->fx,    l->fy,    l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3, lens_largest_r2(l),
+                               l->width, l->height};
     for (int i = 0; i < 12; i++)
         out[i] = (float)values[i];
 }
@@ -187,8 +187,8 @@ static enum status open_programs(struct likeness_painter *p, const struct lens *
 {
     for (int i = 0; i < PROGRAMS; i++) {
         const struct gpu_program_text text = {
-            plans[i].fragment, shader_find("figure.vert"), shader_find(plans[i].fragment), uniform_names, UNIFORMS,
-            plans[i].samplers, plans[i].sampler_count};
+            plans[i].fragment, shader_find("figure.vert"), shader_find(plans[i].fragment), uniform_names,
+            UNIFORMS,          plans[i].samplers,          plans[i].sampler_count};
         enum status status = gpu_program_open(&p->programs[i], p->gpu, &text);
         if (status != OK)
             return status;
@@ -255,8 +255,13 @@ static struct gpu_box box_of(const struct lens *lens, const struct silhouette_co
     const struct gpu_box all = {0, 0, 0, 0};
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, largest = lens_largest_r2(lens);
     for (int i = 0; i < 4 * (SIDE + 1); i++) { // along the sides, which a lens may bend
-        const double along = i / 4 / (double)SIDE, u = i % 4 == 0 ? 0 : i % 4 == 1 ? 1 : along,
-                     v = i % 4 == 2 ? 0 : i % 4 == 3 ? 1 : along;
+        const double along = i / 4 / (double)SIDE,
+                     u = i % 4 == 0   ? 0
+                         : i % 4 == 1 ? 1
+                                      : along,
+                     v = i % 4 == 2   ? 0
+                         : i % 4 == 3 ? 1
+                                      : along;
         const struct vec3 ray = {(1 - u) * (double)c->low[0] + u * (double)c->high[0],
                                  (1 - v) * (double)c->low[1] + v * (double)c->high[1], 1};
         if (!(ray.x * ray.x + ray.y * ray.y <= largest) && !lens_is_ideal(lens))
@@ -289,10 +294,22 @@ static void put_vertex(const struct likeness_painter *p, const struct shown_fram
     const float u = m->at[point][0] / (float)m->width, t = m->at[point][1] / (float)m->height;
     const float opaque = i < m->point_count;
     const float values[VERTEX] = {
-        at->x,          at->y,          at->z,          opaque,         // point
-        u,              t,              k->in_color[0], k->in_color[1], // places
-        k->in_depth[0], k->in_depth[1], k->away_m,      k->seen,        // there
-        k->facing[0],   k->facing[1],   k->facing[2],   k->light,       // facing
+        at->x,
+        at->y,
+        at->z,
+        opaque, // point
+        u,
+        t,
+        k->in_color[0],
+        k->in_color[1], // places
+        k->in_depth[0],
+        k->in_depth[1],
+        k->away_m,
+        k->seen, // there
+        k->facing[0],
+        k->facing[1],
+        k->facing[2],
+        k->light, // facing
     };
     memcpy(v, values, sizeof values);
 }
@@ -366,7 +383,8 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     struct part_map viewer_from_bone[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)
         viewer_from_bone[b] = part_map_of(pose_multiply(viewer_from_world, shown.bone[b]));
-    const struct silhouette_corners corners = silhouette_find(p->silhouette, viewer_from_bone, now->shift, now->own, absent);
+    const struct silhouette_corners corners =
+        silhouette_find(p->silhouette, viewer_from_bone, now->shift, now->own, absent);
     if (corners.front == 0)
         return OK;
     bring_shown(p, now, &corners);

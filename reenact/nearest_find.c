@@ -76,7 +76,8 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
     }
 }
 
-// Bit i: sums[i] is at most `limit`; count: four, eight ... of them. A branch for each would be guessed wrong too often.
+// Bit i: sums[i] is at most `limit`; count: four, eight ... of them. A branch for each would be guessed wrong too
+// often.
 static KERNEL uint32_t within(const int16_t *sums, int count, int16_t limit)
 {
     int16_t low[LANES];

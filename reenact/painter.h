@@ -68,24 +68,24 @@ int64_t painter_near(const struct painter *p, int64_t frame, int64_t within_ns);
 MUST_CHECK enum status painter_give_room(struct painter *p, struct room *room);
 
 struct painter_view {
-    struct pose world_from_camera; // of the tablet
-    int64_t time_ns;               // of the take, since its first frame
-    const uint8_t *color;          // the camera's picture, RGB of the lens's size; NULL: whoever asks for
-                                   // painter_actor_texture has it himself, and there is no composed picture
+    struct pose world_from_camera;           // of the tablet
+    int64_t time_ns;                         // of the take, since its first frame
+    const uint8_t *color;                    // the camera's picture, RGB of the lens's size; NULL: whoever asks for
+                                             // painter_actor_texture has it himself, and there is no composed picture
     const struct part_map *viewer_from_room; // where the room is that hides him: from its axes, which are
                                              // the take's world, into the tablet camera's. NULL: nothing hides him
-    int64_t within_ns;             // where the frame nearest in time would have to be loaded, another that need not and
-                                   // is at most so far from it gives its colours and shape. 0: none does
-    bool also_paper;               // draw him at paper, too, for painter_paper_texture. With likeness_later
+    int64_t within_ns; // where the frame nearest in time would have to be loaded, another that need not and
+                       // is at most so far from it gives its colours and shape. 0: none does
+    bool also_paper;   // draw him at paper, too, for painter_paper_texture. With likeness_later
 };
 
 struct painter_result {
-    enum detail level; // what was drawn: paper or full
-    int64_t shown;     // the recorded frame whose instant is shown; -1: nobody
-    int64_t source;    // at paper: the frame the colours came from; else -1
-    int parts;         // drawn
+    enum detail level;     // what was drawn: paper or full
+    int64_t shown;         // the recorded frame whose instant is shown; -1: nobody
+    int64_t source;        // at paper: the frame the colours came from; else -1
+    int parts;             // drawn
     struct gpu_box within; // of the picture: outside nothing of him was drawn at full
-    double error_px;   // predicted (reenact/level.h), of the level that was drawn
+    double error_px;       // predicted (reenact/level.h), of the level that was drawn
 };
 
 // Draws. For a picture that could not be placed there is painter_draw_nobody.

@@ -106,15 +106,12 @@ static bool limb_of(enum part p, struct limb *l)
         *l = (struct limb){JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, 1, false, -1};
         return true;
     case PART_LEFT_THIGH:
-    case PART_LEFT_SHIN:
-        *l = (struct limb){JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, -1, true, 1};
-        return true;
+    case PART_LEFT_SHIN: *l = (struct limb){JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, -1, true, 1}; return true;
     case PART_RIGHT_THIGH:
     case PART_RIGHT_SHIN:
         *l = (struct limb){JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, -1, true, -1};
         return true;
-    default:
-        return false;
+    default: return false;
     }
 }
 

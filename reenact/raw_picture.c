@@ -76,8 +76,8 @@ enum status raw_picture_draw(struct raw_picture *r, const struct loan *what, con
     }
     const struct yuv_coefficients k = yuv_coefficients_of(what->meaning);
     const float arrangement[4] = {(float)what->layout, 0, 0, 0};
-    const float coefficients[8] = {(float)k.y,    (float)k.r_cr,   (float)k.g_cb, (float)k.g_cr,
-                                   (float)k.b_cb, (float)k.y_zero, 0,             0};
+    const float coefficients[8] = {
+        (float)k.y, (float)k.r_cr, (float)k.g_cb, (float)k.g_cr, (float)k.b_cb, (float)k.y_zero, 0, 0};
     gpu_program_set(r->program, ARRANGEMENT, arrangement, 1);
     gpu_program_set(r->program, COEFFICIENTS, coefficients, 2);
     gpu_draw(&(struct gpu_job){.target = r->target,

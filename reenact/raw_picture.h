@@ -17,8 +17,8 @@ struct raw_picture;
 MUST_CHECK enum status raw_picture_open(struct raw_picture **out, struct gpu *gpu);
 void raw_picture_close(struct raw_picture **r); // NULL is fine
 
-// Draws `what` (its layout, size and meaning) from the textures of its planes, which are read with the next wait for the
-// GPU at the latest.
+// Draws `what` (its layout, size and meaning) from the textures of its planes, which are read with the next wait for
+// the GPU at the latest.
 MUST_CHECK enum status raw_picture_draw(struct raw_picture *r, const struct loan *what,
                                         const struct gpu_texture *const planes[2]);
 

@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double STEP_M = 0.04, COARSER = 1.3; // of the grid; coarser where there is too much for one mesh
-static const double REACH_M = 3;                  // about the actor's ways
+static const double STEP_M = 0.04, COARSER = 1.3;  // of the grid; coarser where there is too much for one mesh
+static const double REACH_M = 3;                   // about the actor's ways
 static const double FLOOR_M = 0.08, ABOVE_M = 0.3; // above the floor, above the highest joint
-static const double NEAR_M = 0.3, FAR_M = 5;      // readings beyond are too coarse
-static const float LEAST_WEIGHT = 0.4F;           // about two views from 2 m
-static const double BODY_M = 0.35;                // a part beyond its joints, at most
+static const double NEAR_M = 0.3, FAR_M = 5;       // readings beyond are too coarse
+static const float LEAST_WEIGHT = 0.4F;            // about two views from 2 m
+static const double BODY_M = 0.35;                 // a part beyond its joints, at most
 static const double CELL_M = 0.5;
 
 enum { FRAMES = 8, FRAME_TRUST = 4, THREADS = 2, MOST_VOXELS = 8000000, BODY_FRAMES = 200 };

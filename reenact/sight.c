@@ -13,7 +13,10 @@ static const double LAMP_ASIDE_M = 0.08; // of sensors that project a pattern, a
 enum status sight_open(struct sight *out, const struct take *take, const struct source_rays *rays)
 {
     const struct lens *lens = &take_calibration(take)->depth;
-    *out = (struct sight){.width = lens->width, .height = lens->height, .rays = rays, .body = take_body(take),
+    *out = (struct sight){.width = lens->width,
+                          .height = lens->height,
+                          .rays = rays,
+                          .body = take_body(take),
                           .edge_most = SIGHT_EDGE_MOST};
     size_t pixels = (size_t)lens->width * (size_t)lens->height;
     out->depth = malloc(sizeof(uint16_t) * pixels);

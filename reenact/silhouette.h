@@ -21,7 +21,7 @@ struct silhouette_corners {
     const uint16_t *corners;   // valid until the next call, as placed
     const struct spot *placed; // each point of the mesh, in the viewer's axes, metres
     int own, front, ribbon;    // how many of each; own: of those in front
-    float low[2], high[2];     // between which all of it lies, x and y where z is 1; infinite: some is beside the camera
+    float low[2], high[2]; // between which all of it lies, x and y where z is 1; infinite: some is beside the camera
 };
 struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_bone,
                                           float (*shift)[3], const bool *own, const bool *absent);

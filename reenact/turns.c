@@ -11,9 +11,9 @@ static const double RATE_RAD_S = 2;                         // and wrong by so m
 static const double LEAST_FACING = 0.3;                     // cosine towards the camera
 static const double NEAR_M = 0.05;                          // the reading that vouches for a place lies this near
 static const double OFF_M = 0.02;                           // and who is so far off is half somebody else
-static const float ODD = 0.15F;    // of colours from 0 to 1: who is farther off is somebody else
-static const double COLOR = 0.06;  // colours that are the same differ by this,
-static const double READINGS = 20; // and as they wander together, a part's count as no more than these
+static const float ODD = 0.15F;               // of colours from 0 to 1: who is farther off is somebody else
+static const double COLOR = 0.06;             // colours that are the same differ by this,
+static const double READINGS = 20;            // and as they wander together, a part's count as no more than these
 static const float DIM = 0.7F, BRIGHT = 1.4F; // a part may be lit so much less or more than it was
 static const float MOST_WEIGHT = 20;          // of what was learned of a place, in frames
 
@@ -34,7 +34,7 @@ struct turns {
     struct pose depth_from_color;
     struct samples samples[PART_COUNT];
     double belief[PART_COUNT][TRIED]; // of the frame that was followed last
-    double followed_s;          // when that was
+    double followed_s;                // when that was
     bool following;
     int frames;
     float (*odd)[PART_COUNT][TRIED]; // of each frame: the share of a bone's places whose colours are others

@@ -21,13 +21,13 @@ struct cutter {
     const int32_t *corners;
     int triangles;
     double texel_m;
-    struct vec3 *facing;            // of each triangle
-    int32_t (*beside)[3];           // as unfolded has it
-    int32_t *sheet_of;              // of each triangle; -1: none yet
-    int32_t *order;                 // triangles, sheet by sheet
-    int32_t (*ground)[GROUND];      // the last sheet that took this texel, wrapped round; -1: none
+    struct vec3 *facing;       // of each triangle
+    int32_t (*beside)[3];      // as unfolded has it
+    int32_t *sheet_of;         // of each triangle; -1: none yet
+    int32_t *order;            // triangles, sheet by sheet
+    int32_t (*ground)[GROUND]; // the last sheet that took this texel, wrapped round; -1: none
     struct sheet *sheets;
-    int32_t sheet_count, placed;    // placed: triangles that lie in a sheet
+    int32_t sheet_count, placed; // placed: triangles that lie in a sheet
 };
 
 // ---------------------------------------------------------------- neighbours

@@ -7,9 +7,9 @@
 enum { UNFOLD_MARGIN = 2 }; // texels about each sheet that are nobody else's
 
 struct unfolded {
-    int32_t *points; // point_count: numbers of the surface's points; those on a cut are there once for each sheet
-    float (*at)[2];  // where each lies, texels; the centre of the first is (0.5, 0.5)
-    int32_t *corners; // corner_count, three to a triangle: numbers in `points`, in the order that they were given
+    int32_t *points;      // point_count: numbers of the surface's points; those on a cut are there once for each sheet
+    float (*at)[2];       // where each lies, texels; the centre of the first is (0.5, 0.5)
+    int32_t *corners;     // corner_count, three to a triangle: numbers in `points`, in the order that they were given
     int32_t (*beside)[3]; // of each triangle: those across its edges, the first from its first to its second corner;
                           // -1: none
     int point_count, corner_count;

@@ -13,7 +13,7 @@ static const float THICK = 1.15F;         // parts, against their cylinders' rad
 static const float CYLINDER_TRUST = 0.5F; // in frames
 static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
 static const float VOTE_M = 0.02F;        // what is said to lie farther from the surface counts by no more than that
-static const float NOWHERE_NEAR = 0.6F;  // of the largest distance
+static const float NOWHERE_NEAR = 0.6F;   // of the largest distance
 static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
 enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2, STRETCH = 8192, AHEAD = 12 };
@@ -22,7 +22,7 @@ enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2, STRETCH = 8192, A
 typedef float four __attribute__((vector_size(16)));
 
 struct cell {
-    int32_t at; // in the grid
+    int32_t at;     // in the grid
     float place[3]; // in the rest pose
     struct skin skin;
 };
@@ -50,7 +50,7 @@ struct volume {
     int cell_count;
     struct cell *heeding; // copies of those that readings still go into, in their order; NULL: all
     int heeding_count;
-    struct point *points; // of the grid
+    struct point *points;      // of the grid
     struct witness *witnesses; // of the frame that is added
 };
 
@@ -195,9 +195,9 @@ struct addition {
     four maps[BONE_COUNT][4]; // columns: what x, y, z and 1 come to
     float thick[BONE_COUNT];
     uint16_t meeting[BONE_COUNT]; // bit p: meets part p
-    bool ideal; // lens: without lens_project's way round, for speed
+    bool ideal;                   // lens: without lens_project's way round, for speed
     const struct lens *lens;
-    float fx, fy, cx, cy; // likewise
+    float fx, fy, cx, cy;         // likewise
     int left, top, width, height; // of the window that witnesses speak for
     const struct witness *witnesses;
 };

@@ -11,10 +11,10 @@ static const float OUTLINE_M = 0.01F; // a place of the outline to that,
 static const float BEND_M = 0.024F;   // neighbouring nodes shift alike within this,
 static const float SHIFT_M = 0.04F;   // and all of them little.
 static const double OUTLIER_M[ROUNDS] = {0.04, 0.03, 0.025};
-static const double ASIDE_PX = 12; // an outline is looked for so far from where the surface has it
-static const double SURELY_SEEN = 1; // frames
-static const double LEAST_FACING = 0.1;  // cosine: what a reading shows faces the camera
-static const double GRAZING = 0.3;       // cosine: what may be at the outline
+static const double ASIDE_PX = 12;      // an outline is looked for so far from where the surface has it
+static const double SURELY_SEEN = 1;    // frames
+static const double LEAST_FACING = 0.1; // cosine: what a reading shows faces the camera
+static const double GRAZING = 0.3;      // cosine: what may be at the outline
 
 // Point (x, y, z) lies at corner + (x, y, z) * WARP_STEP_M.
 struct warp_grid {
@@ -47,10 +47,10 @@ struct edge {
 // A place of the surface that may be at the outline.
 struct brink {
     struct pixel px;
-    double nx, ny;  // outwards in the picture, unit
-    double z;       // depth camera's axes, metres
+    double nx, ny; // outwards in the picture, unit
+    double z;      // depth camera's axes, metres
     int point;
-    int next;       // in the same tile; -1: none
+    int next; // in the same tile; -1: none
 };
 
 struct warp {
@@ -58,10 +58,10 @@ struct warp {
     struct lens depth_lens;
     struct pose depth_from_color;
     struct warp_grid grid;
-    int32_t *node;      // of each point of the grid; -1: none
+    int32_t *node;        // of each point of the grid; -1: none
     int32_t (*beside)[3]; // of each node: the nodes that follow in x, y, z; -1: none
     int node_count;
-    four *shift;        // of each node
+    four *shift;                                    // of each node
     four *right, *residual, *along, *image, *scale; // the solver's
     struct row *rows;
     int row_count, row_most;
@@ -139,8 +139,9 @@ static void find_nodes(struct warp *w, const struct surface *surface)
                 w->node[corner_at(g, at, c)] = 0;
     w->node_count = 0;
     for (int i = 0; i < count; i++) {
-        struct vec3 p = v3_add(g->corner, v3_scale(v3(i % g->size[0], i / g->size[0] % g->size[1],
-                                                      i / g->size[0] / g->size[1]), WARP_STEP_M));
+        struct vec3 p =
+            v3_add(g->corner,
+                   v3_scale(v3(i % g->size[0], i / g->size[0] % g->size[1], i / g->size[0] / g->size[1]), WARP_STEP_M));
         if (w->node[i] == 0 || rest_distance(&w->rest, p) < 0)
             w->node[i] = w->node_count++;
     }
@@ -203,8 +204,8 @@ void warp_close(struct warp **out)
     struct warp *w = *out;
     if (!w)
         return;
-    void *const all[] = {w->node,  w->beside, w->shift, w->right, w->residual, w->along,
-                         w->image, w->scale,  w->rows,  w->readings, w->edges, w->brinks, w->tile, w->picture};
+    void *const all[] = {w->node,  w->beside, w->shift,    w->right, w->residual, w->along, w->image,
+                         w->scale, w->rows,   w->readings, w->edges, w->brinks,   w->tile,  w->picture};
     for (size_t i = 0; i < COUNT_OF(all); i++)
         free(all[i]);
     free(w);
@@ -340,8 +341,7 @@ static void add_readings(struct warp *w, const struct volume *volume, double out
         if (-v3_dot(n, r->ray) < LEAST_FACING)
             continue;
         double robust = outlier * outlier / (outlier * outlier + distance * distance);
-        add_row(w, rest, n, distance,
-                robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
+        add_row(w, rest, n, distance, robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
     }
 }
 
@@ -364,7 +364,7 @@ static void place_parts(const struct warp *w, const struct posture *posture, str
 
 static struct vec3 turned(const struct placed *by, struct vec3 v)
 {
-    const double (*m)[3] = by->turn;
+    const double(*m)[3] = by->turn;
     return v3(m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
 }
@@ -572,8 +572,7 @@ static void solve(struct warp *w)
     }
 }
 
-void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight,
-              const struct posture *posture)
+void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight, const struct posture *posture)
 {
     memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
     find_readings(w, sight, posture);

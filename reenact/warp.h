@@ -24,8 +24,7 @@ struct warp_model {
 };
 
 // Lays the model, which is in `posture` (colour camera's axes), on what one frame shows.
-void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight,
-              const struct posture *posture);
+void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight, const struct posture *posture);
 void warp_clear(struct warp *w);
 
 // How far a point of the rest pose is shifted; rest axes, metres.

@@ -25,7 +25,8 @@ static inline double error_squared(struct pose found, const double covariance[36
 }
 
 // The same of a place's tags, in the mean; truth: all of them, in any order.
-static inline double tags_squared(const struct place *place, const struct place_tag *truth, struct pose truth_from_place)
+static inline double tags_squared(const struct place *place, const struct place_tag *truth,
+                                  struct pose truth_from_place)
 {
     double sum = 0;
     for (int32_t i = 0; i < place->tag_count; i++) {

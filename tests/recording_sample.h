@@ -44,10 +44,7 @@ static inline int remove_folder(void **state)
 
 // ------------------------------------------------------------- things to record
 
-static inline double number(struct dice *dice)
-{
-    return dice_normal(dice) * 3;
-}
+static inline double number(struct dice *dice) { return dice_normal(dice) * 3; }
 
 static inline struct pose some_pose(struct dice *dice)
 {
@@ -90,11 +87,8 @@ static inline struct place some_place(struct dice *dice)
     p.points = calloc((size_t)p.point_count, sizeof *p.points);
     p.views = calloc((size_t)p.view_count, sizeof *p.views);
     for (int i = 0; i < p.tag_count; i++)
-        p.tags[i] = (struct place_tag){.id = 7 * i,
-                                       .side_m = 0.16,
-                                       .world_from_tag = some_pose(dice),
-                                       .rms_px = number(dice),
-                                       .sightings = 5 + i};
+        p.tags[i] = (struct place_tag){
+            .id = 7 * i, .side_m = 0.16, .world_from_tag = some_pose(dice), .rms_px = number(dice), .sightings = 5 + i};
     for (int i = 0; i < p.tag_count; i++)
         for (int k = 0; k < 21; k++)
             p.tags[i].covariance[k] = (float)(i + k) * 1e-6F;

@@ -87,12 +87,14 @@ static inline void tag_picture_blurred(const struct tag_picture *p, const struct
     enum { SIDE = 12, REACH = 3 * SIDE, TAPS = 2 * REACH + SIDE }; // three pixels to both sides of the pixel
     int width = p->lens.width, height = p->lens.height, across = width * SIDE, rows = TAPS;
     double taps[TAPS], z;
-    double *samples = malloc((size_t)across * sizeof *samples), *narrow = malloc((size_t)rows * (size_t)width * sizeof *narrow);
+    double *samples = malloc((size_t)across * sizeof *samples),
+           *narrow = malloc((size_t)rows * (size_t)width * sizeof *narrow);
     assert(samples && narrow);
     struct pixel low = {1e9, 1e9}, high = {-1e9, -1e9}; // of the tags and their paper
     for (int i = 0; i < 4 * p->tag_count; i++) {
         const struct tag_picture_plane *t = &planes[i / 4];
-        struct vec3 u = v3_scale(t->x, (i & 1 ? 1.4 : -1.4) * t->half), v = v3_scale(t->y, (i & 2 ? 1.4 : -1.4) * t->half);
+        struct vec3 u = v3_scale(t->x, (i & 1 ? 1.4 : -1.4) * t->half),
+                    v = v3_scale(t->y, (i & 2 ? 1.4 : -1.4) * t->half);
         struct pixel at = lens_project(&p->lens, v3_add(t->centre, v3_add(u, v)));
         low = (struct pixel){fmin(low.x, at.x - 1), fmin(low.y, at.y - 1)};
         high = (struct pixel){fmax(high.x, at.x + 1), fmax(high.y, at.y + 1)};

@@ -19,8 +19,8 @@
     do {                                                                                                               \
         double actual_ = (actual), wanted_ = (wanted), within_ = (within);                                             \
         if (!(fabs(actual_ - wanted_) <= within_)) {                                                                   \
-            print_error("%s:%d: %s is %.12g, wanted %.12g within %g\n", __FILE__, __LINE__, #actual, actual_,          \
-                        wanted_, within_);                                                                             \
+            print_error("%s:%d: %s is %.12g, wanted %.12g within %g\n", __FILE__, __LINE__, #actual, actual_, wanted_, \
+                        within_);                                                                                      \
             fail_test();                                                                                               \
         }                                                                                                              \
     } while (0)
@@ -79,7 +79,4 @@
         }                                                                                                              \
     } while (0)
 
-static inline void fail_test(void)
-{
-    _fail(__FILE__, __LINE__);
-}
+static inline void fail_test(void) { _fail(__FILE__, __LINE__); }

@@ -86,8 +86,8 @@ static void the_same_as_loaded_by_oneself(void **state)
         EXPECT_TRUE(ours.seen);
         EXPECT_AT_LEAST(ours.color.width, 10);
         expect_same(&theirs, &ours);
-        EXPECT_TRUE(i == 0 || memcmp(before.shift, ours.shift,
-                                     sizeof *ours.shift * (size_t)likeness.atlas.mesh.point_count));
+        EXPECT_TRUE(i == 0 ||
+                    memcmp(before.shift, ours.shift, sizeof *ours.shift * (size_t)likeness.atlas.mesh.point_count));
         loaded_frame_free(&before);
         loaded_frame_free(&theirs);
         before = ours;
@@ -190,10 +190,8 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_same_as_loaded_by_oneself),
-        cmocka_unit_test(only_what_is_wanted),
-        cmocka_unit_test(given_up_at_any_moment),
-        cmocka_unit_test(what_cannot_be_loaded_is_not_waited_for),
+        cmocka_unit_test(the_same_as_loaded_by_oneself), cmocka_unit_test(only_what_is_wanted),
+        cmocka_unit_test(given_up_at_any_moment),        cmocka_unit_test(what_cannot_be_loaded_is_not_waited_for),
         cmocka_unit_test(what_is_damaged_costs_nothing), // last: it damages the recording
     };
     return cmocka_run_group_tests(tests, make, end);

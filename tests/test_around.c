@@ -59,8 +59,12 @@ static void film_take(const struct world *w, const char *path)
     for (int i = 0; i < FRAMES; i++) {
         const struct pose pose = world_sensor_pose(w);
         struct world_shot shot = {c.color, pose, 0.1 * i, true};
-        struct take_frame f = {.time_ns = i * 100000000ll, .world_from_camera = pose, .located = true, .depth = depth,
-                               .mask = mask, .has_skeleton = true};
+        struct take_frame f = {.time_ns = i * 100000000ll,
+                               .world_from_camera = pose,
+                               .located = true,
+                               .depth = depth,
+                               .mask = mask,
+                               .has_skeleton = true};
         EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){rgb, depth, mask}), OK);
         EXPECT_STATUS(world_depth_noise(&c.depth, depth, (uint64_t)i + 100, depth), OK);
         f.skeleton = world_joints_in_camera(w, shot.time_s, pose);

@@ -152,7 +152,8 @@ static void everywhere_its_own_colour(void **state)
                 if (fabs(p.x - 0.1) < 0.02)
                     continue; // may be either
                 places++;
-                wrong_time += when[0] * 256 + when[1] != (is_unseen(p) ? 60000 : 150) || when[2] != (is_unseen(p) ? 255 : 0);
+                wrong_time +=
+                    when[0] * 256 + when[1] != (is_unseen(p) ? 60000 : 150) || when[2] != (is_unseen(p) ? 255 : 0);
             }
     print_message("%ld places, colours off by %.2f at most, %ld of another time\n", places, most_off, wrong_time);
     EXPECT_AT_MOST(most_off, 1);

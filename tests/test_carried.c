@@ -62,8 +62,8 @@ static void what_is_lost_for_long_stays_unknown(void **state)
     const int carried = (int)(CARRIED_MOST_NS / step_ns);
     EXPECT_TRUE(GONE_FROM + carried < FRAMES);
     for (int i = GONE_FROM; i < FRAMES; i++)
-        EXPECT_NEAR(carried_skeleton(stage.take, i).confidence[JOINT_LEFT_HAND],
-                    i < GONE_FROM + carried ? 0.5 : 0, 1e-6);
+        EXPECT_NEAR(carried_skeleton(stage.take, i).confidence[JOINT_LEFT_HAND], i < GONE_FROM + carried ? 0.5 : 0,
+                    1e-6);
     painted_take_close(&stage);
 }
 

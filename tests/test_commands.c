@@ -131,7 +131,9 @@ static void test_an_empty_room_is_recorded_all_the_same(void **state)
     EXPECT_INT(said.exit_code, 0);
     EXPECT_TRUE(strstr(said.out, "\"one\""));
     EXPECT_INT(PROCESS(CAPTURE, "export", file, "--take", "one", "--as", "joints-csv", "--out",
-                       scratch_file(&scratch, "empty.csv")).exit_code, 0);
+                       scratch_file(&scratch, "empty.csv"))
+                   .exit_code,
+               0);
 }
 
 static void test_bad_sensors(void **state)
@@ -141,7 +143,8 @@ static void test_bad_sensors(void **state)
     snprintf(out, sizeof out, "%s", scratch_file(&scratch, "never.reenact"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", "nonsense:1", "--out", out, "--take", "x"), "nonsense");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("nowhere"), "--out", out, "--take", "x"), "nowhere");
-    EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", "oni:/no/such.oni", "--out", out, "--take", "x"), "such.oni");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", "oni:/no/such.oni", "--out", out, "--take", "x"),
+                    "such.oni");
 
     make_folder("uncalibrated", WIDTH, HEIGHT);
     remove(scratch_file(&scratch, "uncalibrated/calibration.json"));
@@ -165,13 +168,13 @@ static void test_bad_sensors(void **state)
     make_folder("colorless", WIDTH, HEIGHT);
     remove(scratch_file(&scratch, "colorless/rgb.txt"));
     scratch_text(&scratch, "tags.json", "{\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}");
-    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("colorless"), "--tags",
-                            scratch_file(&scratch, "tags.json"), "--out", out), "colo");
+    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("colorless"), "--tags", scratch_file(&scratch, "tags.json"),
+                            "--out", out),
+                    "colo");
 
     make_folder("depthless", WIDTH, HEIGHT);
     remove(scratch_file(&scratch, "depthless/depth.txt"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("depthless"), "--out", out, "--take", "x"), "depth");
-
 }
 
 // Two tags on a wall, 0.4 m between their middles, filmed by a camera that has no depth.
@@ -253,11 +256,13 @@ static void test_bad_places_and_tags(void **state)
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--tags", "/no/tags.json", "--out", out),
                     "tags.json");
     scratch_text(&scratch, "broken.json", "{\"family\": ");
-    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--tags", scratch_file(&scratch, "broken.json"),
-                            "--out", out), "broken.json");
+    EXPECT_SENTENCE(
+        PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--tags", scratch_file(&scratch, "broken.json"), "--out", out),
+        "broken.json");
     scratch_text(&scratch, "tags.json", "{\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}");
-    EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--tags", scratch_file(&scratch, "tags.json"),
-                            "--out", out), "tag"); // a blank wall
+    EXPECT_SENTENCE(
+        PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--tags", scratch_file(&scratch, "tags.json"), "--out", out),
+        "tag"); // a blank wall
 }
 
 static void test_bad_recordings(void **state)
@@ -269,7 +274,8 @@ static void test_bad_recordings(void **state)
     record_into(file);
     EXPECT_SENTENCE(PROCESS(CAPTURE, "export", file, "--take", "two", "--as", "joints-csv", "--out", other), "two");
     EXPECT_SENTENCE(PROCESS(REENACT, "render", file, "--take", "one", "--camera", uri("good"), "--out",
-                            scratch_file(&scratch, "pictures")), "place");
+                            scratch_file(&scratch, "pictures")),
+                    "place");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--sensor", uri("good"), "--into", file), "place");
     EXPECT_SENTENCE(PROCESS(REENACT, "locate", file, "--camera", uri("good"), "--out", other), "place");
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--out", file, "--take", "x"), "good.reenact");
@@ -310,12 +316,9 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_help_and_usage),
-        cmocka_unit_test(test_an_empty_room_is_recorded_all_the_same),
-        cmocka_unit_test(test_bad_sensors),
-        cmocka_unit_test(test_a_camera_maps_tags),
-        cmocka_unit_test(test_bad_places_and_tags),
-        cmocka_unit_test(test_bad_recordings),
+        cmocka_unit_test(test_help_and_usage),      cmocka_unit_test(test_an_empty_room_is_recorded_all_the_same),
+        cmocka_unit_test(test_bad_sensors),         cmocka_unit_test(test_a_camera_maps_tags),
+        cmocka_unit_test(test_bad_places_and_tags), cmocka_unit_test(test_bad_recordings),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

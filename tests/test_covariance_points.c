@@ -98,8 +98,8 @@ static void points_are_as_sure_as_they_say(void **state)
         int count = map_points(&lens, mapped, points);
         film(lens, truth, 101 + 2 * (uint64_t)i);
         look(&(struct place){.points = points, .point_count = count}, &lens, truth, &alone);
-        look(&(struct place){.points = points, .point_count = count, .tags = tags, .tag_count = tag_count}, &lens, truth,
-             &with_tags);
+        look(&(struct place){.points = points, .point_count = count, .tags = tags, .tag_count = tag_count}, &lens,
+             truth, &with_tags);
     }
     world_close(&world);
     printf("points alone: ");

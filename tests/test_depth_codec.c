@@ -60,14 +60,14 @@ static void paint(uint16_t *depth, int width, int height, int kind, struct dice 
             switch (kind) {
             case 0: d = 0; break;
             case 1: d = 65535; break;
-            case 2: d = (uint16_t)(65536 * u); break;                                   // nothing to gain
+            case 2: d = (uint16_t)(65536 * u); break; // nothing to gain
             case 3: d = u < 0.5 ? 0 : 65535; break;
-            case 4: d = (uint16_t)(700 + 3 * x + 2 * y); break;                         // a slope
+            case 4: d = (uint16_t)(700 + 3 * x + 2 * y); break;                          // a slope
             case 5: d = (uint16_t)(u < 0.2 ? 0 : 1e6 / round(400 - 0.3 * x + u)); break; // disparity steps, holes
-            case 6: d = (uint16_t)(3000 + 40 * dice_normal(dice)); break;               // a noisy wall
-            case 7: d = (uint16_t)((x / 5 + y / 3) % 2 ? 900 : 4000); break;            // edges everywhere
-            case 8: d = (uint16_t)(x == width / 2 && y == height / 2); break;           // one pixel
-            case 9: d = (uint16_t)(y * width + x); break;                               // each value once
+            case 6: d = (uint16_t)(3000 + 40 * dice_normal(dice)); break;                // a noisy wall
+            case 7: d = (uint16_t)((x / 5 + y / 3) % 2 ? 900 : 4000); break;             // edges everywhere
+            case 8: d = (uint16_t)(x == width / 2 && y == height / 2); break;            // one pixel
+            case 9: d = (uint16_t)(y * width + x); break;                                // each value once
             default: d = (uint16_t)(u < 0.01 ? 65536 * dice_uniform(dice) : 1234); break;
             }
             depth[y * width + x] = d;
@@ -229,8 +229,10 @@ int main(void)
 {
     printf("seed %d\n", SEED);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_every_picture_is_exact), cmocka_unit_test(test_every_pair_of_extremes),
-        cmocka_unit_test(test_a_sensors_picture_gets_small), cmocka_unit_test(test_every_mask_is_exact),
+        cmocka_unit_test(test_every_picture_is_exact),
+        cmocka_unit_test(test_every_pair_of_extremes),
+        cmocka_unit_test(test_a_sensors_picture_gets_small),
+        cmocka_unit_test(test_every_mask_is_exact),
         cmocka_unit_test(test_hostile_bytes),
     };
     return cmocka_run_group_tests(tests, open_coder, close_coder);

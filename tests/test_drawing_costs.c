@@ -261,10 +261,8 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(few_calls_and_nothing_anew),
-        cmocka_unit_test(loaded_ahead_is_the_same_picture),
-        cmocka_unit_test(another_frame_stands_in),
-        cmocka_unit_test(memory_is_bounded),
+        cmocka_unit_test(few_calls_and_nothing_anew),    cmocka_unit_test(loaded_ahead_is_the_same_picture),
+        cmocka_unit_test(another_frame_stands_in),       cmocka_unit_test(memory_is_bounded),
         cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
     };
     return cmocka_run_group_tests(tests, make, end);

@@ -216,7 +216,8 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     const int points = m->point_count;
     struct seen *seen = malloc(sizeof *seen * 2 * (size_t)points);
     for (int i = 0; i < 2 * points; i++)
-        seen[i] = see(l, i % points, warp, &into_viewer, &into_world, pose_inverse(s->viewer).rotation, i < points ? -1 : 1);
+        seen[i] =
+            see(l, i % points, warp, &into_viewer, &into_world, pose_inverse(s->viewer).rotation, i < points ? -1 : 1);
     for (int i = 0; i < W * H; i++)
         canvas->z[i] = INFINITY;
     for (int t = 0; t < m->corner_count; t += 3) {
@@ -257,8 +258,8 @@ static void pixels_are_the_reference_s(void **state)
             sum += pow(canvas.rgba[i][c] - rgba[4 * i + c], 2);
     }
     double psnr = 10 * log10(255.0 * 255.0 / (sum / (4.0 * (double)count)));
-    print_message("%ld pixels, %ld of them of a smooth edge, %.1f dB; %ld in one of the two only\n", count, smooth, psnr,
-                  one);
+    print_message("%ld pixels, %ld of them of a smooth edge, %.1f dB; %ld in one of the two only\n", count, smooth,
+                  psnr, one);
     EXPECT_AT_LEAST((double)count, 2000);
     EXPECT_AT_LEAST((double)smooth, 100);
     EXPECT_AT_LEAST(psnr, 55);

@@ -18,10 +18,7 @@ static struct world *world;
 static struct recording *recording;
 static struct take *take;
 
-static struct skeleton truth(int i)
-{
-    return world_joints_in_camera(world, i / 10.0, world_sensor_pose(world));
-}
+static struct skeleton truth(int i) { return world_joints_in_camera(world, i / 10.0, world_sensor_pose(world)); }
 
 static void test_csv_holds_every_joint(void **state)
 {

@@ -50,8 +50,8 @@ static void test_pictures_come_with_their_places(void **state)
         // Which of the folder's pictures it is tells where it was taken from.
         double nearest = 1e9;
         for (int k = 0; k < REHEARSAL_PICTURES; k++)
-            nearest = fmin(nearest, v3_distance(s->world_from_camera.translation,
-                                                world_viewer_pose(world, 0.8 * k).translation));
+            nearest = fmin(
+                nearest, v3_distance(s->world_from_camera.translation, world_viewer_pose(world, 0.8 * k).translation));
         EXPECT_AT_MOST(nearest, 0.05);
         last = s->number;
     }

@@ -1,5 +1,5 @@
-// A natural feature lies where the picture has it, in whatever copy of the picture it was found: turned upside down, the
-// picture has the same features at the same places.
+// A natural feature lies where the picture has it, in whatever copy of the picture it was found: turned upside down,
+// the picture has the same features at the same places.
 #include "locate/points.h"
 #include "tests/dice.h"
 #include "tests/test.h"

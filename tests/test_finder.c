@@ -63,7 +63,7 @@ static void nobody_waits_for_a_camera_that_jumped(void **state)
 {
     (void)state;
     for (int back = FIRST_JUMP; back < 2; back++) { // a folder that begins anew has a clock that does, too
-        struct lull *lull; // in one of them, and nothing is ever shown
+        struct lull *lull;                          // in one of them, and nothing is ever shown
         EXPECT_STATUS(lull_open(&lull), OK);
         struct finder *f = open_finder(back ? lull : NULL);
         double first_ms, cpu_ms;

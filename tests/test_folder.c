@@ -100,8 +100,8 @@ static void test_round_trip(void **state)
 {
     struct room *room = *state;
     scratch_text(&room->scratch, "rgb.txt",
-             "# color images\r\n# timestamp filename\n\n 1305031102.175304 rgb/first one.png \n"
-             "1305031102.2086379999\trgb/0001.jpg\n");
+                 "# color images\r\n# timestamp filename\n\n 1305031102.175304 rgb/first one.png \n"
+                 "1305031102.2086379999\trgb/0001.jpg\n");
     scratch_text(&room->scratch, "depth.txt", "1305031102.175304 depth/7.png\n1305031102.2086375001 ./depth/8.b.png");
     put_color(room, "rgb/first one.png", 1);
     put_color(room, "rgb/0001.jpg", 2);
@@ -176,7 +176,8 @@ static void test_camera_needs_no_depth(void **state)
 static void test_sensor_needs_no_color(void **state)
 {
     struct room *room = *state;
-    scratch_text(&room->scratch, "depth.txt", "5 depth/a-name-that-is-longer-than-a-frame-can-hold.png\n5.1 depth/b.png\n");
+    scratch_text(&room->scratch, "depth.txt",
+                 "5 depth/a-name-that-is-longer-than-a-frame-can-hold.png\n5.1 depth/b.png\n");
     put_depth(room, "depth/a-name-that-is-longer-than-a-frame-can-hold.png", 1);
     put_depth(room, "depth/b.png", 2);
     struct source *s = open_as(room, SOURCE_SENSOR);
@@ -252,7 +253,7 @@ static void test_pairs_by_time(void **state)
     }
     put_color(room, "rgb/x.png", 1);
     scratch_text(&room->scratch, "depth.txt",
-             "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n1.3 depth/d.png\n1.4 depth/e.png\n");
+                 "1.0 depth/a.png\n1.1 depth/b.png\n1.2 depth/c.png\n1.3 depth/d.png\n1.4 depth/e.png\n");
     // Exactly half a frame apart is a pair, a microsecond more is none.
     scratch_text(&room->scratch, "rgb.txt", "1.05 rgb/x.png\n1.149999 rgb/x.png\n1.350001 rgb/x.png\n");
     pairs(room, "a+ b+ c- d- e+ ");

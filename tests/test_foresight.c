@@ -11,8 +11,8 @@ static const int64_t EACH_NS = 100 * MS / 3, LENGTH_NS = 3000 * MS;
 static int look(struct foresight *f, double take_ms, double clock_ms, double takes_ms, bool loop,
                 int64_t at_ns[FORESEEN_MOST])
 {
-    const struct foresight_now now = {(int64_t)(take_ms * MS), LENGTH_NS, EACH_NS, true, loop,
-                                      (int64_t)(clock_ms * MS), (int64_t)(takes_ms * MS)};
+    const struct foresight_now now = {(int64_t)(take_ms * MS), LENGTH_NS, EACH_NS, true, loop, (int64_t)(clock_ms * MS),
+                                      (int64_t)(takes_ms * MS)};
     return foresee(f, &now, at_ns);
 }
 
@@ -103,8 +103,9 @@ static void not_for_nothing(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(as_far_as_before),      cmocka_unit_test(over_the_end),    cmocka_unit_test(only_what_can_be_ready),
-        cmocka_unit_test(not_what_stands_still), cmocka_unit_test(not_for_nothing),
+        cmocka_unit_test(as_far_as_before),       cmocka_unit_test(over_the_end),
+        cmocka_unit_test(only_what_can_be_ready), cmocka_unit_test(not_what_stands_still),
+        cmocka_unit_test(not_for_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

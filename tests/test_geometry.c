@@ -81,12 +81,9 @@ static void test_lens_check_refuses_nonsense(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rotation_vector_and_back),
-        cmocka_unit_test(test_matrix_and_back_for_half_turns),
-        cmocka_unit_test(test_quat_between_opposite_and_zero),
-        cmocka_unit_test(test_pose_inverse_far_from_origin),
-        cmocka_unit_test(test_lens_undoes_its_distortion),
-        cmocka_unit_test(test_lens_check_refuses_nonsense),
+        cmocka_unit_test(test_rotation_vector_and_back),       cmocka_unit_test(test_matrix_and_back_for_half_turns),
+        cmocka_unit_test(test_quat_between_opposite_and_zero), cmocka_unit_test(test_pose_inverse_far_from_origin),
+        cmocka_unit_test(test_lens_undoes_its_distortion),     cmocka_unit_test(test_lens_check_refuses_nonsense),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -118,8 +118,16 @@ static void leave(void)
 
 static void watch(const char *rotate)
 {
-    const char *const arguments[] = {PROGRAM_DIR "/reenact", rehearsal.file, "--take",   "turn",    "--camera",
-                                     rehearsal.camera,       "--dpi",        "149",      "--rotate", rotate,
+    const char *const arguments[] = {PROGRAM_DIR "/reenact",
+                                     rehearsal.file,
+                                     "--take",
+                                     "turn",
+                                     "--camera",
+                                     rehearsal.camera,
+                                     "--dpi",
+                                     "149",
+                                     "--rotate",
+                                     rotate,
                                      NULL};
     watcher = process_start(arguments);
 }
@@ -139,9 +147,16 @@ static void test_on_wayland(void **state)
 {
     (void)state;
     setenv("XDG_RUNTIME_DIR", rehearsal.scratch.path, 1);
-    const char *const arguments[] = {"/usr/bin/weston",      "--backend=x11-backend.so", "--use-pixman", "--width=1280",
-                                     "--height=800",         "--socket=glass",           "--no-config",  "--idle-time=0",
-                                     "--shell=kiosk-shell.so", NULL};
+    const char *const arguments[] = {"/usr/bin/weston",
+                                     "--backend=x11-backend.so",
+                                     "--use-pixman",
+                                     "--width=1280",
+                                     "--height=800",
+                                     "--socket=glass",
+                                     "--no-config",
+                                     "--idle-time=0",
+                                     "--shell=kiosk-shell.so",
+                                     NULL};
     weston = process_start(arguments);
     for (int i = 0; i < 100 && !file_exists(scratch_file(&rehearsal.scratch, "glass")); i++)
         clock_sleep_until_ns(clock_now_ns() + 100000000);
@@ -218,8 +233,9 @@ static int set_up(void **state)
     snprintf(folder, sizeof folder, "%s", rehearsal.scratch.path);
     // A display of its own, whatever others there are.
     snprintf(display, sizeof display, ":%d", 1000 + (int)getpid() % 50000);
-    const char *const arguments[] = {"/usr/bin/Xvfb", display, "-screen", "0", "1280x800x24", "-fbdir", folder,
-                                     "-nolisten", "tcp", "-noreset", NULL}; // not anew when the last window closes
+    const char *const arguments[] = {
+        "/usr/bin/Xvfb", display,     "-screen", "0",        "1280x800x24", "-fbdir",
+        folder,          "-nolisten", "tcp",     "-noreset", NULL}; // not anew when the last window closes
     xvfb = process_start(arguments);
     setenv("DISPLAY", display, 1);
     for (int i = 0; i < 100 && !read_display(); i++)

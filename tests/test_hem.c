@@ -39,8 +39,12 @@ static struct hem_belief look(const char *figure, const char *motion, double hei
 static void a_hem_is_found_where_one_is(void **state)
 {
     (void)state;
-    static const struct { const char *figure, *motion; double height_m; bool tails; } who[] = {
-        {"skirt", "pirouette", 1.65, true}, {"coat", "kata", 1.78, true},    {"woman", "pirouette", 1.70, false},
+    static const struct {
+        const char *figure, *motion;
+        double height_m;
+        bool tails;
+    } who[] = {
+        {"skirt", "pirouette", 1.65, true}, {"coat", "kata", 1.78, true},  {"woman", "pirouette", 1.70, false},
         {"heavy", "kata", 1.75, false},     {"tall", "bend", 1.95, false}, {"child", "walk", 1.25, false},
     };
     for (size_t i = 0; i < COUNT_OF(who); i++) {
@@ -59,7 +63,7 @@ static void a_hem_is_found_where_one_is(void **state)
 static void legs_in_a_skirt_are_where_they_should_be(void **state)
 {
     (void)state;
-    static const enum joint low[] = {JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT,
+    static const enum joint low[] = {JOINT_LEFT_HIP,  JOINT_LEFT_KNEE,  JOINT_LEFT_FOOT,
                                      JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
     static const char *const who[] = {"skirt", "coat"};
     for (size_t w = 0; w < COUNT_OF(who); w++) {

@@ -23,11 +23,11 @@ static const struct rule rules[] = {
 
 // Headers that are the language's or the system's own.
 static const char *const own_headers[] = {
-    "argp.h",   "assert.h", "complex.h", "ctype.h",    "dirent.h",   "errno.h",  "fcntl.h",     "fenv.h",
-    "float.h",  "ftw.h",    "glob.h",    "inttypes.h", "limits.h",   "locale.h", "math.h",      "poll.h",
-    "pthread.h", "sched.h", "setjmp.h",  "signal.h",   "spawn.h",    "stdalign.h", "stdarg.h",  "stdatomic.h",
-    "stdbool.h", "stddef.h", "stdint.h", "stdio.h",    "stdlib.h",   "string.h", "strings.h",   "time.h",
-    "unistd.h", "wchar.h",  "dlfcn.h",   "endian.h",   "semaphore.h",
+    "argp.h",    "assert.h", "complex.h", "ctype.h",    "dirent.h",    "errno.h",    "fcntl.h",   "fenv.h",
+    "float.h",   "ftw.h",    "glob.h",    "inttypes.h", "limits.h",    "locale.h",   "math.h",    "poll.h",
+    "pthread.h", "sched.h",  "setjmp.h",  "signal.h",   "spawn.h",     "stdalign.h", "stdarg.h",  "stdatomic.h",
+    "stdbool.h", "stddef.h", "stdint.h",  "stdio.h",    "stdlib.h",    "string.h",   "strings.h", "time.h",
+    "unistd.h",  "wchar.h",  "dlfcn.h",   "endian.h",   "semaphore.h",
 };
 
 enum { MOST_FILES = 800, MOST_FOREIGN = 100 };

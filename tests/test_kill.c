@@ -75,8 +75,8 @@ static int64_t frames_in(const char *path)
 // frames the sensor had handed out by then at least.
 static int64_t film_and_kill(const char *path, double filmed_ms)
 {
-    const char *const argv[] = {PROGRAM_DIR "/reenact-capture", "record", "--sensor", "openni", "--out", path,
-                                "--take", "long", NULL};
+    const char *const argv[] = {
+        PROGRAM_DIR "/reenact-capture", "record", "--sensor", "openni", "--out", path, "--take", "long", NULL};
     pid_t child = process_start(argv);
     int64_t give_up_ns = clock_now_ns() + 20000000000, seen = -1, at_first;
     while ((seen = frames_in(path)) < 1 && clock_now_ns() < give_up_ns)
@@ -122,8 +122,8 @@ static void test_an_interrupt_ends_the_take_in_good_order(void **state)
 {
     (void)state;
     const char *path = scratch_file(&scratch, "stopped.reenact");
-    const char *const argv[] = {PROGRAM_DIR "/reenact-capture", "record", "--sensor", "openni", "--out", path,
-                                "--take", "long", NULL};
+    const char *const argv[] = {
+        PROGRAM_DIR "/reenact-capture", "record", "--sensor", "openni", "--out", path, "--take", "long", NULL};
     pid_t child = process_start(argv);
     int64_t give_up_ns = clock_now_ns() + 20000000000;
     while (frames_in(path) < 1 && clock_now_ns() < give_up_ns)

@@ -32,9 +32,8 @@ static struct show show_in(int n)
 }
 
 // Pictures stand for those that would be shown; nobody looks at them.
-static const struct stage_picture shown = {.inset = (const struct gpu_texture *)&shown,
-                                           .sources = (const struct gpu_texture *)&shown,
-                                           .inset_shape = 4.0 / 3};
+static const struct stage_picture shown = {
+    .inset = (const struct gpu_texture *)&shown, .sources = (const struct gpu_texture *)&shown, .inset_shape = 4.0 / 3};
 
 static bool overlap(struct ui_box a, struct ui_box b)
 {
@@ -96,7 +95,8 @@ static void stands_free(const struct glass *g)
     EXPECT_NEAR(free.x, l.free.x, 1e-9);
     EXPECT_NEAR(free.h, l.free.h, 1e-9);
     for (int j = 0; j < JOINT_COUNT; j++) {
-        const struct pixel px = lens_project(&p->lens, pose_apply(pose_inverse(p->world_from_camera), p->skeleton.joint[j]));
+        const struct pixel px =
+            lens_project(&p->lens, pose_apply(pose_inverse(p->world_from_camera), p->skeleton.joint[j]));
         const double x = (px.x + 0.5) / scale, y = (px.y + 0.5) / scale;
         if (p->skeleton.confidence[j] > 0)
             EXPECT_TRUE(x >= free.x && x <= free.x + free.w && y >= free.y && y <= free.y + free.h);

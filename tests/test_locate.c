@@ -238,7 +238,8 @@ static void a_number_seen_twice(void **state)
     struct sighting s[3] = {tag_sight(&copy, &truth, 0.05, &dice), tag_sight(&wall[0], &truth, 0.05, &dice),
                             tag_sight(&wall[2], &truth, 0.05, &dice)};
     struct camera_fit fit;
-    struct fit_tag tags[3] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[0], &s[1]), tag_sight_for_fit(&wall[2], &s[2])};
+    struct fit_tag tags[3] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[0], &s[1]),
+                              tag_sight_for_fit(&wall[2], &s[2])};
     EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, NULL, &fit), NOTHING); // which of the two?
     EXPECT_STATUS(fit_camera(tags, 3, 525, 525, 2.5, NULL, &fit), OK);      // the third tag says which
     EXPECT_INT(fit.used, 2);

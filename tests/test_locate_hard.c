@@ -97,7 +97,8 @@ static void corners_nearly_in_a_line(void **state)
     struct camera_fit fit = {.used = 0};
     enum status status = fit_camera(&tag, 1, F_PX, F_PX, 2.5, NULL, &fit);
     double covariance[36], off = off_m(pose_inverse(fit.camera_from_world), truth);
-    bool known = status != NOTHING && fit_covariance(&tag, 1, NULL, 0, F_PX, F_PX, NULL, &fit.camera_from_world, covariance);
+    bool known =
+        status != NOTHING && fit_covariance(&tag, 1, NULL, 0, F_PX, F_PX, NULL, &fit.camera_from_world, covariance);
     double sigma = known ? sqrt(covariance[21] + covariance[28] + covariance[35]) : INFINITY;
     printf("corners nearly in a line: %s, %.1f mm off, sigma %.1f mm\n", status_name(status), off * 1e3, sigma * 1e3);
     EXPECT_TRUE(status >= 0);

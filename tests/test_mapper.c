@@ -116,7 +116,8 @@ static int leave_room(void **state)
     return 0;
 }
 
-// Every `step`th picture of the sweep, by a sensor whose depth is so many times as long as it should be; 0: it has none.
+// Every `step`th picture of the sweep, by a sensor whose depth is so many times as long as it should be; 0: it has
+// none.
 static enum status film(const struct room *r, struct mapper *m, int step, double depth_times)
 {
     size_t pixels = (size_t)r->calibration.depth.width * (size_t)r->calibration.depth.height;
@@ -208,7 +209,8 @@ static void a_room_is_mapped(void **state)
     EXPECT_STATUS(film(&r, m, 1, 1), OK);
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
     mapper_close(&m);
-    double error = tag_error(&r, &place, &world_from_place), off = tags_squared(&place, world_tags(r.world, &count), world_from_place);
+    double error = tag_error(&r, &place, &world_from_place),
+           off = tags_squared(&place, world_tags(r.world, &count), world_from_place);
     printf("tags off by %.1f where 6 is said\n", off);
     EXPECT_AT_LEAST(off, 3);
     EXPECT_AT_MOST(off, 9);
@@ -250,8 +252,8 @@ static void without_depth_the_tags_give_the_scale(void **state)
     EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
     mapper_close(&m);
     double error = tag_error(&r, &place, &world_from_place);
-    printf("without depth: %d of %d pictures placed, %d tags within %.2f mm rms, %d points\n", (int)report.frames_placed,
-           (int)report.frames, (int)place.tag_count, error * 1e3, (int)place.point_count);
+    printf("without depth: %d of %d pictures placed, %d tags within %.2f mm rms, %d points\n",
+           (int)report.frames_placed, (int)report.frames, (int)place.tag_count, error * 1e3, (int)place.point_count);
     EXPECT_AT_MOST(error, 0.003);
     EXPECT_AT_LEAST(place.point_count, 50);
     check_viewer(&r, &place, world_from_place, 0.03, 0.3);

@@ -42,7 +42,8 @@ static int64_t draw_all(uint8_t *rgba)
     struct moment moment;
     int64_t most = 0;
     EXPECT_STATUS(motion_open(&motion, take), OK);
-    EXPECT_STATUS(motion_at(motion, take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns, true, &moment), OK);
+    EXPECT_STATUS(motion_at(motion, take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns, true, &moment),
+                  OK);
     motion_close(&motion);
     EXPECT_INT(moment.frame, FRAME);
     const struct vec3 him = moment.skeleton.joint[JOINT_WAIST];
@@ -83,7 +84,8 @@ static void the_picture_is_the_same(void **state)
         give(loader, ANOTHER, WHAT_IS_FOUND);
     }
     frame_loader_close(&loader);
-    print_message("%ld values differ from those drawn without the frame\n", differ(rgba[WHAT_IS_FOUND], rgba[NONE_MAY], 1));
+    print_message("%ld values differ from those drawn without the frame\n",
+                  differ(rgba[WHAT_IS_FOUND], rgba[NONE_MAY], 1));
     EXPECT_INT(differ(rgba[WHAT_IS_FOUND], rgba[ALL_MAY], 1), 0); // the sum may be rounded otherwise
     EXPECT_AT_LEAST(differ(rgba[WHAT_IS_FOUND], rgba[NONE_MAY], 1), 2000);
 }

@@ -140,10 +140,7 @@ static void test_without_a_place_nothing_is_located(void **state)
     EXPECT_TRUE(!result.located);
 }
 
-static bool stop_at_once(void)
-{
-    return true;
-}
+static bool stop_at_once(void) { return true; }
 
 static void test_a_stopped_take_is_complete(void **state)
 {
@@ -181,8 +178,8 @@ static void test_thinking_over_can_be_stopped(void **state)
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&scratch, "sensor"));
     snprintf(path, sizeof path, "%s", scratch_file(&scratch, "f.reenact"));
     impatient = (struct onlooker){.path = path};
-    struct recorder_options options = {.should_stop = stop_while_it_is_thought_over, .on_settle = look,
-                                       .on_settled = count, .context = &impatient};
+    struct recorder_options options = {
+        .should_stop = stop_while_it_is_thought_over, .on_settle = look, .on_settled = count, .context = &impatient};
     EXPECT_STATUS(source_open(&source, uri, SOURCE_SENSOR), OK);
     EXPECT_STATUS(recording_create(&writer, path), OK);
     EXPECT_STATUS(recorder_run(source, writer, "turn", &place, &options, &result), OK);

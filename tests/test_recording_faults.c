@@ -61,7 +61,8 @@ static void test_kill_at_any_moment(void **state)
 {
     (void)state;
     struct dice dice = {seed};
-    volatile int64_t *added = mmap(NULL, AT_ONCE * sizeof *added, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    volatile int64_t *added =
+        mmap(NULL, AT_ONCE * sizeof *added, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     assert_true(added != MAP_FAILED);
     printf("frames short:");
     for (int round = 0; round < KILLS / AT_ONCE; round++) {
@@ -274,8 +275,9 @@ static void test_cut_anywhere(void **state)
     int undetected = 0;
     printf("of %d frames, saved after cuts:", FRAMES + 3);
     for (int i = 0; i < CUTS; i++) {
-        size_t at = i < 3 ? (size_t)(i * 50) : i % 2 ? count / 65536 * 65536 * (size_t)i / CUTS / 65536 * 65536
-                                                     : (size_t)(dice_uniform(&dice) * (double)count);
+        size_t at = i < 3   ? (size_t)(i * 50)
+                    : i % 2 ? count / 65536 * 65536 * (size_t)i / CUTS / 65536 * 65536
+                            : (size_t)(dice_uniform(&dice) * (double)count);
         EXPECT_STATUS(file_write(path_of("cut"), bytes, at), OK);
         printf(" %lld", (long long)use_damaged(path_of("cut"), hash, &undetected));
         remove_with_log(path_of("cut"));
@@ -325,8 +327,10 @@ int main(void)
     seed = given ? strtoull(given, NULL, 0) : (uint64_t)clock_now_ns();
     printf("seed REENACT_TEST_SEED=%llu\n", (unsigned long long)seed);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_kill_at_any_moment),  cmocka_unit_test(test_life_after_a_kill),
-        cmocka_unit_test(test_full_disk),           cmocka_unit_test(test_cut_anywhere),
+        cmocka_unit_test(test_kill_at_any_moment),
+        cmocka_unit_test(test_life_after_a_kill),
+        cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_cut_anywhere),
         cmocka_unit_test(test_wrong_bytes_anywhere),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);

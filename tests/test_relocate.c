@@ -339,9 +339,12 @@ static void a_guessed_focal_length_is_learnt(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bad_pictures),        cmocka_unit_test(a_mirrored_room_is_another),
-        cmocka_unit_test(far_from_the_origin), cmocka_unit_test(a_moved_tag_is_left_out),
-        cmocka_unit_test(one_wall_alone),      cmocka_unit_test(a_wrong_focal_length_shows),
+        cmocka_unit_test(bad_pictures),
+        cmocka_unit_test(a_mirrored_room_is_another),
+        cmocka_unit_test(far_from_the_origin),
+        cmocka_unit_test(a_moved_tag_is_left_out),
+        cmocka_unit_test(one_wall_alone),
+        cmocka_unit_test(a_wrong_focal_length_shows),
         cmocka_unit_test(a_guessed_focal_length_is_learnt),
     };
     return cmocka_run_group_tests(tests, enter, leave);

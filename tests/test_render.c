@@ -284,9 +284,12 @@ static void nobody_leaves_the_picture_alone(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(cylinders_fall_where_the_reference_says), cmocka_unit_test(the_film_is_given_back),
-        cmocka_unit_test(the_wall_behind_never_comes_along),       cmocka_unit_test(the_nearer_part_hides_the_farther),
-        cmocka_unit_test(the_same_again_is_the_same),              cmocka_unit_test(nobody_leaves_the_picture_alone),
+        cmocka_unit_test(cylinders_fall_where_the_reference_says),
+        cmocka_unit_test(the_film_is_given_back),
+        cmocka_unit_test(the_wall_behind_never_comes_along),
+        cmocka_unit_test(the_nearer_part_hides_the_farther),
+        cmocka_unit_test(the_same_again_is_the_same),
+        cmocka_unit_test(nobody_leaves_the_picture_alone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -18,14 +18,22 @@ static struct skeleton puppet(void)
 {
     struct skeleton s;
     const struct vec3 joints[JOINT_COUNT] = {
-        [JOINT_HEAD] = {0, -0.65, 2.5},          [JOINT_NECK] = {0, -0.45, 2.5},
-        [JOINT_LEFT_SHOULDER] = {0.2, -0.4, 2.5},   [JOINT_LEFT_ELBOW] = {0.48, -0.35, 2.5},
-        [JOINT_LEFT_HAND] = {0.75, -0.3, 2.5},      [JOINT_RIGHT_SHOULDER] = {-0.2, -0.4, 2.5},
-        [JOINT_RIGHT_ELBOW] = {-0.48, -0.35, 2.5},  [JOINT_RIGHT_HAND] = {-0.75, -0.3, 2.5},
-        [JOINT_TORSO] = {0, -0.15, 2.5},            [JOINT_WAIST] = {0, 0.1, 2.5},
-        [JOINT_LEFT_HIP] = {0.12, 0.18, 2.5},       [JOINT_LEFT_KNEE] = {0.2, 0.6, 2.5},
-        [JOINT_LEFT_FOOT] = {0.25, 1.0, 2.5},       [JOINT_RIGHT_HIP] = {-0.12, 0.18, 2.5},
-        [JOINT_RIGHT_KNEE] = {-0.2, 0.6, 2.5},      [JOINT_RIGHT_FOOT] = {-0.25, 1.0, 2.5},
+        [JOINT_HEAD] = {0, -0.65, 2.5},
+        [JOINT_NECK] = {0, -0.45, 2.5},
+        [JOINT_LEFT_SHOULDER] = {0.2, -0.4, 2.5},
+        [JOINT_LEFT_ELBOW] = {0.48, -0.35, 2.5},
+        [JOINT_LEFT_HAND] = {0.75, -0.3, 2.5},
+        [JOINT_RIGHT_SHOULDER] = {-0.2, -0.4, 2.5},
+        [JOINT_RIGHT_ELBOW] = {-0.48, -0.35, 2.5},
+        [JOINT_RIGHT_HAND] = {-0.75, -0.3, 2.5},
+        [JOINT_TORSO] = {0, -0.15, 2.5},
+        [JOINT_WAIST] = {0, 0.1, 2.5},
+        [JOINT_LEFT_HIP] = {0.12, 0.18, 2.5},
+        [JOINT_LEFT_KNEE] = {0.2, 0.6, 2.5},
+        [JOINT_LEFT_FOOT] = {0.25, 1.0, 2.5},
+        [JOINT_RIGHT_HIP] = {-0.12, 0.18, 2.5},
+        [JOINT_RIGHT_KNEE] = {-0.2, 0.6, 2.5},
+        [JOINT_RIGHT_FOOT] = {-0.25, 1.0, 2.5},
     };
     for (int j = 0; j < JOINT_COUNT; j++) {
         s.joint[j] = joints[j];
@@ -35,9 +43,10 @@ static struct skeleton puppet(void)
 }
 
 static const double true_radius[PART_COUNT] = {
-    [PART_HEAD] = 0.09,          [PART_UPPER_TORSO] = 0.16,  [PART_LOWER_TORSO] = 0.14, [PART_LEFT_UPPER_ARM] = 0.05,
-    [PART_LEFT_FOREARM] = 0.04,  [PART_RIGHT_UPPER_ARM] = 0.05, [PART_RIGHT_FOREARM] = 0.04,
-    [PART_LEFT_THIGH] = 0.075,   [PART_LEFT_SHIN] = 0.05,    [PART_RIGHT_THIGH] = 0.075, [PART_RIGHT_SHIN] = 0.05,
+    [PART_HEAD] = 0.09,           [PART_UPPER_TORSO] = 0.16,  [PART_LOWER_TORSO] = 0.14,
+    [PART_LEFT_UPPER_ARM] = 0.05, [PART_LEFT_FOREARM] = 0.04, [PART_RIGHT_UPPER_ARM] = 0.05,
+    [PART_RIGHT_FOREARM] = 0.04,  [PART_LEFT_THIGH] = 0.075,  [PART_LEFT_SHIN] = 0.05,
+    [PART_RIGHT_THIGH] = 0.075,   [PART_RIGHT_SHIN] = 0.05,
 };
 
 static uint16_t depth[WIDTH * HEIGHT];

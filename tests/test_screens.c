@@ -33,9 +33,12 @@ static struct rehearsal rehearsal;
 
 static void open_glass(struct glass *g, int width, int height, const char *file, const char *take, const char *camera)
 {
-    const struct tablet_options options = {
-        .file = file, .take = take, .camera = camera, .photos = rehearsal.scratch.path, .fixed_fineness = true,
-        .refresh_hz = 60};
+    const struct tablet_options options = {.file = file,
+                                           .take = take,
+                                           .camera = camera,
+                                           .photos = rehearsal.scratch.path,
+                                           .fixed_fineness = true,
+                                           .refresh_hz = 60};
     glass_open(g, width, height, &options);
 }
 
@@ -51,7 +54,8 @@ static void test_takes_are_chosen_with_a_finger(void **state)
     EXPECT_AT_LEAST(glass_count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
     // The second card, with a finger that comes and goes.
     const double scale = glass_scale(&g);
-    struct screen_event down = {.kind = SCREEN_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale}, up = down;
+    struct screen_event down = {.kind = SCREEN_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale},
+                        up = down;
     up.kind = SCREEN_POINTER_UP;
     EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &down, scale, clock_now_ns()));
     glass_draw(&g);
@@ -132,7 +136,8 @@ static void draw_turned(struct glass *g, int quarter_turns)
 {
     const bool across = quarter_turns & 1;
     gpu_target_close(&g->target);
-    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height), OK);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height),
+                  OK);
     const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, glass_scale(g)};
     EXPECT_STATUS(tablet_draw(&g->tablet, &glass, clock_now_ns()), OK);
     glass_read(g);
@@ -294,7 +299,7 @@ static void test_a_photograph_is_what_is_seen_without_the_controls(void **state)
     size_t count;
     EXPECT_STATUS(file_read(scratch_file(&rehearsal.scratch, name), &bytes, &count), OK);
     EXPECT_STATUS(jpeg_decode(bytes, count, rgb, 640, 480), OK); // as large as the camera's picture
-    double sum = 0; // where the actor is not, it is the camera's picture
+    double sum = 0;                                              // where the actor is not, it is the camera's picture
     for (int y = 0; y < 120; y++)
         for (int x = 0; x < 3 * 120; x++)
             sum += abs(rgb[y * 640 * 3 + x] - g.tablet.sight->rgb[y * 640 * 3 + x]);
@@ -358,7 +363,8 @@ static void test_the_mirror_shows_him_the_other_way_round(void **state)
     glass_seek(&g, 0.5);
     struct tablet *t = &g.tablet;
     glass_draw(&g);
-    struct vec3 left = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER], right = t->picture.skeleton.joint[JOINT_RIGHT_SHOULDER];
+    struct vec3 left = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER],
+                right = t->picture.skeleton.joint[JOINT_RIGHT_SHOULDER];
     show_do(&t->show, DO_MIRROR, clock_now_ns());
     glass_draw(&g);
     struct vec3 mirrored = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER];
@@ -419,7 +425,8 @@ static void test_a_file_without_a_take_says_so(void **state)
 // ---------------------------------------------------------------- photographs of screens
 
 enum { SCREENS = 8 };
-static const char *const screen_names[SCREENS] = {"takes", "place", "orbit", "layers", "speed", "sources", "move", "lost"};
+static const char *const screen_names[SCREENS] = {"takes", "place",   "orbit", "layers",
+                                                  "speed", "sources", "move",  "lost"};
 
 // Brings screen number n about.
 static void arrange(struct glass *g, int n)
@@ -460,7 +467,8 @@ static void arrange(struct glass *g, int n)
 
 static bool full_of_something(const struct glass *g)
 {
-    int first = glass_count_color(g, (uint32_t)g->rgba[0] << 24 | (uint32_t)g->rgba[1] << 16 | (uint32_t)g->rgba[2] << 8, 3);
+    int first =
+        glass_count_color(g, (uint32_t)g->rgba[0] << 24 | (uint32_t)g->rgba[1] << 16 | (uint32_t)g->rgba[2] << 8, 3);
     return first < g->width * g->height * 9 / 10;
 }
 
@@ -486,17 +494,18 @@ static void photograph_one(struct glass *g, int n, const char *folder)
         memcpy(last, g->rgba, bytes);
         if (!folder)
             continue;
-        snprintf(path, sizeof path, "%s/%s-%s-%s.png", folder, screen_names[n], g->width < g->height ? "upright" : "wide",
-                 dark ? "dark" : "light");
+        snprintf(path, sizeof path, "%s/%s-%s-%s.png", folder, screen_names[n],
+                 g->width < g->height ? "upright" : "wide", dark ? "dark" : "light");
         EXPECT_STATUS(png_write(path, PNG_RGBA8, g->rgba, g->width, g->height), OK);
     }
 }
 
-static void photograph_all(const char *file, const char *take, const char *camera, const char *blind, const char *folder,
-                           bool upright)
+static void photograph_all(const char *file, const char *take, const char *camera, const char *blind,
+                           const char *folder, bool upright)
 {
     struct glass g;
-    const int share = folder ? 1 : SHARE, width = (upright ? SHORT : LONG) / share, height = (upright ? LONG : SHORT) / share;
+    const int share = folder ? 1 : SHARE, width = (upright ? SHORT : LONG) / share,
+              height = (upright ? LONG : SHORT) / share;
     open_glass(&g, width, height, file, take, camera);
     g.tablet.show.take_wanted = true;
     glass_settle(&g, true);

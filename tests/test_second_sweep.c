@@ -159,8 +159,8 @@ static void expect_kept(const struct place *before, const struct place *after)
     EXPECT_TRUE(!memcmp(after->points, before->points, (size_t)before->point_count * sizeof *before->points));
     EXPECT_AT_LEAST(after->view_count, before->view_count);
     for (int32_t i = 0; i < before->view_count; i++)
-        EXPECT_TRUE(!memcmp(&after->views[i].world_from_camera, &before->views[i].world_from_camera,
-                            sizeof(struct pose)));
+        EXPECT_TRUE(
+            !memcmp(&after->views[i].world_from_camera, &before->views[i].world_from_camera, sizeof(struct pose)));
 }
 
 static void the_other_half_is_added(void **state)
@@ -305,10 +305,8 @@ static void takes_in_the_place_stay(void **state)
     struct place read, both;
     struct mapper_report report;
     struct recording_report verified;
-    struct take_frame frame = {.time_ns = 5,
-                               .world_from_camera = world_sweep_pose(room.world, 3),
-                               .located = true,
-                               .depth = room.depth[0]};
+    struct take_frame frame = {
+        .time_ns = 5, .world_from_camera = world_sweep_pose(room.world, 3), .located = true, .depth = room.depth[0]};
     EXPECT_STATUS(recording_create(&w, path), OK);
     EXPECT_STATUS(recording_put_place(w, &room.first), OK);
     EXPECT_STATUS(recording_begin_take(w, "one", &room.calibration), OK);

@@ -89,12 +89,14 @@ static void a_take_is_better_once_its_end_is_known(void **state)
     think_over("kata", 2, FRAMES_MOST, 0, 0, &t);
     double told = mean_error_m(&t, t.told), settled = mean_error_m(&t, t.settled);
     double told_tremble = tremble_m(&t, t.told), settled_tremble = tremble_m(&t, t.settled);
-    print_message("told at once: %.1f mm off, trembling %.1f; thought over: %.1f, %.1f\n", 1000 * told, 1000 * told_tremble,
-                  1000 * settled, 1000 * settled_tremble);
+    print_message("told at once: %.1f mm off, trembling %.1f; thought over: %.1f, %.1f\n", 1000 * told,
+                  1000 * told_tremble, 1000 * settled, 1000 * settled_tremble);
     EXPECT_AT_MOST(settled, 0.97 * told);
     EXPECT_AT_MOST(settled_tremble, 0.6 * told_tremble);
-    static const enum joint bone[4][2] = {{JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW}, {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
-                                          {JOINT_LEFT_HIP, JOINT_LEFT_KNEE}, {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}};
+    static const enum joint bone[4][2] = {{JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
+                                          {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
+                                          {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
+                                          {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}};
     for (int k = 1; k < t.frames; k++) {
         for (int j = 0; j < JOINT_COUNT; j++)
             EXPECT_AT_MOST(v3_distance(t.settled[k].joint[j], t.settled[k - 1].joint[j]), 0.25);
@@ -158,7 +160,8 @@ static void frames_without_anybody_stay_without(void **state)
     think_over("kata", 2, 64, 24, 50, &t);
     think_over("kata", 2, 64, 24, 50, &again);
     double told = mean_error_m(&t, t.told), settled = mean_error_m(&t, t.settled);
-    print_message("with 0.9 s of darkness, told at once: %.1f mm off; thought over: %.1f\n", 1000 * told, 1000 * settled);
+    print_message("with 0.9 s of darkness, told at once: %.1f mm off; thought over: %.1f\n", 1000 * told,
+                  1000 * settled);
     EXPECT_AT_MOST(settled, told);
     assert_memory_equal(t.settled, again.settled, sizeof t.settled);
 }

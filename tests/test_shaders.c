@@ -15,8 +15,8 @@ static bool ends(const char *name, const char *ending)
 }
 
 // Each fragment shader with each vertex shader of its name, or the whole-picture one.
-// The vertex shader that a fragment shader goes with: of the same name, or of what comes before its '_', or the one that
-// fills the whole target.
+// The vertex shader that a fragment shader goes with: of the same name, or of what comes before its '_', or the one
+// that fills the whole target.
 static const char *vertex_of(const char *name)
 {
     for (const char *end = strrchr(name, '.'); end; end = memchr(name, '_', (size_t)(end - name)))
@@ -38,9 +38,8 @@ static void every_shader_compiles(void **state)
         if (!ends(shader_texts[i].name, ".frag"))
             continue;
         fragment++;
-        struct gpu_program_text pair = {.name = shader_texts[i].name,
-                                        .vertex = vertex_of(shader_texts[i].name),
-                                        .fragment = shader_texts[i].text};
+        struct gpu_program_text pair = {
+            .name = shader_texts[i].name, .vertex = vertex_of(shader_texts[i].name), .fragment = shader_texts[i].text};
         struct gpu_program *p;
         EXPECT_STATUS(gpu_program_open(&p, g, &pair), OK);
         gpu_program_close(&p);

@@ -88,7 +88,7 @@ static void test_one_finger_drags_two_spread_and_twist(void **state)
     EXPECT_NEAR(seen.drag_y, -5, 0);
     EXPECT_NEAR(seen.spread, 1, 0);
     gesture_down(&g, 8, 210, 95, 0);
-    gesture_move(&g, 8, 310, 95); // twice as far apart
+    gesture_move(&g, 8, 310, 95);  // twice as far apart
     gesture_move(&g, 8, 110, 295); // a quarter turn clockwise, y runs down
     seen = gesture_take(&g);
     EXPECT_NEAR(seen.spread, 2, 1e-9);

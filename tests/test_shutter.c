@@ -56,7 +56,8 @@ static int enter(void **state)
             shot.lens.readout_s = READOUT_S[r];
             shot.world_from_camera = path(NULL, time_of(i));
             EXPECT_STATUS(r ? world_render_rolling(room.world, &shot, path, NULL, time_of(i), &picture)
-                            : world_render(room.world, &shot, &picture), OK);
+                            : world_render(room.world, &shot, &picture),
+                          OK);
             world_color_noise(room.film[r][i], WIDTH, HEIGHT, 70 + (uint64_t)i);
         }
     return 0;
@@ -72,7 +73,7 @@ static int leave(void **state)
 
 struct errors {
     int found;
-    double m, rad; // root mean square
+    double m, rad;              // root mean square
     double worst_m, most_sigma; // the second: the worst error over what is said of it
 };
 
@@ -202,7 +203,8 @@ static void see(const struct lens *lens, struct vec3 turn, struct vec3 shift, st
         struct pixel start = {.x = dice_between(dice, 20, WIDTH - 21)};
         start.y = dice_between(dice, 20, HEIGHT - 21);
         struct vec3 ray = lens_ray(lens, start);
-        struct vec3 world = v3_scale(ray, dice_between(dice, 1.5, 4)); // the camera's axes in the middle are the world's
+        struct vec3 world =
+            v3_scale(ray, dice_between(dice, 1.5, 4)); // the camera's axes in the middle are the world's
         double low = 0, high = HEIGHT - 1;
         for (int k = 0; k < 40; k++) { // of the row, by halving: above the point before, below it after
             double row = (low + high) / 2, time_s = lens->readout_s * (row / (HEIGHT - 1) - 0.5);
@@ -256,9 +258,9 @@ static double fit_sets(enum known known, double readout_s, int *within)
         fit_refine(NULL, 0, 0, seen, POINTS, 0, lens.fx, lens.fy, with, &found);
         EXPECT_TRUE(fit_covariance(NULL, 0, seen, POINTS, lens.fx, lens.fy, with, &found, covariance));
         struct vec3 off = pose_inverse(found).translation;
-        const double d[3] = {off.x, off.y, off.z}, shifts[9] = {covariance[21], covariance[22], covariance[23],
-                                                               covariance[27], covariance[28], covariance[29],
-                                                               covariance[33], covariance[34], covariance[35]};
+        const double d[3] = {off.x, off.y, off.z},
+                     shifts[9] = {covariance[21], covariance[22], covariance[23], covariance[27], covariance[28],
+                                  covariance[29], covariance[33], covariance[34], covariance[35]};
         double chi2 = 0;
         EXPECT_TRUE(invert_symmetric(shifts, 3, inverse));
         for (int k = 0; k < 9; k++)
@@ -284,7 +286,8 @@ static void many_sets_of_points(void **state)
         EXPECT_NEAR((double)within / SETS, 0.95, 0.04);
         EXPECT_AT_MOST(unknown, AT_MOST_WORSE * whole);
         double expected = fit_sets(EXPECTED, READOUT_S[r], &within);
-        printf("  speed known as when followed: %.2f mm, %.1f %% within 95 %%\n", expected * 1e3, 100.0 * within / SETS);
+        printf("  speed known as when followed: %.2f mm, %.1f %% within 95 %%\n", expected * 1e3,
+               100.0 * within / SETS);
         EXPECT_NEAR((double)within / SETS, 0.95, 0.04);
         EXPECT_AT_MOST(expected, AT_MOST_WORSE * whole);
     }

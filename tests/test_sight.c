@@ -53,7 +53,7 @@ static void what_the_lamp_does_not_reach_is_room(void **state)
     count_beside(&film, NARROW_PX, &empty, &wrong);
     count_beside(&film, WIDE_PX, &left, &wrong);
     print_message("without a reading: of a narrow strip %d pixels, of a wide one %d\n", empty, left);
-    EXPECT_AT_MOST(empty, 150); // between the legs there is no wall to be seen beyond the strip
+    EXPECT_AT_MOST(empty, 150);  // between the legs there is no wall to be seen beyond the strip
     EXPECT_AT_LEAST(left, 1000); // no lamp throws such a shadow
     EXPECT_TRUE(wrong == 0);
 }

@@ -103,7 +103,8 @@ static struct work work_so_far(void)
         char name[32], line[100];
         double ran_ns, waited_ns;
         if (!first_line(task->d_name, "comm", name, sizeof name) ||
-            !first_line(task->d_name, "schedstat", line, sizeof line) || sscanf(line, "%lf %lf", &ran_ns, &waited_ns) != 2)
+            !first_line(task->d_name, "schedstat", line, sizeof line) ||
+            sscanf(line, "%lf %lf", &ran_ns, &waited_ns) != 2)
             continue;
         const bool draws = atoi(task->d_name) == getpid() || !strncmp(name, "llvmpipe", 8);
         w.cpu_ms += draws ? ran_ns * 1e-6 : 0;
@@ -146,7 +147,7 @@ struct bath {
     uint8_t *rgba;
     struct way *ways;
     int64_t count, references, last_sight;
-    double stolen_ms; // when the last picture was shown
+    double stolen_ms;              // when the last picture was shown
     double alone_ms, cpu_alone_ms; // sums
 };
 
@@ -309,8 +310,8 @@ static void test_memory_stays_flat(void **state)
 static void say(const struct soak *s)
 {
     printf("pictures      %lld\n", (long long)s->frames);
-    printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->settled_mib, s->last_mib,
-           100 * (s->last_mib / s->settled_mib - 1));
+    printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->settled_mib,
+           s->last_mib, 100 * (s->last_mib / s->settled_mib - 1));
     printf("descriptors   %d at most in the second third, %d in the last\n", s->most_descriptors_settled,
            s->most_descriptors_last);
     for (int i = 0; i < FRAME_STAGES; i++)

@@ -61,8 +61,8 @@ static void a_sudden_start_is_told_at_once(void **state)
             if (k >= 60 && whole)
                 pose.root.x += 1.0 * FRAME_S; // a metre a second
             else if (k >= 60)
-                pose.turn[SEG_LEFT_UPPER_ARM] = quat_multiply(quat_from_rotation_vector(v3(0, 0, 4 * FRAME_S)),
-                                                              pose.turn[SEG_LEFT_UPPER_ARM]);
+                pose.turn[SEG_LEFT_UPPER_ARM] =
+                    quat_multiply(quat_from_rotation_vector(v3(0, 0, 4 * FRAME_S)), pose.turn[SEG_LEFT_UPPER_ARM]);
             struct body_pose next = trembling(&pose, &dice, 0.003);
             body_steady_next(&s, &shape, &next, FRAME_S);
             body_build(&shape, &s.pose, &told);

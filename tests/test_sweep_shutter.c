@@ -39,7 +39,8 @@ static struct film make_film(const struct world *w, double readout_s)
         struct world_shot shot = {*lens, path(w, time_of(i)), 0, false};
         struct world_picture picture = {.color = f.color[i], .depth = f.depth[i]};
         EXPECT_STATUS(readout_s > 0 ? world_render_rolling(w, &shot, path, w, time_of(i), &picture)
-                                    : world_render(w, &shot, &picture), OK);
+                                    : world_render(w, &shot, &picture),
+                      OK);
         world_color_noise(f.color[i], lens->width, lens->height, (uint64_t)i);
         EXPECT_STATUS(world_depth_noise(lens, f.depth[i], (uint64_t)i, f.depth[i]), OK);
     }

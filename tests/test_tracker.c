@@ -235,7 +235,9 @@ static void near_far_and_half_out_of_the_picture(void **state)
     struct pose stand = world_sensor_pose(s.world);
     struct skeleton truth = world_joints_in_camera(s.world, 0, stand);
     double z = truth.joint[JOINT_TORSO].z;
-    static const struct { double distance_m, aside_m, bound_m; } at[] = {{0.9, 0, 0.12}, {4.5, 0, 0.09}, {2.5, 1.5, 0.25}};
+    static const struct {
+        double distance_m, aside_m, bound_m;
+    } at[] = {{0.9, 0, 0.12}, {4.5, 0, 0.09}, {2.5, 1.5, 0.25}};
     for (size_t k = 0; k < COUNT_OF(at); k++) {
         tracker_reset(s.tracker);
         struct pose from = moved(stand, v3(truth.joint[JOINT_TORSO].x - at[k].aside_m, 0, z - at[k].distance_m));
@@ -252,7 +254,8 @@ static void near_far_and_half_out_of_the_picture(void **state)
         for (enum joint j = JOINT_HEAD; j <= JOINT_TORSO; j++)
             if (j == JOINT_HEAD || j == JOINT_NECK || j == JOINT_TORSO)
                 error = fmax(error, v3_distance(got.joint[j], want.joint[j]));
-        print_message("at %.1f m, %.2f m aside: head, neck and torso within %.3f m\n", at[k].distance_m, at[k].aside_m, error);
+        print_message("at %.1f m, %.2f m aside: head, neck and torso within %.3f m\n", at[k].distance_m, at[k].aside_m,
+                      error);
         EXPECT_AT_MOST(error, at[k].bound_m);
         if (k == 0) // what the picture's lower edge cuts off was never seen
             for (int side = 0; side < 2; side++)
@@ -273,8 +276,9 @@ static void two_people_and_one_is_followed(void **state)
         for (size_t i = 0; i < s.pixels; i++)
             if (other.truth_mask[i] && other.depth[i] && (!s.depth[i] || other.depth[i] < s.depth[i]))
                 s.depth[i] = other.depth[i];
-        struct skeleton got, one = world_joints_in_camera(s.world, 0, world_sensor_pose(s.world)),
-                             two = world_joints_in_camera(other.world, 0, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)));
+        struct skeleton got,
+            one = world_joints_in_camera(s.world, 0, world_sensor_pose(s.world)),
+            two = world_joints_in_camera(other.world, 0, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)));
         EXPECT_STATUS(tracker_next(s.tracker, k * 33333333LL, s.depth, &got, s.mask), OK);
         expect_sane(&got);
         EXPECT_AT_MOST(fmin(mean_error(&got, &one), mean_error(&got, &two)), 0.09);
@@ -291,8 +295,12 @@ static void tiny_pictures_and_noise_do_no_harm(void **state)
     print_message("seed 77\n");
     for (size_t k = 0; k < COUNT_OF(size); k++) {
         struct calibration c = {.registered = true, .color_from_depth = POSE_IDENTITY};
-        c.depth = c.color = (struct lens){.width = size[k][0], .height = size[k][1], .fx = size[k][0], .fy = size[k][0],
-                                          .cx = size[k][0] / 2.0, .cy = size[k][1] / 2.0};
+        c.depth = c.color = (struct lens){.width = size[k][0],
+                                          .height = size[k][1],
+                                          .fx = size[k][0],
+                                          .fy = size[k][0],
+                                          .cx = size[k][0] / 2.0,
+                                          .cy = size[k][1] / 2.0};
         struct tracker *t;
         EXPECT_STATUS(tracker_open(&t, &c, NULL), OK);
         uint16_t depth[40 * 30] = {0};
@@ -301,7 +309,8 @@ static void tiny_pictures_and_noise_do_no_harm(void **state)
             for (int y = 0; y < size[k][1]; y++) // a post of noise, as wide as a person
                 for (int x = 0; x < size[k][0]; x++)
                     depth[y * size[k][0] + x] = abs(2 * x - size[k][0]) < size[k][0] / 4 && dice_uniform(&dice) < 0.9
-                                                    ? (uint16_t)(2000 + 60 * dice_normal(&dice)) : 0;
+                                                    ? (uint16_t)(2000 + 60 * dice_normal(&dice))
+                                                    : 0;
             struct skeleton got;
             EXPECT_TRUE(tracker_next(t, frame * 33333333LL, depth, &got, mask) >= 0);
             expect_sane(&got);

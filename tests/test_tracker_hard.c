@@ -81,9 +81,12 @@ static double after(struct turn *t, enum mishap mishap)
 static void broken_pictures_and_clocks(void **state)
 {
     (void)state;
-    static const struct { enum mishap mishap; const char *name; } all[] = {
-        {NO_MISHAP, "nothing happens"},     {ONE_BLACK, "one black frame"},   {TEN_BLACK, "ten black frames"},
-        {REPEATED, "one frame twice"}, {CLOCK_BACK, "clock 1.5 s back"}, {CLOCK_AHEAD, "clock 0.4 s ahead"},
+    static const struct {
+        enum mishap mishap;
+        const char *name;
+    } all[] = {
+        {NO_MISHAP, "nothing happens"}, {ONE_BLACK, "one black frame"},   {TEN_BLACK, "ten black frames"},
+        {REPEATED, "one frame twice"},  {CLOCK_BACK, "clock 1.5 s back"}, {CLOCK_AHEAD, "clock 0.4 s ahead"},
     };
     struct turn turn;
     turn_open(&turn);
@@ -122,9 +125,12 @@ static void a_room_without_depth_and_then_a_person(void **state)
 static void near_far_and_half_out(void **state)
 {
     (void)state;
-    static const struct { const char *name; double distance_m, aside_m, down_m, bound_m; } all[] = {
-        {"0.8 m away", 0.8, 0, 0, 0.05},         {"4.5 m away", 4.5, 0, 0, 0.06},
-        {"half out, left", 2.5, -1.5, 0, 0.06},  {"half out, right", 2.5, 1.5, 0, 0.06},
+    static const struct {
+        const char *name;
+        double distance_m, aside_m, down_m, bound_m;
+    } all[] = {
+        {"0.8 m away", 0.8, 0, 0, 0.05},        {"4.5 m away", 4.5, 0, 0, 0.06},
+        {"half out, left", 2.5, -1.5, 0, 0.06}, {"half out, right", 2.5, 1.5, 0, 0.06},
         {"half out, below", 2.5, 0, 1.1, 0.06}, {"half out, above", 2.5, 0, -1.0, 0.06},
     };
     struct tracked_film s;
@@ -204,10 +210,8 @@ static void somebody_walks_through(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(broken_pictures_and_clocks),
-        cmocka_unit_test(a_room_without_depth_and_then_a_person),
-        cmocka_unit_test(near_far_and_half_out),
-        cmocka_unit_test(standing_still_is_steady),
+        cmocka_unit_test(broken_pictures_and_clocks), cmocka_unit_test(a_room_without_depth_and_then_a_person),
+        cmocka_unit_test(near_far_and_half_out),      cmocka_unit_test(standing_still_is_steady),
         cmocka_unit_test(somebody_walks_through),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -51,7 +51,8 @@ static void put_table(struct tracked_film *s, struct pose from, struct vec3 low,
     for (int y = 0; y < l->height; y++)
         for (int x = 0; x < l->width; x++) {
             struct vec3 ray = quat_rotate(from.rotation, lens_ray(l, (struct pixel){x, y})), o = from.translation;
-            double d[3] = {ray.x, ray.y, ray.z}, at[3] = {o.x, o.y, o.z}, a[3] = {low.x, low.y, low.z}, b[3] = {high.x, high.y, high.z};
+            double d[3] = {ray.x, ray.y, ray.z}, at[3] = {o.x, o.y, o.z}, a[3] = {low.x, low.y, low.z},
+                   b[3] = {high.x, high.y, high.z};
             double in = 0, out = 1e9;
             for (int k = 0; k < 3; k++) {
                 double t0 = (a[k] - at[k]) / d[k], t1 = (b[k] - at[k]) / d[k];
@@ -116,8 +117,9 @@ static void an_arm_that_was_hidden_is_found_again(void **state)
             if (k >= out_k && again < 0 && e < 0.12)
                 again = k - out_k;
         }
-        print_message("from %g degrees: the hidden hand within %.2f m, found again %d frames after, then within %.2f m\n",
-                      aside[i], hidden, again, out);
+        print_message(
+            "from %g degrees: the hidden hand within %.2f m, found again %d frames after, then within %.2f m\n",
+            aside[i], hidden, again, out);
         EXPECT_TRUE(again >= 0 && again <= 10);
         EXPECT_AT_MOST(out, 0.12);
     }

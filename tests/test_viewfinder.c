@@ -67,7 +67,8 @@ static void test_the_gpu_turns_bytes_into_the_same_pixels(void **state)
         shake(&dice, bytes, sizeof bytes);
         for (int i = 0; i < count; i++)
             EXPECT_STATUS(gpu_texture_open(&textures[i], gpu, planes[i].format, planes[i].width, planes[i].height,
-                                           GPU_NEAREST, bytes + (i ? stride * H : 0)), OK);
+                                           GPU_NEAREST, bytes + (i ? stride * H : 0)),
+                          OK);
         const struct gpu_texture *const read[2] = {textures[0], textures[1]};
         EXPECT_STATUS(raw_picture_draw(raw, &what, read), OK);
         EXPECT_STATUS(raw_picture_read(raw, rgba), OK);

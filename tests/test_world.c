@@ -101,7 +101,7 @@ static void test_skin_is_a_radius_before_the_joint(void **state)
             EXPECT_TRUE(p.mask[at]);
             EXPECT_AT_LEAST(before, 0.005);
             bool spine = j == JOINT_HEAD || j == JOINT_TORSO || j == JOINT_WAIST; // these lie behind the middle
-            if (j != JOINT_LEFT_FOOT && j != JOINT_RIGHT_FOOT) // seen from above, along the instep
+            if (j != JOINT_LEFT_FOOT && j != JOINT_RIGHT_FOOT)                    // seen from above, along the instep
                 EXPECT_AT_MOST(before, 1.3 * radius + (spine ? 0.06 : 0.012));
             EXPECT_AT_LEAST(radius, 0.010);
             EXPECT_AT_MOST(radius, 0.30);

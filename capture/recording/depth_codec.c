@@ -14,10 +14,10 @@
 #include <stdlib.h>
 
 enum {
-    RAW = 0,   // 16 bits a pixel
+    RAW = 0, // 16 bits a pixel
     CODED = 1,
     HEADER = 5 + 1 + 4 * 4, // of CODED
-    HOLE_CONTEXTS = 63,  // + which of left, above, above right are holes: 64..70
+    HOLE_CONTEXTS = 63,     // + which of left, above, above right are holes: 64..70
     FLAT_MISS = 71,
     FLAT_RUN = 72,
     CONTEXTS = 73,
@@ -197,10 +197,7 @@ static inline uint32_t fold(int residual) // 0, -1, 1, -2, 2 ... become 0, 1, 2,
     return residual < 0 ? 2 * (uint32_t)-residual - 1 : 2 * (uint32_t)residual;
 }
 
-static inline int unfold(uint32_t folded)
-{
-    return folded & 1 ? -(int)(folded / 2) - 1 : (int)(folded / 2);
-}
+static inline int unfold(uint32_t folded) { return folded & 1 ? -(int)(folded / 2) - 1 : (int)(folded / 2); }
 
 static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t *depth, int width, int height,
                           int noise)
@@ -261,8 +258,8 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
     *c->range = range;
 }
 
-static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int width, int height,
-                             const uint8_t **bytes, size_t *count)
+static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int width, int height, const uint8_t **bytes,
+                             size_t *count)
 {
     size_t n = (size_t)width * (size_t)height;
     enum status status = depth_coder_grow(&c->out, &c->out_capacity, 5 + 2 * n);
@@ -330,10 +327,7 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
 
 // ------------------------------------------------------------- decoding
 
-static enum status damaged(void)
-{
-    return fail(ERR_CORRUPT, "a depth picture's code is damaged");
-}
+static enum status damaged(void) { return fail(ERR_CORRUPT, "a depth picture's code is damaged"); }
 
 static bool read_head(struct depth_coder *c, const uint8_t *at, const uint8_t *end, uint32_t levels)
 {
@@ -353,7 +347,7 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
                           int levels)
 {
     struct range_coder range = *c->range; // a copy that no store can be feared to change
-    int64_t run = -1; // pixels left until the one that differs; -1: not read yet
+    int64_t run = -1;                     // pixels left until the one that differs; -1: not read yet
     uint32_t value;
     const int8_t *slopes = make_slopes(c, noise);
     const int most = levels ? levels : 65536;

@@ -20,5 +20,5 @@ MUST_CHECK enum status depth_decode(struct depth_coder *c, const uint8_t *bytes,
 // The same for masks: one byte a pixel; what is not 0 is kept as 1.
 MUST_CHECK enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, int height,
                                    const uint8_t **bytes, size_t *count);
-MUST_CHECK enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint8_t *mask,
-                                   int width, int height);
+MUST_CHECK enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint8_t *mask, int width,
+                                   int height);

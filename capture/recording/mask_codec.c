@@ -45,8 +45,7 @@ enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, i
     return OK;
 }
 
-enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint8_t *mask, int width,
-                        int height)
+enum status mask_decode(struct depth_coder *c, const uint8_t *bytes, size_t count, uint8_t *mask, int width, int height)
 {
     assert(width > 0 && height > 0 && width <= 16384 && height <= 16384);
     size_t n = (size_t)width * (size_t)height, w = (size_t)width;

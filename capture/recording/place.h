@@ -8,13 +8,13 @@
 // A square tag. Its own axes: origin at its centre, x right, y up, z out of the
 // wall towards the reader, so its corners are (-+side/2, -+side/2, 0).
 struct place_tag {
-    int32_t id;                   // of family tag36h11
-    double side_m;                // outer edge of the black square
+    int32_t id;    // of family tag36h11
+    double side_m; // outer edge of the black square
     struct pose world_from_tag;
-    double rms_px;                // reprojection error of a corner over its sightings in the map; 0: exact
+    double rms_px; // reprojection error of a corner over its sightings in the map; 0: exact
     int32_t sightings;
-    // How surely the map has it, against all its tags together: covariance of a small motion in the tag's own axes, turn
-    // (radians), then shift (metres); its upper half row by row. All 0: not known.
+    // How surely the map has it, against all its tags together: covariance of a small motion in the tag's own axes,
+    // turn (radians), then shift (metres); its upper half row by row. All 0: not known.
     float covariance[21];
 };
 
@@ -49,8 +49,8 @@ struct place {
     int32_t point_count;
     struct place_view *views;
     int32_t view_count;
-    double rms_px;  // of the joint adjustment, over all tag corners; without tags over all points
-    double rms_m;   // of depth against the same; 0 without depth
+    double rms_px; // of the joint adjustment, over all tag corners; without tags over all points
+    double rms_m;  // of depth against the same; 0 without depth
 };
 
 void place_free(struct place *place); // what it owns; leaves it zeroed. Zeroed is fine.

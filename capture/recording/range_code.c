@@ -215,10 +215,7 @@ void range_copy(const struct range_coder *r, uint8_t *bits, uint8_t *words)
 
 // ------------------------------------------------------------- the odds
 
-size_t range_odds_most(const struct range_coder *r)
-{
-    return (size_t)r->contexts * (1 + 2 * RANGE_SYMBOLS);
-}
+size_t range_odds_most(const struct range_coder *r) { return (size_t)r->contexts * (1 + 2 * RANGE_SYMBOLS); }
 
 uint8_t *range_put_odds(const struct range_coder *r, uint8_t *at)
 {
@@ -258,8 +255,7 @@ bool range_get_odds(struct range_coder *r, const uint8_t *at, const uint8_t *end
 
 // ------------------------------------------------------------- decoding
 
-bool range_start(struct range_coder *r, const uint8_t *bits, size_t bit_count, const uint8_t *words,
-                 size_t word_count)
+bool range_start(struct range_coder *r, const uint8_t *bits, size_t bit_count, const uint8_t *words, size_t word_count)
 {
     if (word_count < 4 || word_count % 2)
         return false;

@@ -19,7 +19,7 @@ enum {
 
 struct range_coder {
     int contexts;
-    uint16_t (*odds)[RANGE_SYMBOLS]; // of each context; all 0: unused
+    uint16_t (*odds)[RANGE_SYMBOLS];  // of each context; all 0: unused
     uint16_t (*start)[RANGE_SYMBOLS]; // the sum of the odds before
     // encoding
     uint32_t *numbers;
@@ -61,8 +61,7 @@ uint8_t *range_put_odds(const struct range_coder *r, uint8_t *at);
 // ---- decoding
 // False: not odds that range_put_odds wrote. Must fill [at, end) exactly.
 bool range_get_odds(struct range_coder *r, const uint8_t *at, const uint8_t *end);
-bool range_start(struct range_coder *r, const uint8_t *bits, size_t bit_count, const uint8_t *words,
-                 size_t word_count);
+bool range_start(struct range_coder *r, const uint8_t *bits, size_t bit_count, const uint8_t *words, size_t word_count);
 bool range_is_done(const struct range_coder *r); // everything used up, in the state where encoding began
 
 // False: the bytes are used up or were never of our making.

@@ -40,10 +40,10 @@ struct take_frame {
     bool located;                  // world_from_camera is measured, not assumed
     const uint8_t *jpeg;           // NULL: no colour
     size_t jpeg_bytes;
-    const uint16_t *depth;         // NULL: no depth; else width * height of calibration.depth
-    const uint8_t *mask;           // NULL: none; else one byte a depth pixel, not 0: the person
+    const uint16_t *depth; // NULL: no depth; else width * height of calibration.depth
+    const uint8_t *mask;   // NULL: none; else one byte a depth pixel, not 0: the person
     bool has_skeleton;
-    struct skeleton skeleton;      // in the colour camera's axes of this instant
+    struct skeleton skeleton; // in the colour camera's axes of this instant
 };
 
 // Copies the frame into the file's current batch. ERR_ORDER: not after the last
@@ -108,9 +108,9 @@ int64_t take_dropped(const struct take *t);
 // Pictures of frame `index`, decoded. Pixels belong to the take and are borrowed
 // until the next call on it; those not wanted or not there are NULL.
 struct take_pictures {
-    const uint8_t *color;  // RGB
+    const uint8_t *color; // RGB
     const uint16_t *depth;
-    const uint8_t *mask;   // one byte a depth pixel, 1: the person
+    const uint8_t *mask; // one byte a depth pixel, 1: the person
 };
 enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // ERR_CORRUPT, ERR_IO, ERR_MEMORY.

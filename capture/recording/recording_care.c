@@ -53,8 +53,8 @@ static enum status check_place(struct recording *r)
     if (status == ERR_CORRUPT)
         status = fail(status, "%s: a view of the place: %s", database_path(recording_database(r)), status_sentence());
     if (status == OK && !finite)
-        status = fail(ERR_CORRUPT, "%s: the place holds a number that is not finite",
-                      database_path(recording_database(r)));
+        status =
+            fail(ERR_CORRUPT, "%s: the place holds a number that is not finite", database_path(recording_database(r)));
     free(rgb);
     place_free(&place);
     return status;

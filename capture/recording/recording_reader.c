@@ -97,10 +97,7 @@ void recording_free(struct recording **r)
     *r = NULL;
 }
 
-int recording_take_count(const struct recording *r)
-{
-    return r->take_count;
-}
+int recording_take_count(const struct recording *r) { return r->take_count; }
 
 const char *recording_take_name(const struct recording *r, int index)
 {
@@ -108,10 +105,7 @@ const char *recording_take_name(const struct recording *r, int index)
     return r->takes[index].name;
 }
 
-struct database *recording_database(struct recording *r)
-{
-    return r->db;
-}
+struct database *recording_database(struct recording *r) { return r->db; }
 
 // ------------------------------------------------------------- the place
 
@@ -185,7 +179,8 @@ static enum status read_known(struct recording *r, enum known_table which, struc
         size_t bytes;
         const uint8_t *known = statement_blob(s, 0, &bytes);
         if (bytes != (size_t)items * each || crc32_of(0, known, bytes) != statement_number(s, 1))
-            status = damaged(r, "how sure the place is of its points and tags, or from where it saw them, cannot be read");
+            status =
+                damaged(r, "how sure the place is of its points and tags, or from where it saw them, cannot be read");
         for (int32_t i = 0; i < items && status == OK; i++, known += each) {
             if (which == KNOWN_TAG_ERROR)
                 get_tag_error(known, &p->tags[i]);
@@ -355,8 +350,8 @@ static enum status read_entries(struct take *t, int64_t id)
     struct recording *r = t->recording;
     struct statement *s;
     int64_t capacity = 0, representative = -1;
-    enum status status = statement_open(
-        &s, r->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE id BETWEEN ? AND ? ORDER BY id");
+    enum status status =
+        statement_open(&s, r->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE id BETWEEN ? AND ? ORDER BY id");
     if (status == OK) {
         statement_bind_number(s, 1, frame_key(id, 0));
         statement_bind_number(s, 2, frame_key(id, FRAME_NUMBER_MOST));
@@ -443,15 +438,9 @@ void take_close(struct take **t)
     *t = NULL;
 }
 
-const struct calibration *take_calibration(const struct take *t)
-{
-    return &t->calibration;
-}
+const struct calibration *take_calibration(const struct take *t) { return &t->calibration; }
 
-int64_t take_frame_count(const struct take *t)
-{
-    return t->count;
-}
+int64_t take_frame_count(const struct take *t) { return t->count; }
 
 const struct take_entry *take_entry(const struct take *t, int64_t index)
 {
@@ -459,20 +448,11 @@ const struct take_entry *take_entry(const struct take *t, int64_t index)
     return &t->entries[index];
 }
 
-const struct body *take_body(const struct take *t)
-{
-    return &t->body;
-}
+const struct body *take_body(const struct take *t) { return &t->body; }
 
-bool take_is_complete(const struct take *t)
-{
-    return t->complete;
-}
+bool take_is_complete(const struct take *t) { return t->complete; }
 
-int64_t take_dropped(const struct take *t)
-{
-    return t->dropped;
-}
+int64_t take_dropped(const struct take *t) { return t->dropped; }
 
 // ------------------------------------------------------------- pictures
 

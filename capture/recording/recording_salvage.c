@@ -21,10 +21,7 @@ struct salvage {
 };
 
 // Only this ends a salvage; a row that cannot be read does not.
-static bool is_fatal(enum status status)
-{
-    return status == ERR_MEMORY;
-}
+static bool is_fatal(enum status status) { return status == ERR_MEMORY; }
 
 // ------------------------------------------------------------- frames
 
@@ -56,8 +53,8 @@ static enum status copy_frame(struct salvage *v, int64_t key, int64_t new_key, c
         row.depth = sound(v->pictures, 5, 2, &row.depth_bytes, &damaged);
         row.color = sound(v->pictures, 6, 3, &row.color_bytes, &damaged);
     }
-    damaged = damaged || !row.color != !entry->has_color || !row.depth != !entry->has_depth ||
-              !row.mask != !entry->has_mask;
+    damaged =
+        damaged || !row.color != !entry->has_color || !row.depth != !entry->has_depth || !row.mask != !entry->has_mask;
     v->report->frames++;
     v->report->damaged_frames += damaged;
     status = is_fatal(status) ? status : scribe_add_frame(v->scribe, &row);
@@ -186,8 +183,8 @@ static enum status open_both(struct salvage *v, const char *path, const char *to
     if (status == OK)
         status = statement_open(&v->pictures, v->from, "SELECT " PICTURE_COLUMNS " FROM picture WHERE id = ?");
     if (status == OK)
-        status = statement_open(&v->takes, v->from,
-                                "SELECT " TAKE_COLUMNS " FROM take WHERE id >= ? ORDER BY id LIMIT 1");
+        status =
+            statement_open(&v->takes, v->from, "SELECT " TAKE_COLUMNS " FROM take WHERE id >= ? ORDER BY id LIMIT 1");
     if (status == OK)
         status = database_open(&v->to, to, DATABASE_WRITE);
     if (status == OK)

@@ -73,10 +73,7 @@ uint32_t frame_crc(int64_t time_ns, bool located, const uint8_t pose[POSE_BYTES]
 
 // ------------------------------------------------------------- layouts
 
-static uint8_t *put_vec3(uint8_t *at, struct vec3 v)
-{
-    return put_f64(put_f64(put_f64(at, v.x), v.y), v.z);
-}
+static uint8_t *put_vec3(uint8_t *at, struct vec3 v) { return put_f64(put_f64(put_f64(at, v.x), v.y), v.z); }
 
 static struct vec3 get_vec3(const uint8_t **at)
 {
@@ -169,10 +166,7 @@ void get_body(const uint8_t in[BODY_BYTES], struct body *out)
         out->radius_rate[p] = get_f64(&in);
 }
 
-void put_residuals(uint8_t out[RESIDUAL_BYTES], double rms_px, double rms_m)
-{
-    put_f64(put_f64(out, rms_px), rms_m);
-}
+void put_residuals(uint8_t out[RESIDUAL_BYTES], double rms_px, double rms_m) { put_f64(put_f64(out, rms_px), rms_m); }
 
 void get_residuals(const uint8_t in[RESIDUAL_BYTES], double *rms_px, double *rms_m)
 {

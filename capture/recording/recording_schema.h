@@ -33,10 +33,10 @@ extern const char *const recording_tables; // CREATE TABLE ...
 enum known_table { KNOWN_POINT_ERROR, KNOWN_TAG_ERROR, KNOWN_POINT_SIDE, KNOWN_TABLE_COUNT };
 
 // How the statements of writer, reader and care order the columns.
-#define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
-#define VIEW_COLUMNS "id, world_from_camera, depth, color, crc"
-#define TAKE_COLUMNS "id, name, calibration, complete, dropped, body, crc"
-#define FRAME_COLUMNS "id, time_ns, located, world_from_camera, skeleton, pictures, crc"
+#define PLACE_COLUMNS   "calibration, residuals, tags, points, crc"
+#define VIEW_COLUMNS    "id, world_from_camera, depth, color, crc"
+#define TAKE_COLUMNS    "id, name, calibration, complete, dropped, body, crc"
+#define FRAME_COLUMNS   "id, time_ns, located, world_from_camera, skeleton, pictures, crc"
 #define PICTURE_COLUMNS "id, mask_crc, depth_crc, color_crc, mask, depth, color"
 
 // One row of the table take.

@@ -35,9 +35,9 @@ struct scribe {
     pthread_t writer, keeper;
     bool has_writer, has_keeper, stop;
     struct batch batch;
-    bool due;      // the batch is full by the sensor's clock
-    bool writing;  // the writer is at the database, without the lock
-    bool unsynced; // committed, not yet moved into the file
+    bool due;           // the batch is full by the sensor's clock
+    bool writing;       // the writer is at the database, without the lock
+    bool unsynced;      // committed, not yet moved into the file
     enum status broken; // the first error; from then on nothing is written
     char sentence[512];
 };
@@ -222,8 +222,8 @@ static enum status start(struct scribe *s)
         status =
             statement_open(&s->add_picture, s->db, "INSERT INTO picture(" PICTURE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
     if (status == OK)
-        status = statement_open(&s->put_take, s->db,
-                                "INSERT OR REPLACE INTO take(" TAKE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+        status =
+            statement_open(&s->put_take, s->db, "INSERT OR REPLACE INTO take(" TAKE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
     if (status == OK)
         status = database_open(&s->keeper_db, database_path(s->db), DATABASE_WRITE);
     if (status == OK)

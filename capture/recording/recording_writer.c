@@ -89,10 +89,7 @@ enum status recording_append(struct recording_writer **out, const char *path)
     return status == OK ? OK : release(out, status);
 }
 
-enum status recording_close(struct recording_writer **w)
-{
-    return *w ? release(w, OK) : OK;
-}
+enum status recording_close(struct recording_writer **w) { return *w ? release(w, OK) : OK; }
 
 // ------------------------------------------------------------- the place
 
@@ -191,8 +188,8 @@ static enum status put_views(struct database *db, struct depth_coder *coder, con
         uint8_t pose[POSE_BYTES];
         put_pose(pose, &view->world_from_camera);
         if (view->depth && depth_pixels(&p->calibration))
-            status = depth_encode(coder, view->depth, p->calibration.depth.width, p->calibration.depth.height,
-                                  &depth, &depth_bytes);
+            status = depth_encode(coder, view->depth, p->calibration.depth.width, p->calibration.depth.height, &depth,
+                                  &depth_bytes);
         if (status != OK)
             break;
         statement_bind_number(s, 1, i);
@@ -315,10 +312,7 @@ enum status recording_end_take(struct recording_writer *w)
     return status == OK ? scribe_go(w->scribe, scribe_stop(w->scribe)) : status;
 }
 
-const char *recording_writer_path(const struct recording_writer *w)
-{
-    return database_path(w->db);
-}
+const char *recording_writer_path(const struct recording_writer *w) { return database_path(w->db); }
 
 // ------------------------------------------------------------- skeletons, again
 

@@ -4,12 +4,22 @@
 #include "platform/geometry.h"
 
 enum joint {
-    JOINT_HEAD, JOINT_NECK,
-    JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND,
-    JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND,
-    JOINT_TORSO, JOINT_WAIST,
-    JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT,
-    JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT,
+    JOINT_HEAD,
+    JOINT_NECK,
+    JOINT_LEFT_SHOULDER,
+    JOINT_LEFT_ELBOW,
+    JOINT_LEFT_HAND,
+    JOINT_RIGHT_SHOULDER,
+    JOINT_RIGHT_ELBOW,
+    JOINT_RIGHT_HAND,
+    JOINT_TORSO,
+    JOINT_WAIST,
+    JOINT_LEFT_HIP,
+    JOINT_LEFT_KNEE,
+    JOINT_LEFT_FOOT,
+    JOINT_RIGHT_HIP,
+    JOINT_RIGHT_KNEE,
+    JOINT_RIGHT_FOOT,
     JOINT_COUNT
 };
 
@@ -17,10 +27,14 @@ enum part {
     PART_HEAD,        // neck to head
     PART_UPPER_TORSO, // neck to torso
     PART_LOWER_TORSO, // torso to waist
-    PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM,
-    PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM,
-    PART_LEFT_THIGH, PART_LEFT_SHIN,
-    PART_RIGHT_THIGH, PART_RIGHT_SHIN,
+    PART_LEFT_UPPER_ARM,
+    PART_LEFT_FOREARM,
+    PART_RIGHT_UPPER_ARM,
+    PART_RIGHT_FOREARM,
+    PART_LEFT_THIGH,
+    PART_LEFT_SHIN,
+    PART_RIGHT_THIGH,
+    PART_RIGHT_SHIN,
     PART_COUNT
 };
 
@@ -45,8 +59,8 @@ bool joint_from_name(const char *name, enum joint *out);
 
 // What is constant over a take.
 struct body {
-    int64_t representative_frame;    // index of the frame the radii were read from; -1 = none yet
-    double radius_rate[PART_COUNT];  // r / l; 0 = this part was never seen, draw nothing
+    int64_t representative_frame;   // index of the frame the radii were read from; -1 = none yet
+    double radius_rate[PART_COUNT]; // r / l; 0 = this part was never seen, draw nothing
 };
 
 // The part is there: both its joints are known and its radius was measured.

@@ -17,10 +17,7 @@ struct bench {
     struct bench_plain plain;
 };
 
-double bench_clock_ms(void)
-{
-    return (double)clock_cpu_ns() * 1e-6;
-}
+double bench_clock_ms(void) { return (double)clock_cpu_ns() * 1e-6; }
 
 double bench_all_threads_ms(void)
 {
@@ -29,10 +26,7 @@ double bench_all_threads_ms(void)
     return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
-const struct bench_inputs *bench_inputs(const struct bench *b)
-{
-    return b->inputs;
-}
+const struct bench_inputs *bench_inputs(const struct bench *b) { return b->inputs; }
 
 // ------------------------------------------------------------- running
 

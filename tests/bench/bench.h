@@ -46,7 +46,7 @@ struct bench_contender {
 
 struct bench_stage {
     const char *name, *about;
-    const char *error_name, *time_name; // with the unit: "bits_per_pixel", "encode_ms"
+    const char *error_name, *time_name;    // with the unit: "bits_per_pixel", "encode_ms"
     const char *extra_names[BENCH_EXTRAS]; // as many as are not NULL
     enum status (*run)(struct bench *b);
 };

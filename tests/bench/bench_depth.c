@@ -26,10 +26,7 @@ struct pictures {
     size_t capacity;
 };
 
-static size_t pixels_of(const struct pictures *p)
-{
-    return (size_t)p->width * (size_t)p->height;
-}
+static size_t pixels_of(const struct pictures *p) { return (size_t)p->width * (size_t)p->height; }
 
 // ------------------------------------------------------------- the pictures
 
@@ -88,10 +85,7 @@ static void make_picture(uint16_t *depth, int index)
     }
 }
 
-static int by_name(const void *a, const void *b)
-{
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
+static int by_name(const void *a, const void *b) { return strcmp(*(char *const *)a, *(char *const *)b); }
 
 static enum status read_pictures(struct pictures *p, const char *folder)
 {
@@ -337,9 +331,9 @@ static enum status run(struct bench *b)
             {&p, OURS, 0}, {&p, PNG, 6}, {&p, PNG, 1}, {&p, ZSTD, 1}, {&p, RVL, 0}, {&p, RVL, 1},
         };
         const struct bench_contender contenders[] = {
-            {"ours", measure, &all[0], false},          {"PNG, level 6", measure, &all[1], true},
-            {"PNG, level 1", measure, &all[2], false},  {"zstd -1", measure, &all[3], false},
-            {"RVL", measure, &all[4], false},           {"RVL and zstd -1", measure, &all[5], false},
+            {"ours", measure, &all[0], false},         {"PNG, level 6", measure, &all[1], true},
+            {"PNG, level 1", measure, &all[2], false}, {"zstd -1", measure, &all[3], false},
+            {"RVL", measure, &all[4], false},          {"RVL and zstd -1", measure, &all[5], false},
         };
         status = bench_run(b, contenders, COUNT_OF(contenders), p.count);
     }

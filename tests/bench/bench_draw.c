@@ -49,7 +49,8 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 static enum status open_painter(struct contender *c, const struct contender *like, enum detail detail, bool same_frame,
                                 bool kept)
 {
-    static const struct lens lens = {WIDTH, HEIGHT, 1000, 1000, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, 0, 0, 0, 0, 0, 0, 0};
+    static const struct lens lens = {WIDTH, HEIGHT, 1000, 1000, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, 0, 0, 0,
+                                     0,     0,      0,    0};
     struct painter_options o = painter_default_options();
     *c = *like;
     o.detail = detail;
@@ -118,4 +119,5 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_draw = {
-    "draw", "the actor at 1280x800, beside eleven textured cylinders", "draw_calls", "time_ms", {"uploads", "made"}, run};
+    "draw", "the actor at 1280x800, beside eleven textured cylinders", "draw_calls", "time_ms", {"uploads", "made"},
+    run};

@@ -323,8 +323,8 @@ static enum status run(struct bench *b, bool still)
     for (int i = 0; i < PEERS && status == OK; i++) {
         struct runner *peer = &r[SETTINGS + i];
         status = apriltag_peer_open(&peer->peer, i + 1);
-        contenders[SETTINGS + i] = (struct bench_contender){
-            i ? "libapriltag, decimate 2" : "libapriltag, every pixel", measure_peer, peer, i == 0};
+        contenders[SETTINGS + i] = (struct bench_contender){i ? "libapriltag, decimate 2" : "libapriltag, every pixel",
+                                                            measure_peer, peer, i == 0};
     }
     if (status == OK)
         status = bench_run(b, contenders, COUNT_OF(contenders), w.count);
@@ -346,9 +346,12 @@ static enum status run_walking(struct bench *b) { return run(b, false); }
 static enum status run_still(struct bench *b) { return run(b, true); }
 
 const struct bench_stage bench_stage_place = {
-    "place",   "where a tablet is that is carried round a room", "position_mm",
+    "place",   "where a tablet is that is carried round a room",       "position_mm",
     "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm", "behind_mm"}, run_walking};
 
-const struct bench_stage bench_stage_still = {
-    "still",   "how steadily a tablet is placed that lies on a table", "position_mm",
-    "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm"},              run_still};
+const struct bench_stage bench_stage_still = {"still",
+                                              "how steadily a tablet is placed that lies on a table",
+                                              "position_mm",
+                                              "time_ms",
+                                              {"turn_deg", "jump_mm", "jumps_over_5mm"},
+                                              run_still};

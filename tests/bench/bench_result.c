@@ -232,8 +232,8 @@ void bench_print_html(FILE *file, const struct bench_result *r)
         const struct bench_row *row = &r->rows[i];
         fprintf(file, "<tr%s><td>", row->baseline ? " class=\"b\"" : "");
         put_text(file, row->group ? row->group : row->name);
-        fprintf(file, "</td><td>%.4g</td><td>%.4g</td><td>%.2f</td><td>%.4g</td><td>%.4g</td><td>%.2f</td>",
-                row->error, row->error_p95, row->error / baseline->error, row->time_ms, row->time_p95_ms,
+        fprintf(file, "</td><td>%.4g</td><td>%.4g</td><td>%.2f</td><td>%.4g</td><td>%.4g</td><td>%.2f</td>", row->error,
+                row->error_p95, row->error / baseline->error, row->time_ms, row->time_p95_ms,
                 row->time_ms / baseline->time_ms);
         for (int k = 0; k < BENCH_EXTRAS && r->stage->extra_names[k]; k++)
             fprintf(file, "<td>%.4g</td>", row->extra[k]);
@@ -242,7 +242,4 @@ void bench_print_html(FILE *file, const struct bench_result *r)
     fprintf(file, "</table>\n");
 }
 
-void bench_print_html_foot(FILE *file)
-{
-    fputs("</html>\n", file);
-}
+void bench_print_html_foot(FILE *file) { fputs("</html>\n", file); }

@@ -9,7 +9,7 @@ struct bench_row {
     const char *name;
     const char *group; // NULL: all items
     bool baseline;
-    int missed; // items without an answer
+    int missed;                                    // items without an answer
     double error, error_p95, time_ms, time_p95_ms; // NaN: no item had an answer
     double extra[BENCH_EXTRAS];
 };

@@ -68,7 +68,10 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
 
 static enum status run_settings(struct bench *b)
 {
-    static const struct { const char *name; int points, iterations; } settings[] = {
+    static const struct {
+        const char *name;
+        int points, iterations;
+    } settings[] = {
         {"150 points, 3 rounds", 150, 3}, {"300 points, 4 rounds", 300, 4},   {"600 points, 5 rounds", 600, 5},
         {"600 points, 7 rounds", 600, 7}, {"1200 points, 7 rounds", 1200, 7}, {"1600 points, 12 rounds", 1600, 12},
     };

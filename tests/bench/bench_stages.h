@@ -16,16 +16,7 @@ extern const struct bench_stage bench_stage_draw;
 extern const struct bench_stage bench_stage_levels;
 
 static const struct bench_stage *const bench_stages[] = {
-    &bench_stage_depth,
-    &bench_stage_skeleton,
-    &bench_stage_search,
-    &bench_stage_tags,
-    &bench_stage_tag_distance,
-    &bench_stage_place,
-    &bench_stage_still,
-    &bench_stage_views,
-    &bench_stage_left_out,
-    &bench_stage_prepare,
-    &bench_stage_draw,
-    &bench_stage_levels,
+    &bench_stage_depth,        &bench_stage_skeleton, &bench_stage_search, &bench_stage_tags,
+    &bench_stage_tag_distance, &bench_stage_place,    &bench_stage_still,  &bench_stage_views,
+    &bench_stage_left_out,     &bench_stage_prepare,  &bench_stage_draw,   &bench_stage_levels,
 };

@@ -215,9 +215,7 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_tag_distance = {"tag-distance",
-                                                     "one tag from 1 to 5 m, next to libapriltag metre by metre",
-                                                     "range_error_mm",
-                                                     "time_ms",
-                                                     {"turn_deg", "mirrored"},
-                                                     run};
+const struct bench_stage bench_stage_tag_distance = {
+    "tag-distance",           "one tag from 1 to 5 m, next to libapriltag metre by metre",
+    "range_error_mm",         "time_ms",
+    {"turn_deg", "mirrored"}, run};

@@ -94,8 +94,7 @@ enum status apriltag_peer_locate(struct apriltag_peer *p, const uint8_t *gray, c
         }
     }
     if (largest)
-        *world_from_camera =
-            pose_multiply(tag->world_from_tag, pose_inverse(pose_of(largest, lens, tag->side_m)));
+        *world_from_camera = pose_multiply(tag->world_from_tag, pose_inverse(pose_of(largest, lens, tag->side_m)));
     apriltag_detections_destroy(found);
     return largest ? OK : NOTHING;
 }

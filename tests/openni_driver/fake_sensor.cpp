@@ -101,24 +101,17 @@ class Stream : public oni::driver::StreamBase
     OniStatus getProperty(int id, void *data, int *size) override
     {
         switch (id) {
-        case ONI_STREAM_PROPERTY_VIDEO_MODE:
-            return give(mode_, data, size);
+        case ONI_STREAM_PROPERTY_VIDEO_MODE: return give(mode_, data, size);
         case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
             return give(static_cast<float>(2 * std::atan(0.5 * lens_.width / lens_.fx)), data, size);
         case ONI_STREAM_PROPERTY_VERTICAL_FOV:
             return give(static_cast<float>(2 * std::atan(0.5 * lens_.height / lens_.fy)), data, size);
-        case ONI_STREAM_PROPERTY_MIRRORING:
-            return give(OniBool(mirrored_ ? TRUE : FALSE), data, size);
-        case ONI_STREAM_PROPERTY_STRIDE:
-            return give(stride(), data, size);
-        case ONI_STREAM_PROPERTY_CROPPING:
-            return give(OniCropping{}, data, size); // recordings need it
-        case ONI_STREAM_PROPERTY_MAX_VALUE:
-            return give(65535, data, size);
-        case ONI_STREAM_PROPERTY_MIN_VALUE:
-            return give(0, data, size);
-        default:
-            return ONI_STATUS_NOT_SUPPORTED;
+        case ONI_STREAM_PROPERTY_MIRRORING: return give(OniBool(mirrored_ ? TRUE : FALSE), data, size);
+        case ONI_STREAM_PROPERTY_STRIDE: return give(stride(), data, size);
+        case ONI_STREAM_PROPERTY_CROPPING: return give(OniCropping{}, data, size); // recordings need it
+        case ONI_STREAM_PROPERTY_MAX_VALUE: return give(65535, data, size);
+        case ONI_STREAM_PROPERTY_MIN_VALUE: return give(0, data, size);
+        default: return ONI_STATUS_NOT_SUPPORTED;
         }
     }
 

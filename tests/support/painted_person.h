@@ -23,7 +23,7 @@ struct painted_take {
 };
 
 void painted_take_open(struct painted_take *s, const struct lens *color, const struct one_frame *frames, int count,
-                const struct body *body);
+                       const struct body *body);
 void painted_take_close(struct painted_take *s);
 struct painter *painter_on(struct painted_take *s, const struct lens *lens, enum detail detail);
 

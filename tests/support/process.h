@@ -5,7 +5,7 @@
 #include <sys/types.h>
 
 struct said {
-    int exit_code; // 128 + signal when a signal ended it
+    int exit_code;               // 128 + signal when a signal ended it
     char out[16384], err[16384]; // the first bytes of each stream, ended by 0
 };
 
@@ -16,7 +16,8 @@ enum { PROCESS_PATIENCE = 20 };
 enum { PROCESS_PATIENCE = 1 };
 #endif
 
-// argv[0] is the path, one below /usr that of a program of this machine and not of ours; the list ends with NULL. Standard input is empty.
+// argv[0] is the path, one below /usr that of a program of this machine and not of ours; the list ends with NULL.
+// Standard input is empty.
 struct said process_run(const char *const *argv);
 
 // PROGRAM(…): process_run with the arguments listed.

@@ -17,8 +17,8 @@ struct rgb_picture {
 
 // Mean squared differences from the screen, in grey values.
 struct difference {
-    double room;            // outside the actor, to the camera's picture
-    double drawn, without;  // within him, to what `render` draws and to the camera's picture
+    double room;           // outside the actor, to the camera's picture
+    double drawn, without; // within him, to what `render` draws and to the camera's picture
     long actor_pixels;
 };
 

@@ -36,9 +36,9 @@ struct camera {
     int socket;
     struct usb_request *waiting; // for a payload, oldest first
     int waiting_count;
-    long sent;                   // pictures
-    size_t at;                   // bytes of the present one
-    int64_t due_ns;              // when it may begin
+    long sent;      // pictures
+    size_t at;      // bytes of the present one
+    int64_t due_ns; // when it may begin
 };
 
 static const struct argp_option options[] = {
@@ -236,10 +236,14 @@ static enum status serve(struct camera *c)
 int main(int argc, char **argv)
 {
     static const struct argp argp = {
-        options, parse, "folder:DIR",
+        options,
+        parse,
+        "folder:DIR",
         "Plugs a USB camera into this machine's own kernel that shows the pictures of a folder. Needs root and the "
         "kernel's modules vhci-hcd and uvcvideo. Ctrl-C pulls the plug; after SIGUSR1 it sends no more, but stays.",
-        0, 0, 0};
+        0,
+        0,
+        0};
     struct arguments arguments = {.format = UVC_MJPEG, .rate_hz = 10};
     argp_parse(&argp, argc, argv, 0, NULL, &arguments);
     command_catch_stop();

@@ -88,7 +88,7 @@ enum usb_said usbip_hear(int socket, int wait_ms, struct usb_request *r)
     r->in = ntohl(head[3]);
     r->endpoint = (int)ntohl(head[4]);
     if (ntohl(head[0]) == CMD_UNLINK) {
-        r->number = ntohl(head[5]); // whose
+        r->number = ntohl(head[5]);      // whose
         r->length = (int)ntohl(head[1]); // the number of this very command, to be answered by
         return USB_CANCELLED;
     }
@@ -102,8 +102,8 @@ enum usb_said usbip_hear(int socket, int wait_ms, struct usb_request *r)
 
 bool usbip_answer(int socket, const struct usb_request *r, int status, const void *data, int count)
 {
-    const uint32_t head[HEADER_BYTES / 4] = {htonl(RET_SUBMIT), htonl(r->number), 0, 0, 0, htonl((uint32_t)status),
-                                             htonl((uint32_t)count)};
+    const uint32_t head[HEADER_BYTES / 4] = {htonl(RET_SUBMIT),       htonl(r->number),      0, 0, 0,
+                                             htonl((uint32_t)status), htonl((uint32_t)count)};
     return write_all(socket, head, sizeof head) && (!r->in || count == 0 || write_all(socket, data, (size_t)count));
 }
 

@@ -7,11 +7,11 @@
 enum { USB_MOST_BYTES = 65536 };
 
 struct usb_request {
-    uint32_t number;    // to answer by
-    bool in;            // the host wants data
-    int endpoint;       // 0: control
-    uint8_t setup[8];   // of a control request
-    int length;         // bytes the host has room for, or sends
+    uint32_t number;              // to answer by
+    bool in;                      // the host wants data
+    int endpoint;                 // 0: control
+    uint8_t setup[8];             // of a control request
+    int length;                   // bytes the host has room for, or sends
     uint8_t data[USB_MOST_BYTES]; // what it sends
 };
 

@@ -18,8 +18,8 @@ static void put(struct bytes *b, const uint8_t *what, int count)
     b->count += count;
 }
 #define PUT(b, ...) put(b, (const uint8_t[]){__VA_ARGS__}, (int)sizeof((const uint8_t[]){__VA_ARGS__}))
-#define LE16(x) (uint8_t)(x), (uint8_t)((x) >> 8)
-#define LE32(x) LE16(x), LE16((uint32_t)(x) >> 16)
+#define LE16(x)     (uint8_t)(x), (uint8_t)((x) >> 8)
+#define LE32(x)     LE16(x), LE16((uint32_t)(x) >> 16)
 
 static uint32_t picture_bytes(const struct uvc_camera *c) { return (uint32_t)(2 * c->width * c->height); }
 
@@ -28,8 +28,8 @@ static void put_streaming(const struct uvc_camera *c, struct bytes *b)
     const uint32_t interval = (uint32_t)(c->frame_ns / 100), rate = 8 * picture_bytes(c) * 30;
     const bool jpeg = c->format == UVC_MJPEG;
     const int total = 14 + (jpeg ? 11 : 27) + 30 + 6;
-    PUT(b, 9, 4, 1, 0, 1, 0x0e, 2, 0, 0);                                                       // video streaming
-    PUT(b, 14, 0x24, 1, 1, LE16(total), 0x80 | UVC_ENDPOINT, 0, 2, 0, 0, 0, 1, 0);             // its header
+    PUT(b, 9, 4, 1, 0, 1, 0x0e, 2, 0, 0);                                          // video streaming
+    PUT(b, 14, 0x24, 1, 1, LE16(total), 0x80 | UVC_ENDPOINT, 0, 2, 0, 0, 0, 1, 0); // its header
     if (jpeg)
         PUT(b, 11, 0x24, 6, 1, 1, 1, 1, 0, 0, 0, 0);
     else
@@ -44,11 +44,11 @@ static void put_streaming(const struct uvc_camera *c, struct bytes *b)
 static void put_configuration(const struct uvc_camera *c, struct bytes *b)
 {
     PUT(b, 9, 2, 0, 0, 2, 1, 0, 0x80, 250);
-    PUT(b, 8, 11, 0, 2, 0x0e, 3, 0, 0);                                     // both interfaces are one function
-    PUT(b, 9, 4, 0, 0, 0, 0x0e, 1, 0, 0);                                   // video control
+    PUT(b, 8, 11, 0, 2, 0x0e, 3, 0, 0);   // both interfaces are one function
+    PUT(b, 9, 4, 0, 0, 0, 0x0e, 1, 0, 0); // video control
     PUT(b, 13, 0x24, 1, LE16(0x100), LE16(13 + 18 + 9), LE32(48000000), 1, 1);
     PUT(b, 18, 0x24, 2, 1, LE16(0x201), 0, 0, LE16(0), LE16(0), LE16(0), 3, 0, 0, 0); // the camera
-    PUT(b, 9, 0x24, 3, 2, LE16(0x101), 0, 1, 0);                            // its way out
+    PUT(b, 9, 0x24, 3, 2, LE16(0x101), 0, 1, 0);                                      // its way out
     put_streaming(c, b);
     b->at[2] = (uint8_t)b->count;
     b->at[3] = (uint8_t)(b->count >> 8);
@@ -59,7 +59,9 @@ static bool put_descriptor(const struct uvc_camera *c, int kind, int index, stru
 {
     static const char *const strings[] = {"", "Reenact", "Camera of paper", "0001"};
     switch (kind) {
-    case 1: PUT(b, 18, 1, LE16(0x200), 0xef, 2, 1, 64, LE16(0x1209), LE16(0x0001), LE16(0x100), 1, 2, 3, 1); return true;
+    case 1:
+        PUT(b, 18, 1, LE16(0x200), 0xef, 2, 1, 64, LE16(0x1209), LE16(0x0001), LE16(0x100), 1, 2, 3, 1);
+        return true;
     case 2: put_configuration(c, b); return true;
     case 3:
         if (index >= (int)COUNT_OF(strings))
@@ -105,8 +107,15 @@ static bool video_request(struct uvc_camera *c, const struct usb_request *r, str
 
 static bool standard_request(const struct uvc_camera *c, const struct usb_request *r, struct bytes *b)
 {
-    enum { GET_STATUS = 0, CLEAR_FEATURE = 1, GET_DESCRIPTOR = 6, GET_CONFIGURATION = 8, SET_CONFIGURATION = 9,
-           GET_INTERFACE = 10, SET_INTERFACE = 11 };
+    enum {
+        GET_STATUS = 0,
+        CLEAR_FEATURE = 1,
+        GET_DESCRIPTOR = 6,
+        GET_CONFIGURATION = 8,
+        SET_CONFIGURATION = 9,
+        GET_INTERFACE = 10,
+        SET_INTERFACE = 11
+    };
     switch (r->setup[1]) {
     case GET_STATUS: PUT(b, 0, 0); return true;
     case GET_DESCRIPTOR: return put_descriptor(c, r->setup[3], r->setup[2], b);

@@ -9,9 +9,9 @@ enum { UVC_PAYLOAD_BYTES = 16384, UVC_ENDPOINT = 1 }; // a payload fills the ker
 struct uvc_camera {
     enum uvc_format format;
     int width, height;
-    int frame_ns;      // from one picture to the next
-    bool bt709;        // the matrix of its YUYV; else BT.601
-    bool committed;    // the host has chosen: pictures may flow
+    int frame_ns;       // from one picture to the next
+    bool bt709;         // the matrix of its YUYV; else BT.601
+    bool committed;     // the host has chosen: pictures may flow
     uint8_t chosen[26]; // as the host last set it
 };
 

@@ -261,15 +261,9 @@ void bvh_positions(const struct bvh *b, int frame, struct vec3 *positions)
         for (int c = 0; c < joint->channel_count; c++) {
             double v = values[joint->first_channel + c], angle = v * 3.14159265358979323846 / 180;
             switch (joint->channel[c]) { // rotations apply from the last one named to the first
-            case X_POSITION:
-                local.translation.x += v;
-                break;
-            case Y_POSITION:
-                local.translation.y += v;
-                break;
-            case Z_POSITION:
-                local.translation.z += v;
-                break;
+            case X_POSITION: local.translation.x += v; break;
+            case Y_POSITION: local.translation.y += v; break;
+            case Z_POSITION: local.translation.z += v; break;
             case X_ROTATION:
                 local.rotation = quat_multiply(local.rotation, quat_from_rotation_vector(v3(angle, 0, 0)));
                 break;

@@ -262,28 +262,17 @@ static struct rgb drawers(const struct spot *s)
 static struct rgb pixel_of(enum painting kind, const struct spot *s)
 {
     switch (kind) {
-    case PAINTING_LANDSCAPE:
-        return landscape(s);
-    case PAINTING_CIRCLES:
-        return circles(s);
-    case PAINTING_MAP:
-        return contours(s);
-    case PAINTING_STRIPES:
-        return stripes(s);
-    case PAINTING_NIGHT:
-        return night(s);
-    case PAINTING_WORDS:
-        return words(s);
-    case PAINTING_BOOKS:
-        return books(s);
-    case PAINTING_RUG:
-        return rug(s);
-    case PAINTING_WINDOW:
-        return window_view(s);
-    case PAINTING_DOOR:
-        return door(s);
-    case PAINTING_DRAWERS:
-        return drawers(s);
+    case PAINTING_LANDSCAPE: return landscape(s);
+    case PAINTING_CIRCLES: return circles(s);
+    case PAINTING_MAP: return contours(s);
+    case PAINTING_STRIPES: return stripes(s);
+    case PAINTING_NIGHT: return night(s);
+    case PAINTING_WORDS: return words(s);
+    case PAINTING_BOOKS: return books(s);
+    case PAINTING_RUG: return rug(s);
+    case PAINTING_WINDOW: return window_view(s);
+    case PAINTING_DOOR: return door(s);
+    case PAINTING_DRAWERS: return drawers(s);
     }
     return hex(0xffffff);
 }

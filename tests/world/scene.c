@@ -380,12 +380,8 @@ float scene_albedo(const struct scene *s, int surface, int decal, double u, doub
     }
     float texel[3] = {0.5f, 0.5f, 0.5f};
     switch (f->material) {
-    case MATERIAL_FLOOR:
-        floor_albedo(s, f, u, v, foot, albedo);
-        return 0;
-    case MATERIAL_WALL:
-        wall_albedo(s, f, u, v, foot, albedo);
-        return 0;
+    case MATERIAL_FLOOR: floor_albedo(s, f, u, v, foot, albedo); return 0;
+    case MATERIAL_WALL: wall_albedo(s, f, u, v, foot, albedo); return 0;
     case MATERIAL_WOOD:
         if (!s->plain)
             tile(&s->grain, u + 0.37 * surface, v, 0.0025, foot, texel);

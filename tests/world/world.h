@@ -63,8 +63,9 @@ struct world_options {
     const char *motion;
     uint64_t seed; // of posters, shaking hands and the like; default 1
     int threads;   // for rendering, 1 .. 16; the bytes do not depend on it. Default 1
-    bool table;    // a table at arm's length to the right of the actor's way, as the sensor sees it: 1 m to 1.6 m, 0.75 m high
-    bool plain;    // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
+    bool table; // a table at arm's length to the right of the actor's way, as the sensor sees it: 1 m to 1.6 m, 0.75 m
+                // high
+    bool plain; // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
 };
 struct world_options world_default_options(void);
 

@@ -365,9 +365,7 @@ static error_t parse(int key, char *text, struct argp_state *state)
     double number = 0;
     char rest;
     switch (key) {
-    case KEY_OUT:
-        f->out = text;
-        break;
+    case KEY_OUT: f->out = text; break;
     case KEY_WHAT:
         f->sets = !strcmp(text, "all") ? SET_ALL : 0;
         for (size_t i = 0; i < COUNT_OF(reels); i++)
@@ -376,9 +374,7 @@ static error_t parse(int key, char *text, struct argp_state *state)
         if (!f->sets)
             argp_error(state, "--what is '%s'; it must be place, sensor, viewer or all", text);
         break;
-    case KEY_SECONDS:
-        read_number(state, text, "seconds", 0, 3600, &f->seconds);
-        break;
+    case KEY_SECONDS: read_number(state, text, "seconds", 0, 3600, &f->seconds); break;
     case KEY_SIZE:
         if (sscanf(text, "%dx%d%c", &f->width, &f->height, &rest) != 2 || f->width < 64 || f->width > 4096 ||
             f->height * 4 != f->width * 3)
@@ -388,9 +384,7 @@ static error_t parse(int key, char *text, struct argp_state *state)
         if (!world_figure_named(text, &f->world.figure))
             argp_error(state, "--figure is '%s'; there are %s", text, world_figure_names());
         break;
-    case KEY_MOTION:
-        f->world.motion = text;
-        break;
+    case KEY_MOTION: f->world.motion = text; break;
     case KEY_SEED:
         read_number(state, text, "seed", 0, 4294967295.0, &number);
         f->world.seed = (uint64_t)number;
@@ -403,14 +397,9 @@ static error_t parse(int key, char *text, struct argp_state *state)
         read_number(state, text, "readout", 0, LENS_MOST_READOUT_S * 1e3, &number);
         f->readout_s = number * 1e-3;
         break;
-    case KEY_CLEAN:
-        f->clean = true;
-        break;
-    case ARGP_KEY_END:
-        command_need(state, f->out, "out");
-        break;
-    default:
-        return ARGP_ERR_UNKNOWN;
+    case KEY_CLEAN: f->clean = true; break;
+    case ARGP_KEY_END: command_need(state, f->out, "out"); break;
+    default: return ARGP_ERR_UNKNOWN;
     }
     return 0;
 }
