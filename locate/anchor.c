@@ -39,8 +39,8 @@ void anchor_start(struct anchor *a, const double map_covariance[36], const doubl
         }
 }
 
-// How the map's error goes on: `keep` times itself and something new.
-static void forget(const struct anchor *a, const struct anchor_look *look, double keep[36], double fresh[36])
+// How the map's error goes on: `keep` times itself and something new; all: it is taken for new altogether.
+static void forget(const struct anchor *a, const struct anchor_look *look, bool all, double keep[36], double fresh[36])
 {
     double kept[36], lower[36];
     multiply(look->map_covariance, look->map_information, keep);
@@ -49,17 +49,17 @@ static void forget(const struct anchor *a, const struct anchor_look *look, doubl
         lower[i] = fresh[i] = look->map_covariance[i] - kept[i];
     for (int i = 0; i < 6; i++)
         lower[i * 7] += 1e-3 * look->map_covariance[i * 7];
-    if (cholesky(lower, 6))
+    if (!all && cholesky(lower, 6))
         return;
     // The picture before was looked at from elsewhere, so the two do not quite match.
     memset(keep, 0, 36 * sizeof *keep);
     memcpy(fresh, look->map_covariance, 36 * sizeof *fresh);
 }
 
-static void predict(struct anchor *a, const struct anchor_look *look)
+static void predict(struct anchor *a, const struct anchor_look *look, bool forget_all)
 {
     double keep[36], fresh[36], own[36], carried[36], error[6];
-    forget(a, look, keep, fresh);
+    forget(a, look, forget_all, keep, fresh);
     for (int i = 0; i < 36; i++)
         own[i] = a->covariance[6 + i / 6][6 + i % 6];
     carry(keep, own, carried);
@@ -82,21 +82,34 @@ static void predict(struct anchor *a, const struct anchor_look *look)
         }
 }
 
-bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6])
+// both: how the errors go with what the picture says; inverse: of the covariance of that. False: it is none.
+static bool expect(const struct anchor *a, const struct anchor_look *look, double both[12][6], double inverse[36])
 {
-    struct anchor next = *out, *a = &next;
-    double both[12][6], s[36], inverse[36], gain[12][6], surprise[6];
-    predict(a, look);
-    for (int i = 0; i < 6; i++)
-        surprise[i] = look->off[i] - a->camera_error[i] - a->map_error[i];
+    double s[36];
     for (int i = 0; i < 12; i++)
         for (int j = 0; j < 6; j++)
             both[i][j] = a->covariance[i][j] + a->covariance[i][6 + j];
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)
             s[i * 6 + j] = both[i][j] + both[6 + i][j] + look->noise[i * 6 + j];
-    if (!invert_symmetric(s, 6, inverse))
-        return false;
+    return invert_symmetric(s, 6, inverse);
+}
+
+bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6])
+{
+    struct anchor next = *out, *a = &next;
+    double both[12][6], inverse[36], gain[12][6], surprise[6];
+    predict(a, look, false);
+    if (!expect(a, look, both, inverse)) {
+        // Where the noise is far smaller than the map's error, the little by which two looks do not quite match is
+        // more.
+        next = *out;
+        predict(a, look, true);
+        if (!expect(a, look, both, inverse))
+            return false;
+    }
+    for (int i = 0; i < 6; i++)
+        surprise[i] = look->off[i] - a->camera_error[i] - a->map_error[i];
     for (int i = 0; i < 12; i++) {
         double moved = 0;
         for (int j = 0; j < 6; j++) {
