@@ -21,7 +21,7 @@ static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
     {"camera", KEY_CAMERA, "URI", 0,
      "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags say how large the "
-     "place is, and it holds nothing but them",
+     "place is, and points are what pictures from several places agree on",
      0},
     {"tags", KEY_TAGS, "TAGS.json", 0,
      "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
