@@ -2,6 +2,8 @@
 // further off than it says, with tags in sight and with all of them taken away.
 //
 //     test_color_sweep [CAMERAS [SEED]]      default 8 9
+//
+// Not always: with 24 cameras and seed 4 one is 37 mm off without tags that says 9, and the test fails.
 #include "capture/mapper.h"
 #include "tests/honesty.h"
 #include "tests/support/align.h"
@@ -189,5 +191,6 @@ int main(int argc, char **argv)
         cameras = atoi(argv[1]);
     if (argc > 2)
         seed = (uint64_t)atoi(argv[2]);
+    printf("%d cameras, seed %llu\n", cameras, (unsigned long long)seed);
     return cmocka_run_group_tests(tests, enter, leave);
 }
