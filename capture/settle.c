@@ -14,11 +14,9 @@
 #define AROUND_NS         500000000 // so far to both sides trembling is averaged
 #define LINE_M            0.010     // off the line between two moments; more is motion
 #define FASTEST_M_S       6.5       // of a thrown punch, as in body_steady.c
-enum {
-    SMOOTHINGS = 2,
-    SLOWINGS = 60,
-    REPAIRS = 40
-}; // the second smoothing knows better than the first where the line is
+enum { SMOOTHINGS = 2 };            // the second knows better than the first where the line is
+enum { SLOWINGS = 60 };
+enum { REPAIRS = 40 }; // lengths and speeds undo each other: so often in turn they agree
 
 enum way { AHEAD, BACK, WAYS };
 

@@ -255,13 +255,9 @@ static struct gpu_box box_of(const struct lens *lens, const struct silhouette_co
     const struct gpu_box all = {0, 0, 0, 0};
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, largest = lens_largest_r2(lens);
     for (int i = 0; i < 4 * (SIDE + 1); i++) { // along the sides, which a lens may bend
-        const double along = i / 4 / (double)SIDE,
-                     u = i % 4 == 0   ? 0
-                         : i % 4 == 1 ? 1
-                                      : along,
-                     v = i % 4 == 2   ? 0
-                         : i % 4 == 3 ? 1
-                                      : along;
+        const int side = i % 4;                // left, right, top, bottom
+        const double along = i / 4 / (double)SIDE;
+        const double u = side < 2 ? side : along, v = side < 2 ? along : side - 2;
         const struct vec3 ray = {(1 - u) * (double)c->low[0] + u * (double)c->high[0],
                                  (1 - v) * (double)c->low[1] + v * (double)c->high[1], 1};
         if (!(ray.x * ray.x + ray.y * ray.y <= largest) && !lens_is_ideal(lens))
@@ -293,24 +289,11 @@ static void put_vertex(const struct likeness_painter *p, const struct shown_fram
     const struct spot *at = &from->placed[point];
     const float u = m->at[point][0] / (float)m->width, t = m->at[point][1] / (float)m->height;
     const float opaque = i < m->point_count;
-    const float values[VERTEX] = {
-        at->x,
-        at->y,
-        at->z,
-        opaque, // point
-        u,
-        t,
-        k->in_color[0],
-        k->in_color[1], // places
-        k->in_depth[0],
-        k->in_depth[1],
-        k->away_m,
-        k->seen, // there
-        k->facing[0],
-        k->facing[1],
-        k->facing[2],
-        k->light, // facing
-    };
+    const float values[][4] = {{at->x, at->y, at->z, opaque},                         // point
+                               {u, t, k->in_color[0], k->in_color[1]},                // places
+                               {k->in_depth[0], k->in_depth[1], k->away_m, k->seen},  // there
+                               {k->facing[0], k->facing[1], k->facing[2], k->light}}; // facing
+    _Static_assert(sizeof values == VERTEX * sizeof *v, "as the shader's inputs");
     memcpy(v, values, sizeof values);
 }
 

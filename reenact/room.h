@@ -5,7 +5,7 @@
 #pragma once
 #include "reenact/likeness.h"
 
-enum { ROOM_POINTS_MOST = 65000 };
+enum { ROOM_POINTS_MOST = 65000 }; // 16 bits number them, and beside them what is drawn in the same call
 
 // Triangles in the world's axes, metres; either side may face outwards.
 struct room {
