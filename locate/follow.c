@@ -420,7 +420,7 @@ enum status locator_fit_tracks(struct locator *l, const uint8_t *color, const ui
         corners += l->tracks[i].point < 0;
     int each = TAG_PIXELS / (corners / 4 + 1);
     l->count = 0;
-    locator_look_where_predicted(l, color, depth, &pose, each > LEAST_TAG_PIXELS ? each : LEAST_TAG_PIXELS);
+    locator_look_where_predicted(l, color, depth, &pose, each > LEAST_TAG_PIXELS ? each : LEAST_TAG_PIXELS, NULL);
     locator_fit_tags(l, tags);
     drop_bad(l, &pose);
     use_tags(l, tags, &pose);

@@ -89,7 +89,11 @@ static enum status fill(struct locator *l, const struct place *place)
     enum status status = refiner_open(&l->refiner, &l->lens);
     if (status == OK)
         status = patch_picture_open(&l->picture, l->lens.width, l->lens.height);
-    return status == OK ? tag_finder_open(&l->finder, l->options.quad_decimate) : status;
+    if (status == OK)
+        status = tag_finder_open(&l->finder, l->options.quad_decimate);
+    const double half_as_large = 2 * l->options.quad_decimate;
+    return status == OK && half_as_large <= TAG_MOST_DECIMATE ? tag_finder_open(&l->quick_finder, half_as_large)
+                                                              : status;
 }
 
 enum status locator_open(struct locator **out, const struct place *place, const struct lens *lens,
@@ -120,6 +124,7 @@ void locator_close(struct locator **out)
     if (!l)
         return;
     tag_finder_close(&l->finder);
+    tag_finder_close(&l->quick_finder);
     refiner_close(&l->refiner);
     patch_picture_close(&l->picture);
     free(l->gray);
@@ -158,13 +163,13 @@ void locator_begin(struct locator *l, const uint8_t *color)
     l->expected = shutter_unknown();
 }
 
-static enum status look(struct locator *l, const uint8_t *color, const uint16_t *depth)
+// The tags that the finder sees.
+static enum status look(struct locator *l, struct tag_finder *finder, const uint8_t *color, const uint16_t *depth)
 {
     struct tag_seen seen[FIT_MAX_TAGS];
     int count;
     l->count = 0;
-    locator_begin(l, color);
-    enum status status = tag_finder_find(l->finder, l->gray, l->lens.width, l->lens.height, seen, FIT_MAX_TAGS, &count);
+    enum status status = tag_finder_find(finder, l->gray, l->lens.width, l->lens.height, seen, FIT_MAX_TAGS, &count);
     if (status != OK)
         return status;
     for (int i = 0; i < count; i++) {
@@ -227,9 +232,9 @@ static bool predict(const struct locator *l, const struct place_tag *tag, const 
 }
 
 int locator_look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                                 const struct pose *camera_from_world, int most_pixels)
+                                 const struct pose *camera_from_world, int most_pixels, int *missing)
 {
-    int before = l->count;
+    int before = l->count, looked_for = 0;
     for (int32_t k = 0; k < l->tag_count && l->count < FIT_MAX_TAGS; k++) {
         bool there = false;
         for (int i = 0; i < l->count; i++)
@@ -238,10 +243,13 @@ int locator_look_where_predicted(struct locator *l, const uint8_t *color, const 
         struct sighting fine;
         if (there || !predict(l, &l->tags[k], camera_from_world, corner))
             continue;
+        looked_for++;
         if (refine_tag_by(l->refiner, color, l->tags[k].id, &l->patterns[k], corner, most_pixels, &fine) &&
             fine.likeness > PREDICTED_LIKENESS)
             keep(l, &fine, k, depth);
     }
+    if (missing)
+        *missing = looked_for - (l->count - before);
     return l->count - before;
 }
 
@@ -395,38 +403,74 @@ bool locator_describe(const struct locator *l, const struct camera_fit *found, i
     return true;
 }
 
-// From tags and points alone, whatever was seen before. *agree: how many of l->matches do.
-static enum status find_anew(struct locator *l, const uint8_t *color, const uint16_t *depth, struct fit_tag *tags,
-                             struct camera_fit *found, int *agree)
+// From the tags that the finder sees, with the points around. *agree: how many of l->matches do.
+static enum status from_tags(struct locator *l, struct tag_finder *finder, const uint8_t *color, const uint16_t *depth,
+                             struct fit_tag *tags, struct camera_fit *found, int *agree)
 {
     *agree = 0;
-    enum status status = look(l, color, depth);
+    enum status status = look(l, finder, color, depth);
     if (status != OK)
         return status;
     status = fit(l, tags, found);
     if (locator_notice_shutter(l, tags, status == NOTHING ? NULL : found))
         status = fit(l, tags, found);
-    if (l->point_count) {
-        enum status seen = locator_find_features(l, depth);
-        if (seen != OK)
-            return seen;
-    }
-    if (status != NOTHING) {
-        if (l->point_count)
-            *agree = sharpen(l, tags, depth != NULL, &status, found);
-    } else {
-        l->count = 0; // tags that fit nothing
-        *agree = l->point_count ? from_points(l, depth != NULL, found) : 0;
-        if (!*agree)
-            return NOTHING;
-        status = OK;
-    }
+    if (status != NOTHING && l->point_count)
+        *agree = sharpen(l, tags, depth != NULL, &status, found);
+    return status;
+}
+
+// The tags that must be in sight besides join in. *missing: how many are not there.
+static enum status with_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth, struct fit_tag *tags,
+                                  enum status status, struct camera_fit *found, int *agree, int *missing)
+{
     struct shutter_motion expected = l->moving;
     l->moving = found->motion;
-    int more = locator_look_where_predicted(l, color, depth, &found->camera_from_world, INT_MAX);
+    int more = locator_look_where_predicted(l, color, depth, &found->camera_from_world, INT_MAX, missing);
     l->moving = expected;
-    if (more)
-        status = join_predicted(l, tags, depth != NULL, status, agree, found);
+    return more ? join_predicted(l, tags, depth != NULL, status, agree, found) : status;
+}
+
+// The same from a picture half as large, which shows most tags in a quarter of the time; those that it does not show
+// are looked for where they must be. NOTHING, too, where every pixel may tell more: nothing bears out what a tag says,
+// tags contradict each other, or one is not where it must be, but hangs elsewhere or is hidden.
+static enum status find_quickly(struct locator *l, const uint8_t *color, const uint16_t *depth, struct fit_tag *tags,
+                                struct camera_fit *found, int *agree)
+{
+    int missing = 0;
+    if (!l->quick_finder)
+        return NOTHING;
+    enum status status = from_tags(l, l->quick_finder, color, depth, tags, found, agree);
+    if (status == OK && (*agree || found->used > 1))
+        status = with_predicted(l, color, depth, tags, status, found, agree, &missing);
+    if (status < 0)
+        return status;
+    bool sure = status == OK && (*agree || found->used > 1) && found->used == l->count && !missing;
+    return sure ? OK : NOTHING;
+}
+
+// From tags and points alone, whatever was seen before. *agree: how many of l->matches do.
+static enum status find_anew(struct locator *l, const uint8_t *color, const uint16_t *depth, struct fit_tag *tags,
+                             struct camera_fit *found, int *agree)
+{
+    *agree = 0;
+    locator_begin(l, color);
+    enum status status = l->point_count ? locator_find_features(l, depth) : OK;
+    if (status == OK)
+        status = find_quickly(l, color, depth, tags, found, agree);
+    if (status == NOTHING) {
+        status = from_tags(l, l->finder, color, depth, tags, found, agree);
+        if (status == NOTHING) {
+            l->count = 0; // tags that fit nothing
+            *agree = l->point_count ? from_points(l, depth != NULL, found) : 0;
+            if (!*agree)
+                return NOTHING;
+            status = OK;
+        }
+        if (status >= 0)
+            status = with_predicted(l, color, depth, tags, status, found, agree, NULL);
+    }
+    if (status < 0)
+        return status;
     l->moving = found->motion;
     found->rms_px = locator_rms(l, tags, &found->camera_from_world);
     return status;

@@ -9,10 +9,11 @@ struct locator;
 
 struct locator_options {
     // Error against time; docs/figures.md has both for several settings.
-    double quad_decimate; // the tag finder's; 1 = every pixel, slow and sure. Default 1
-    int32_t features;     // natural ones of a picture in which the camera is found anew; 100 .. 1000. Default 1000
-    int32_t points;       // of the place that are followed from picture to picture; 30 .. 200. Default 150
-    double max_rms_px;    // a worse fit is NOTHING. Default 2.5
+    // The tag finder's, where a picture half as large leaves something open; 1 = every pixel, slow and sure. Default 1
+    double quad_decimate;
+    int32_t features;  // natural ones of a picture in which the camera is found anew; 100 .. 1000. Default 1000
+    int32_t points;    // of the place that are followed from picture to picture; 30 .. 200. Default 150
+    double max_rms_px; // a worse fit is NOTHING. Default 2.5
     double max_position_sigma_m; // a pose less sure than this is NOTHING. Default 0.05
 };
 struct locator_options locator_default_options(void);

@@ -41,6 +41,7 @@ struct locator {
     struct tag_pattern *patterns; // of each tag
     int32_t tag_count;
     struct tag_finder *finder;
+    struct tag_finder *quick_finder; // in pictures half as large; or NULL
     struct refiner *refiner;
     struct place_point *points;
     int32_t point_count;
@@ -77,9 +78,9 @@ struct locator {
 // Begins a picture: its grey copy, and what is expected of its motion.
 void locator_begin(struct locator *l, const uint8_t *color);
 // Tags that the pose says must be there and that are not among the sightings. most_pixels: of
-// each that are read. How many were added.
+// each that are read. How many were added. *missing: how many more must be there and are not; or NULL.
 int locator_look_where_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                                 const struct pose *camera_from_world, int most_pixels);
+                                 const struct pose *camera_from_world, int most_pixels, int *missing);
 // The picture's natural features into the index; l->gray holds the picture.
 MUST_CHECK enum status locator_find_features(struct locator *l, const uint16_t *depth);
 // The same of one part of it, 0 .. LOCATOR_PARTS - 1, and a little beyond.

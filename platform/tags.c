@@ -12,8 +12,9 @@ struct tag_finder {
 enum status tag_finder_open(struct tag_finder **out, double quad_decimate)
 {
     *out = NULL;
-    if (!(quad_decimate >= 1 && quad_decimate <= 8))
-        return fail(ERR_INPUT, "the tag finder's decimation must lie between 1 and 8, not %g", quad_decimate);
+    if (!(quad_decimate >= 1 && quad_decimate <= TAG_MOST_DECIMATE))
+        return fail(ERR_INPUT, "the tag finder's decimation must lie between 1 and %d, not %g", TAG_MOST_DECIMATE,
+                    quad_decimate);
     struct tag_finder *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "no memory for the tag finder");

@@ -8,6 +8,7 @@
 enum {
     TAG_CELLS = 8,     // cells along the side of the black square, its black rim included
     TAG_NUMBERS = 587, // the family has the numbers 0 .. 586
+    TAG_MOST_DECIMATE = 8,
 };
 
 struct tag_seen {
@@ -21,7 +22,7 @@ struct tag_seen {
 struct tag_finder; // belongs to one thread
 
 // quad_decimate: squares are looked for in a picture this many times smaller;
-// 1 = every pixel. ERR_INPUT: not in 1..8. ERR_MEMORY.
+// 1 = every pixel. ERR_INPUT: not in 1..TAG_MOST_DECIMATE. ERR_MEMORY.
 MUST_CHECK enum status tag_finder_open(struct tag_finder **out, double quad_decimate);
 void tag_finder_close(struct tag_finder **f); // NULL is fine; sets *f = NULL
 
