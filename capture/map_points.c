@@ -383,6 +383,8 @@ enum status map_polish_points(struct map *m, int32_t most)
     forget_bad(m);
     if (!m->has_depth && status == OK)
         status = forget_torn(m);
+    if (!m->has_depth && status == OK) // what is left out has no say in where tags and points are, either
+        status = map_adjust(m, POLISH_ROUNDS, false, NULL);
     if (status == OK)
         status = keep_best(m, most);
     if (status == OK)
