@@ -152,9 +152,10 @@ static enum status put_known(struct database *db, const struct place *p)
     const size_t points = (size_t)p->point_count, tags = (size_t)p->tag_count;
     const size_t bytes[KNOWN_TABLE_COUNT] = {points * POINT_ERROR_BYTES, tags * TAG_ERROR_BYTES,
                                              points * POINT_SIDE_BYTES};
-    uint8_t *known = malloc(bytes[0] + bytes[1] + bytes[2] + 1), *tag = known + bytes[0], *side = tag + bytes[1];
+    uint8_t *known = malloc(bytes[0] + bytes[1] + bytes[2] + 1);
     if (!known)
         return fail(ERR_MEMORY, "no memory to write the place");
+    uint8_t *tag = known + bytes[0], *side = tag + bytes[1];
     for (size_t i = 0; i < points; i++) {
         put_point_error(known + i * POINT_ERROR_BYTES, &p->points[i]);
         put_point_side(side + i * POINT_SIDE_BYTES, &p->points[i]);
