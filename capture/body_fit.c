@@ -17,6 +17,13 @@
 #define CROWN_SLACK_M 0.010
 #define FREE_REACH_M  0.25 // beyond this a sample's pull fades
 
+// Near the floor. A mask ends some centimetres over it, by the sensor's noise: of a shoe its upper edge is seen.
+#define RIM_M  0.05 // the mask ends no higher
+#define SHOE_M 0.07 // and lower than this
+#define FEET_M 0.11 // shoes and ankles
+#define FEET_RATE                                                                                                      \
+    2.0 // of a point's weight: few, but they say which way the person faces, and do not err with the trunk
+
 #define BEYOND_M 1e3 // off a tube that a place lies beyond the end of
 
 // How the build changes with each factor of the shape.
@@ -225,6 +232,8 @@ static double add_points(const struct fit_task *task, const struct body_build *b
         out->residual[i] = (float)best.distance;
         out->solid[i] = (int8_t)best.solid;
         double e2 = best.distance * best.distance, fade = c2 / (c2 + e2), weight = e->point[i].weight * share;
+        if (task->have_floor && v3_dot(task->up, p) + task->floor_m < FEET_M)
+            weight *= FEET_RATE;
         energy += 0.5 * weight * e2 * fade; // Geman and McClure
         if (!system)
             continue;
@@ -253,10 +262,14 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     const struct body_evidence *e = task->evidence;
     if (c.z < 0.2)
         return 0;
-    // The mask ends a little over the floor; a sole under its rim is no fault.
-    if (task->have_floor && v3_dot(task->up, c) + task->floor_m < 0.07)
-        return 0;
-    struct pixel px = lens_project(&e->lens, c);
+    struct vec3 at = c;
+    double under = task->have_floor ? SHOE_M - (v3_dot(task->up, c) + task->floor_m) : 0;
+    if (under > 0) { // judged by its upper edge, and not at all where even that is under the rim
+        at = v3_add(c, v3_scale(task->up, fmin(under, radius)));
+        if (under - radius > SHOE_M - RIM_M)
+            return 0;
+    }
+    struct pixel px = lens_project(&e->lens, at);
     double measured, dx, dy, front = c.z - radius;
     enum evidence_kind kind = evidence_at(e, px, c.z, &measured, &dx, &dy);
     double off[3] = {0, 0, 0};

@@ -109,6 +109,8 @@ static const struct solid_rule solid_rule[SOLID_TAILS] = {
     LEG(RIGHT),
 };
 
+#define TRUNK_AHEAD 0.03 // its middle, of body height, before the joints of the spine
+
 // Of body height, from where the head turns, at the seventh vertebra: the head between the ears, the neck where it
 // meets the shoulders.
 static const struct vec3 head_centre = {0, 0.084, 0};
@@ -280,10 +282,13 @@ struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)
     return pose;
 }
 
-struct body_pose body_turned_round(const struct body_pose *pose)
+struct body_pose body_turned_round(const struct body_shape *shape, const struct body_pose *pose)
 {
     static const struct quat half_turn = {0, 1, 0, 0}; // about every segment's own y
-    struct body_pose out = {.root = pose->root};
+    // The root lies in the spine, behind the trunk's middle.
+    double ahead_m = TRUNK_AHEAD * exp(shape->log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    struct vec3 ahead = quat_rotate(pose->turn[SEG_PELVIS], v3(0, 0, 2 * ahead_m));
+    struct body_pose out = {.root = v3_add(pose->root, ahead)};
     out.turn[SEG_PELVIS] = quat_multiply(pose->turn[SEG_PELVIS], half_turn);
     for (int s = 1; s < SEG_COUNT; s++)
         out.turn[s] = quat_multiply(quat_conjugate(half_turn),

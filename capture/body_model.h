@@ -104,9 +104,9 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
 // positive turns the person to their own left.
 struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw);
 
-// The body that stands where this one does and looks the other way: each limb
+// The body whose trunk is where this one's is, and that looks the other way: each limb
 // becomes its twin of the other side.
-struct body_pose body_turned_round(const struct body_pose *pose);
+struct body_pose body_turned_round(const struct body_shape *shape, const struct body_pose *pose);
 
 // The left segment's right twin and back; those in the middle are their own.
 enum segment body_mirror(enum segment s);

@@ -11,11 +11,15 @@
 #define PICTURE_ODDS_MOST 3         // one picture alone may err
 #define CHANGE_M          0.05      // a limb that goes this far from one frame to the next costs 1 in odds
 #define CHANGE_ODDS_MOST  50.0
+#define WALK_ODDS         1.5 // in a frame, for somebody who walks ahead and not backwards
+#define WALK_M_S          0.5 // a slow walk
+#define IMPOSSIBLE        1e6
 #define AROUND_NS         500000000 // so far to both sides trembling is averaged
 #define LINE_M            0.010     // off the line between two moments; more is motion
 #define FASTEST_M_S       6.5       // of a thrown punch, as in body_steady.c
 enum { SMOOTHINGS = 2 };            // the second knows better than the first where the line is
 enum { SLOWINGS = 60 };
+enum { STEPS = 5 };    // frames to both sides in which walking is measured
 enum { REPAIRS = 40 }; // lengths and speeds undo each other: so often in turn they agree
 
 enum way { AHEAD, BACK, WAYS };
@@ -27,6 +31,7 @@ struct moment {
     struct body_pose pose;     // the way forward, as told
     struct skeleton way[WAYS]; // depth camera's axes
     struct pose_odds odds;     // against the way forward
+    enum way round;            // where they differ about which way round the person stands, this one is right
     struct skeleton settled;   // at last in the colour camera's axes
 };
 
@@ -132,22 +137,50 @@ enum status settle_look_back(struct settle *s, struct tracker *t, int64_t index,
 
 // ------------------------------------------------------------- deciding
 
+enum { TRUNK = LIMB_COUNT, PARTS }; // beside the limbs: which way round the person stands
+
 static double farther(const struct skeleton *a, const struct skeleton *b, int k)
 {
-    return fmax(v3_distance(a->joint[limb[k].bend], b->joint[limb[k].bend]),
-                v3_distance(a->joint[limb[k].tip], b->joint[limb[k].tip]));
-}
-
-static bool is_turned(const struct moment *m)
-{
+    if (k < LIMB_COUNT)
+        return fmax(v3_distance(a->joint[limb[k].bend], b->joint[limb[k].bend]),
+                    v3_distance(a->joint[limb[k].tip], b->joint[limb[k].tip]));
     double most = 0;
-    for (int k = 0; k < LIMB_COUNT; k++)
-        most = fmax(most, v3_distance(m->way[AHEAD].joint[limb[k].root], m->way[BACK].joint[limb[k].root]));
-    return most > TURNED_M;
+    for (int i = 0; i < LIMB_COUNT; i++)
+        most = fmax(most, v3_distance(a->joint[limb[i].root], b->joint[limb[i].root]));
+    return most;
 }
 
-// Which way is right about limb k in each of `count` moments: the likeliest sequence (Viterbi 1967)
-// of ways, by what the pictures say and by how far the limb would go from frame to frame.
+static bool is_turned(const struct moment *m) { return farther(&m->way[AHEAD], &m->way[BACK], TRUNK) > TURNED_M; }
+
+// People walk ahead more often than backwards, as a logarithm of odds.
+static double walking_odds(const struct moment *m, int64_t count, int64_t i, enum way w)
+{
+    int64_t from = i > STEPS ? i - STEPS : 0, to = i + STEPS < count ? i + STEPS : count - 1;
+    const struct vec3 *j = m[i].way[w].joint;
+    struct vec3 left = v3_sub(j[JOINT_LEFT_HIP], j[JOINT_RIGHT_HIP]), up = v3_sub(j[JOINT_NECK], j[JOINT_WAIST]),
+                way = v3_sub(m[to].way[AHEAD].joint[JOINT_WAIST], m[from].way[AHEAD].joint[JOINT_WAIST]);
+    double passed_s = 1e-9 * (double)(m[to].time_ns - m[from].time_ns);
+    if (!(passed_s > 0))
+        return 0;
+    return WALK_ODDS * fmax(-1, fmin(1, v3_dot(way, v3_unit(v3_cross(left, up))) / (passed_s * WALK_M_S)));
+}
+
+// What speaks against way w of part k in moment i, as a logarithm of odds.
+static double odds_against(const struct moment *m, int64_t count, int64_t i, int k, enum way w)
+{
+    const struct moment *at = &m[i];
+    if (w == BACK && !at->looked_back)
+        return IMPOSSIBLE;
+    bool turned = at->looked_back && is_turned(at);
+    if (k < LIMB_COUNT && turned)
+        return w == at->round ? 0 : IMPOSSIBLE;
+    double odds = k < LIMB_COUNT ? at->odds.limb[k] : turned ? at->odds.whole : 0;
+    odds = w == AHEAD ? fmax(-PICTURE_ODDS_MOST, fmin(PICTURE_ODDS_MOST, odds)) : 0;
+    return odds - (k == TRUNK && turned ? walking_odds(m, count, i, w) : 0);
+}
+
+// Which way is right about part k in each of `count` moments: the likeliest sequence (Viterbi 1967)
+// of ways, by what the pictures say and by how far the part would go from frame to frame.
 // from[i][w] is room for the way before way w.
 static void decide(const struct moment *m, int64_t count, int k, uint8_t (*from)[WAYS], uint8_t *way)
 {
@@ -164,9 +197,7 @@ static void decide(const struct moment *m, int64_t count, int k, uint8_t (*from)
                     from[i][w] = (uint8_t)v;
                 }
             }
-            bool possible = w == AHEAD || (m[i].looked_back && !is_turned(&m[i]));
-            double odds = fmax(-PICTURE_ODDS_MOST, fmin(PICTURE_ODDS_MOST, m[i].odds.limb[k]));
-            next[w] = best + (w == AHEAD ? odds : 0) + (possible ? 0 : 1e6);
+            next[w] = best + odds_against(m, count, i, k, (enum way)w);
         }
         memcpy(cost, next, sizeof cost);
     }
@@ -178,7 +209,7 @@ static void decide(const struct moment *m, int64_t count, int k, uint8_t (*from)
 // The mean of both ways where they agree.
 static void join_ways(struct moment *m)
 {
-    m->settled = m->way[AHEAD];
+    m->settled = m->way[m->looked_back && is_turned(m) ? m->round : AHEAD];
     if (!m->looked_back || is_turned(m))
         return;
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -293,6 +324,10 @@ static void settle_stretch(struct settle *s, struct moment *m, int64_t count, co
     for (int64_t i = 0; i < count; i++) {
         body_build(shape, &m[i].pose, &build);
         memcpy(m[i].way[AHEAD].joint, build.joint, sizeof build.joint);
+    }
+    decide(m, count, TRUNK, room->from, room->way);
+    for (int64_t i = 0; i < count; i++) {
+        m[i].round = (enum way)room->way[i];
         join_ways(&m[i]);
     }
     for (int k = 0; k < LIMB_COUNT; k++) {

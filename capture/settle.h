@@ -9,8 +9,8 @@
 // after, as far as it lies on a line with it: a straight move is not held back
 // and a turning point not cut.
 //
-// Which way round the person stands is what the way forward says. Frames in
-// which it found nobody stay without. Pure: no file, no clock; one take and thread.
+// Which way round the person stands is decided likewise, and by where they walk. Frames in
+// which the way forward found nobody stay without. Pure: no file, no clock; one take and thread.
 #pragma once
 #include "capture/tracker.h"
 

@@ -521,6 +521,7 @@ struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
     body_fit(&task, other, &t->room->trial); // a fit beside a fit
     body_judge(&task, &t->pose, &t->shape.mean, judged);
     double own_energy = judged->energy;
+    odds.whole = t->room->trial.energy - own_energy;
     for (int k = 0; k < LIMB_COUNT; k++) {
         if (!apart[k])
             continue;

@@ -21,5 +21,6 @@ int tracker_found_count(const struct tracker *t); // so often somebody was found
 // it: energies as in body_fit.h, negative where it is likelier. 0 for limbs that are in the same place.
 struct pose_odds {
     double limb[LIMB_COUNT]; // with this limb alone as the other pose has it
+    double whole;            // with all of it
 };
 struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other);

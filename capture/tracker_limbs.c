@@ -27,7 +27,7 @@ static double gain_of(const struct fit_task *given, const struct body_pose *pose
 
 double turned_round_gain(const struct fit_task *given, struct fit_room *room)
 {
-    struct body_pose pose = body_turned_round(&room->best.pose);
+    struct body_pose pose = body_turned_round(&room->best.shape, &room->best.pose);
     return gain_of(given, &pose, 4, room);
 }
 
@@ -317,6 +317,10 @@ double limb_elsewhere_gain(const struct fit_task *given, int k, struct fit_room 
         for (int j = 0; j < t.targets; j++) // or that one is the elbow
             if (i != j && fabs(v3_distance(t.target[j], base) - upper_m) < 0.10)
                 keep_place(&t, t.target[i], v3_sub(t.target[j], base));
+    }
+    if (k < 2) { // or elbow and hand are each taken for the other
+        struct vec3 elbow = room->best.build.origin[t.limb->lower], hand = room->best.build.origin[t.limb->end];
+        keep_place(&t, elbow, v3_sub(hand, base));
     }
     if (t.kept[0].energy >= now + ROUGH)
         return -1;

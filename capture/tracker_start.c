@@ -4,10 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { YAWS = 8 };
-#define BACK_RATE  2.0
-#define WAIST_RATE 0.571 // the waist joint, of body height over the floor
-#define PI         3.14159265358979323846
+enum { YAWS = 8, WAYS_ROUND = 4 };
+#define AWAY_ODDS        10.0  // against somebody who looks away from the sensor
+#define AWAY_ODDS_UNSURE 30.0  // the same without feet, or without a floor that they stand on: little else tells
+#define JUDGE_REACH_M    0.20  // a toe that nothing explains has to count
+#define ROUGH            1.6   // a rough fit this much worse than another is none the better for being finished
+#define WAIST_RATE       0.571 // the waist joint, of body height over the floor
+#define PI               3.14159265358979323846
 
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
 {
@@ -82,9 +85,37 @@ static void raise_arms(struct body_pose *pose, double left, double right)
     pose->turn[SEG_RIGHT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, -right));
 }
 
-// Fits from `pose` and keeps what is likelier than `best`, the energy so far.
-static double fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_room *room, double best,
-                        bool cut)
+// The likeliest poses so far, one for each way that the trunk may face: towards the sensor, left, away, right.
+struct candidate {
+    struct body_pose pose;
+    struct body_shape shape;
+    double energy; // with what is known of people before any picture
+};
+
+struct candidates {
+    struct candidate of[WAYS_ROUND];
+    bool unsure; // no feet are seen, or no floor that they stand on
+};
+
+static struct vec3 ahead_of(const struct body_pose *pose) { return quat_rotate(pose->turn[SEG_PELVIS], v3(0, 0, 1)); }
+
+// Most people face the sensor at the start, as a logarithm of odds.
+static double facing_odds(const struct body_pose *pose, bool unsure)
+{
+    return (unsure ? AWAY_ODDS_UNSURE : AWAY_ODDS) * 0.5 * (1 + ahead_of(pose).z);
+}
+
+static void keep(struct candidates *c, const struct fit_result *r)
+{
+    struct vec3 ahead = ahead_of(&r->pose);
+    int way = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
+    double energy = r->energy + facing_odds(&r->pose, c->unsure);
+    if (energy < c->of[way].energy)
+        c->of[way] = (struct candidate){r->pose, r->shape, energy};
+}
+
+// A rough fit from `pose`.
+static void fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_room *room, struct candidates *c)
 {
     task->expected = *pose;
     task->expected_sigma = 8;
@@ -95,14 +126,32 @@ static double fit_start(struct fit_task *task, const struct body_pose *pose, str
     task->iterations = 7;
     task->reach_m = 0.10;
     body_fit(task, &rough, &room->trial);
-    // Most people face the sensor at the start: the back must fit clearly better,
-    // and without feet nothing tells.
-    struct vec3 ahead = quat_rotate(room->trial.pose.turn[SEG_PELVIS], v3(0, 0, 1));
-    double energy = room->trial.energy * (ahead.z > 0.3 ? cut ? 3 : BACK_RATE : 1);
-    if (energy >= best)
-        return best;
-    room->best = room->trial;
-    return energy;
+    keep(c, &room->trial);
+}
+
+// A fine one from a rough one, limbs looked for and the shape learned, into room->best.
+static void finish(struct fit_task *task, const struct candidate *c, struct fit_room *room)
+{
+    struct body_pose pose = c->pose;
+    task->every = 1;
+    task->learn_shape = false;
+    task->shape.mean = c->shape;
+    task->expected = pose;
+    task->expected_sigma = 4;
+    task->iterations = 5;
+    task->reach_m = 0.10;
+    body_judge(task, &pose, &c->shape, &room->best);
+    for (int round = 0; round < 2; round++)
+        limbs_search(task, room);
+    task->learn_shape = true;
+    task->learn_rate = 0.3;
+    task->iterations = 10;
+    pose = room->best.pose;
+    body_fit(task, &pose, &room->trial);
+    pose = room->trial.pose;
+    task->reach_m = 0.06;
+    task->shape.mean = room->trial.shape;
+    body_fit(task, &pose, &room->best);
 }
 
 // What looks like a skirt or a coat is taken for one until more pictures have been seen.
@@ -113,6 +162,28 @@ static void put_tails_on(struct fit_task *task, double height_m)
         return;
     task->shape.mean.hem_m = WAIST_RATE * height_m - hem.level_m;
     task->shape.mean.hem_radius_m = 0.5 * hem.wide_m;
+}
+
+// Finishes what may turn out to be the likeliest, and leaves that in room->best.
+static void choose(struct fit_task *task, const struct candidates *rough, struct fit_room *room)
+{
+    struct candidate best = {.energy = INFINITY};
+    double least = INFINITY;
+    for (int i = 0; i < WAYS_ROUND; i++)
+        least = fmin(least, rough->of[i].energy);
+    for (int i = 0; i < WAYS_ROUND; i++) {
+        if (!(rough->of[i].energy <= ROUGH * least))
+            continue;
+        finish(task, &rough->of[i], room);
+        struct candidate fine = {room->best.pose, room->best.shape, 0};
+        task->reach_m = JUDGE_REACH_M;
+        body_judge(task, &fine.pose, &fine.shape, &room->best);
+        fine.energy = room->best.energy + facing_odds(&fine.pose, rough->unsure);
+        if (fine.energy < best.energy)
+            best = fine;
+    }
+    body_judge(task, &best.pose, &best.shape, &room->best);
+    task->shape.mean = best.shape;
 }
 
 bool start_search(struct fit_task *task, struct fit_room *room)
@@ -134,7 +205,9 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     root.y = rise;
     static const double arms[2] = {0.12, 0.9}, away[3] = {0, 0.06, 0.12}; // of the height
     bool middle = s.cut && s.beheaded; // how far up the picture's edge cuts them is not known, either
-    double best = 1e300;
+    struct candidates rough = {.unsure = s.cut || !task->have_floor};
+    for (int i = 0; i < WAYS_ROUND; i++)
+        rough.of[i].energy = INFINITY;
     task->every = 3;
     for (int turn = 0; turn < (s.halved ? 1 : YAWS); turn++) // half a person fits any way
         for (int a = 0; a < 2; a++)
@@ -144,25 +217,8 @@ bool start_search(struct fit_task *task, struct fit_room *room)
                 struct vec3 at = v3_add(root, v3_add(v3(s.halved * by, 0, 0), v3_scale(task->up, middle ? 2 * by : 0)));
                 struct body_pose pose = body_rest_pose(at, task->up, turn * 2 * PI / YAWS);
                 raise_arms(&pose, arms[a], arms[a]);
-                best = fit_start(task, &pose, room, best, s.cut);
+                fit_start(task, &pose, room, &rough);
             }
-    task->every = 1;
-    task->expected = room->best.pose;
-    task->expected_sigma = 4;
-    task->iterations = 5;
-    task->reach_m = 0.10;
-    for (int round = 0; round < 2; round++)
-        limbs_search(task, room);
-    task->learn_shape = true;
-    task->learn_rate = 0.3;
-    task->iterations = 10;
-    struct body_pose pose = room->best.pose;
-    body_fit(task, &pose, &room->trial);
-    room->best = room->trial;
-    task->reach_m = 0.06;
-    pose = room->best.pose;
-    task->shape.mean = room->best.shape;
-    body_fit(task, &pose, &room->trial);
-    room->best = room->trial;
+    choose(task, &rough, room);
     return explained_share(task->evidence, &room->best, 0.10) > 0.6;
 }
