@@ -1,6 +1,6 @@
-// How much brighter the shown frame has the person than the colours gathered over the take, in the light that fell on
-// the mean of them, would be: lamps are near or far, a camera exposes now longer, now shorter. What the frame saw
-// tells; what it did not see is then as bright. Pure; deterministic.
+// How much brighter a frame has the person than the take's frames have in the mean: lamps are near or far, a camera
+// exposes now longer, now shorter. The sides that the frame saw tell; those that it did not see, in colours gathered
+// from all frames, are then drawn as bright. Pure; deterministic.
 #pragma once
 #include "reenact/frame_loader.h"
 

@@ -102,7 +102,7 @@ static double ratio(const char *name, changing *change)
     const double found = (double)(other.brighter / as_it_is.brighter);
     print_message("%s: %.3f, as it is %.3f; ratio %.3f\n", name, (double)other.brighter, (double)as_it_is.brighter,
                   found);
-    for (int i = 0; i < other.point_count; i++) // as seen from outside, too: whichever way they face
+    for (int i = 0; i < other.point_count; i++) // whichever way they face
         EXPECT_NEAR((double)other.points[i].light, (double)as_it_is.points[i].light * found, 1e-5);
     loaded_frame_free(&as_it_is);
     loaded_frame_free(&other);
