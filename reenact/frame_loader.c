@@ -1,5 +1,6 @@
 #include "reenact/frame_loader.h"
 
+#include "reenact/brightness.h"
 #include "reenact/carried.h"
 #include "reenact/own_triangles.h"
 #include "reenact/warp.h"
@@ -178,6 +179,14 @@ static enum status know_points(const struct frame_loader *l, const struct postur
     return OK;
 }
 
+static void know_brightness(const struct frame_loader *l, struct loaded_frame *out)
+{
+    const struct brightness_look look = {l->likeness, &l->sight, &take_calibration(l->take)->color, l->rgb};
+    out->brighter = out->seen ? brightness_of(&look, out) : 1;
+    for (int i = 0; i < out->point_count; i++)
+        out->points[i].light *= out->brighter;
+}
+
 static enum status know_triangles(const struct frame_loader *l, struct loaded_frame *out)
 {
     const struct unfolded *m = &l->likeness->atlas.mesh;
@@ -229,7 +238,7 @@ static enum status cut(const struct frame_loader *l, struct loaded_frame *out)
 enum status frame_loader_load(struct frame_loader *l, int64_t frame, struct loaded_frame *out)
 {
     struct posture joints;
-    *out = (struct loaded_frame){.frame = frame, .adjustment = likeness_adjustment(l->likeness, frame)};
+    *out = (struct loaded_frame){.frame = frame, .brighter = 1, .adjustment = likeness_adjustment(l->likeness, frame)};
     warp_clear(l->warp);
     enum status status = carried_posture(&l->likeness->rest, l->take, frame, &joints);
     const bool posed = status == OK;
@@ -241,8 +250,10 @@ enum status frame_loader_load(struct frame_loader *l, int64_t frame, struct load
         joints = posture_adjusted(&joints, &out->adjustment);
         status = know_points(l, &joints, out);
     }
-    if (status == OK && posed)
+    if (status == OK && posed) {
+        know_brightness(l, out);
         status = know_triangles(l, out);
+    }
     if (status != OK)
         loaded_frame_free(out);
     return status;

@@ -14,7 +14,7 @@ struct loaded_point {
     float away_m;      // in depth, if nothing is before it
     float seen;        // how squarely: 1 straight on, 0 aside, away, or not at all
     float facing[3];   // its normal, colour camera's axes
-    float light;       // root of the room's light on it
+    float light;       // root of the room's light on it, as bright as the frame has it
 };
 
 struct loaded_picture {
@@ -29,6 +29,7 @@ struct loaded_frame {
     struct loaded_picture depth;  // RGBA: millimetres (red high, green low byte); blue: how deep within one surface of
                                   // the person it lies, 1 well within, 0 at an edge and elsewhere, and along the rim
     float windows[2][4];          // colours' and depth's: left, top, width, height in the frame's own pixels
+    float brighter;               // than the take's frames are in the mean, of colours' roots (brightness.h)
     struct adjustment adjustment; // of the joints' posture
     float (*shift)[3];            // beyond it (warp.h), of each point of the atlas's mesh in the rest pose, metres
     struct loaded_point *points;  // of each; NULL, as shift: the frame's posture is not known

@@ -189,6 +189,19 @@ static void draw(struct set *s, uint8_t *rgba)
     gpu_close(&gpu);
 }
 
+// How bright the shown frame is.
+static float brighter(struct set *s)
+{
+    struct frame_loader *loader;
+    struct loaded_frame loaded;
+    EXPECT_STATUS(frame_loader_open(&loader, s->take, s->rays, &s->likeness), OK);
+    EXPECT_STATUS(frame_loader_load(loader, s->moment.frame, &loaded), OK);
+    const float ratio = loaded.brighter;
+    loaded_frame_free(&loaded);
+    frame_loader_close(&loader);
+    return ratio;
+}
+
 // The same posture, laid on the shown frame.
 static void draw_reference(struct set *s, struct canvas *canvas)
 {
@@ -215,9 +228,12 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     const struct unfolded *m = &l->atlas.mesh;
     const int points = m->point_count;
     struct seen *seen = malloc(sizeof *seen * 2 * (size_t)points);
-    for (int i = 0; i < 2 * points; i++)
+    const double bright = (double)brighter(s);
+    for (int i = 0; i < 2 * points; i++) {
         seen[i] =
             see(l, i % points, warp, &into_viewer, &into_world, pose_inverse(s->viewer).rotation, i < points ? -1 : 1);
+        seen[i].light *= bright;
+    }
     for (int i = 0; i < W * H; i++)
         canvas->z[i] = INFINITY;
     for (int t = 0; t < m->corner_count; t += 3) {

@@ -7,7 +7,6 @@
 #include "platform/jpeg.h"
 #include "platform/png.h"
 #include "tests/bench/bench_folder.h"
-#include "tests/support/align.h"
 #include "tests/support/film.h"
 
 #include <stdlib.h>
@@ -19,7 +18,8 @@ static const double SCALE = 1, SAME_S = 0.002;
 // The true joints of each frame of the take, in its colour camera's axes; and in truth's own world, who stands where.
 struct truth {
     struct skeleton joints[MOST_FRAMES];
-    struct vec3 waist[MOST_FRAMES], sensor;
+    struct vec3 waist[MOST_FRAMES];
+    struct pose world_from_sensor; // it stands still
 };
 
 static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
@@ -153,14 +153,16 @@ static void set_angles(struct views_data *data, const struct truth *truth)
             if (llabs(take_entry(data->own, f)->time_ns - start - p->since_ns) <
                 llabs(take_entry(data->own, best)->time_ns - start - p->since_ns))
                 best = f;
-        p->angle_deg = angle_deg(truth->sensor, p->truth.translation, truth->waist[best]);
+        p->angle_deg = angle_deg(truth->world_from_sensor.translation, p->truth.translation, truth->waist[best]);
     }
 }
 
-// Finds the cameras, and puts their truth into the place's axes.
-static enum status find_pictures(struct views_data *data, const struct place *place)
+// Finds the cameras, and puts their truth into the place's axes: there the sensor, and with it the person, stands where
+// we find it, and the true cameras stand about it as in truth. So what finding either costs is told, not the one alone.
+static enum status find_pictures(struct views_data *data, const struct truth *truth, const struct place *place)
 {
-    struct vec3 ours[VIEWS_MOST], truth[VIEWS_MOST];
+    const struct pose place_from_truth =
+        pose_multiply(take_entry(data->own, 0)->world_from_camera, pose_inverse(truth->world_from_sensor));
     struct camera_track *track;
     int n = 0;
     enum status status = camera_track_open(&track, place, &data->lens, NULL);
@@ -173,15 +175,13 @@ static enum status find_pictures(struct views_data *data, const struct place *pl
         if (!p->placed)
             continue;
         p->found = at.world_from_camera;
-        ours[n] = p->found.translation;
-        truth[n++] = p->truth.translation;
+        n++;
     }
     camera_track_close(&track);
     if (status < 0)
         return status;
     if (n < 10)
         return fail(ERR_INPUT, "only %d of the pictures can be placed", n);
-    struct pose place_from_truth = align_points(truth, ours, n);
     for (int i = 0; i < data->count; i++)
         data->picture[i].truth = pose_multiply(place_from_truth, data->picture[i].truth);
     return OK;
@@ -225,7 +225,7 @@ static enum status film(struct views_data *data, struct truth *truth)
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&data->scratch, "sensor"));
     struct place place = film_true_place(world, SCALE);
     status = record(data, uri, &place);
-    truth->sensor = sensor.translation;
+    truth->world_from_sensor = sensor;
     for (int64_t i = 0; status == OK && i < take_frame_count(data->own); i++) {
         double t = (double)(take_entry(data->own, i)->time_ns - take_entry(data->own, 0)->time_ns) * 1e-9;
         truth->joints[i] = world_joints_in_camera(world, t, sensor);
@@ -238,7 +238,7 @@ static enum status film(struct views_data *data, struct truth *truth)
     if (status == OK)
         set_angles(data, truth);
     if (status == OK)
-        status = find_pictures(data, &place);
+        status = find_pictures(data, truth, &place);
     place_free(&place);
     world_close(&world);
     return status;
@@ -278,7 +278,7 @@ static enum status read_truth(const struct views_data *data, const char *folder,
         if (!bench_truth_at(poses, (double)take_entry(data->own, i)->time_ns * 1e-9, &sensor))
             status = fail(ERR_INPUT, "%s: the sensor's truth lacks frame %d", folder, (int)i);
         truth->waist[i] = truth->joints[i].joint[JOINT_WAIST];
-        truth->sensor = sensor.translation;
+        truth->world_from_sensor = sensor;
         truth->joints[i] = skeleton_transform(pose_inverse(sensor), &truth->joints[i]);
     }
     if (joints)
@@ -364,7 +364,7 @@ static enum status read_folder(struct views_data *data, const char *folder, stru
     if (status == OK)
         set_angles(data, truth);
     if (status == OK)
-        status = find_pictures(data, &place);
+        status = find_pictures(data, truth, &place);
     place_free(&place);
     return status;
 }

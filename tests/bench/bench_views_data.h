@@ -10,7 +10,7 @@ struct views_picture {
     int64_t since_ns;         // of the take's first frame
     uint8_t *room, *expected; // RGB: without the person, and with
     uint8_t *mask;            // not 0: the person
-    struct pose found, truth; // world_from_camera in the place's axes: as we find it, and as it is
+    struct pose found, truth; // world_from_camera in the place's axes: as we find it, and as it is to the sensor
     bool placed;              // found
     double angle_deg;         // between the sensor's and this view of the person, from above
 };
