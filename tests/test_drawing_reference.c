@@ -180,7 +180,7 @@ static void draw(struct set *s, uint8_t *rgba)
     EXPECT_STATUS(likeness_painter_open(&painter, gpu, s->take, s->rays, &lens, 0), OK);
     EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
     EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
-    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL};
+    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL, NULL};
     EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts, &within), OK);
     EXPECT_INT(parts, PART_COUNT);
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);

@@ -51,7 +51,7 @@ static int64_t draw_all(uint8_t *rgba)
         struct pose turn = {quat_from_rotation_vector(v3(0, 0, 2 * PI * v / VIEWS)), v3(0, 0, 0)};
         turn.translation = v3_sub(him, quat_rotate(turn.rotation, him));
         const struct pose viewer = pose_multiply(turn, take_entry(take, FRAME)->world_from_camera);
-        const struct likeness_view view = {FRAME, moment.skeleton, viewer, target, NULL};
+        const struct likeness_view view = {FRAME, moment.skeleton, viewer, target, NULL, NULL};
         const int64_t before = gpu_count(gpu).draws;
         struct gpu_box within;
         int parts;
