@@ -162,9 +162,20 @@ static int put_room(struct around_painter *a, const struct part_map *viewer_from
     return count;
 }
 
+// Of a target that is finer than the picture, or coarser, what may hide `hidden` or shows it.
+static struct gpu_box box_in(const struct around_painter *a, const struct gpu_target *target,
+                             const struct room_hidden *hidden)
+{
+    const double finer = (double)gpu_target_width(target) / a->view.width;
+    const struct gpu_box box = view_box(&a->view, hidden->low, hidden->high);
+    const int left = (int)floor(finer * box.left), right = (int)ceil(finer * (box.left + box.width));
+    const int top = (int)floor(finer * box.top), bottom = (int)ceil(finer * (box.top + box.height));
+    return (struct gpu_box){left, top, right - left, bottom - top};
+}
+
 // The last of the room's corners and the first of the patch's.
 static void draw_corners(struct around_painter *a, struct gpu_target *target, int of_room, int of_patch,
-                         struct gpu_box within)
+                         const struct room_hidden *hidden)
 {
     gpu_draw(&(struct gpu_job){.target = target,
                                .program = a->program,
@@ -172,18 +183,15 @@ static void draw_corners(struct around_painter *a, struct gpu_target *target, in
                                .depth_test = true,
                                .first = a->room.corner_count - of_room,
                                .count = of_room + of_patch,
-                               .within = within});
+                               .within = box_in(a, target, hidden)});
 }
 
 bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
                          const struct room_hidden *hidden)
 {
     const int count = put_room(a, viewer_from_room, hidden);
-    const int finer = gpu_target_width(target) / a->view.width;
-    const struct gpu_box box = view_box(&a->view, hidden->low, hidden->high);
     if (count)
-        draw_corners(a, target, count, 0,
-                     (struct gpu_box){finer * box.left, finer * box.top, finer * box.width, finer * box.height});
+        draw_corners(a, target, count, 0, hidden);
     return count > 0;
 }
 
@@ -246,5 +254,5 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
     gpu_program_set(a->program, WORLD_FROM_FLOOR, world.row[0], 3);
     gpu_program_set(a->program, BONES, bones[0], 2 * PART_COUNT + 4);
     gpu_program_set(a->program, SHADOW, shadow, 1);
-    draw_corners(a, target, count, PATCH_CORNERS, (struct gpu_box){0});
+    draw_corners(a, target, count, PATCH_CORNERS, &hidden);
 }
