@@ -6,7 +6,7 @@
 // drawn. At last the slowest of many pictures against the median.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_look.h"
-#include "tests/support/rehearsal.h"
+#include "tests/support/rehearsed.h"
 #include "tests/support/work.h"
 
 #include "reenact/painter.h"
@@ -159,13 +159,11 @@ static enum status run(struct bench *b)
         {"ours, another that was not kept", DETAIL_FULL, false, false},
         {"the plain path, likewise", DETAIL_PAPER, false, false},
     };
-    struct rehearsal rehearsal = rehearsal_make();
-    struct recording *recording = NULL;
+    struct rehearsed rehearsed;
     struct contender base = {0}, all[CONTENDERS] = {{0}};
     struct bench_contender contenders[CONTENDERS];
-    enum status status = recording_open(&recording, rehearsal.file);
-    if (status == OK)
-        status = take_open(&base.take, recording, "turn");
+    enum status status = rehearsed_open(&rehearsed, 0);
+    base.take = rehearsed.take;
     if (status == OK)
         status = gpu_open(&base.gpu);
     for (int i = 0; i < CONTENDERS && status == OK; i++) {
@@ -181,9 +179,7 @@ static enum status run(struct bench *b)
     for (int i = 0; i < CONTENDERS; i++)
         painter_close(&all[i].painter);
     gpu_close(&base.gpu);
-    take_close(&base.take);
-    recording_free(&recording);
-    rehearsal_end(&rehearsal);
+    rehearsed_close(&rehearsed);
     return status;
 }
 
