@@ -23,9 +23,9 @@ struct program_plan {
     const char *word;
 };
 static const struct program_plan plans[PROGRAMS] = {
-    [FIGURE] = {"figure.frag", {"atlas", "now_picture", "now_depth"}, 3},
-    [GATHERED] = {"figure_gathered.frag", {"atlas"}, 1},
-    [SOURCE] = {"figure_source.frag", {"atlas_when", "now_depth"}, 2},
+    [FIGURE] = {"figure.frag", {"atlas", "now_picture", "now_depth"}, 3, NULL},
+    [GATHERED] = {"figure_gathered.frag", {"atlas"}, 1, NULL},
+    [SOURCE] = {"figure_source.frag", {"atlas_when", "now_depth"}, 2, NULL},
     [FIGURE_IN_ROOM] = {"figure.frag", {"atlas", "now_picture", "now_depth", "room"}, 4, "IN_ROOM"},
     [GATHERED_IN_ROOM] = {"figure_gathered.frag", {"atlas", "room"}, 2, "IN_ROOM"},
 };
