@@ -191,6 +191,14 @@ int64_t ahead_takes_ns(struct ahead *a)
     return takes_ns;
 }
 
+bool ahead_has(struct ahead *a, int64_t frame)
+{
+    pthread_mutex_lock(&a->lock);
+    const bool there = find_ready(a, frame) < a->ready_count;
+    pthread_mutex_unlock(&a->lock);
+    return there;
+}
+
 static bool take_ready(struct ahead *a, int i, struct loaded_frame *out)
 {
     if (i >= a->ready_count)

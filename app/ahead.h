@@ -22,6 +22,8 @@ void ahead_want(struct ahead *a, const int64_t *frames, int count);
 // How long it takes to load one, as it was with the last; 0: none was loaded yet.
 int64_t ahead_takes_ns(struct ahead *a);
 
+bool ahead_has(struct ahead *a, int64_t frame); // it is ready
+
 // True: the frame is the caller's (loaded_frame_free). Where it is just being loaded, waits for that. False: nobody
 // loads it, or it cannot be loaded.
 bool ahead_take(struct ahead *a, int64_t frame, struct loaded_frame *out);

@@ -24,6 +24,8 @@ struct stage {
     int64_t next[AHEAD_MOST];        // that the pictures to come show
     int next_count;
     struct foresight foresight;
+    int64_t awaited, awaited_ns; // the frame that is shown and not there yet, and since when
+    bool stands_in;              // another has been drawn for it, which will not do when nothing moves
     struct lens drawn_lens;
     struct gpu_texture *sources, *inset;
     int sources_width, sources_height;
@@ -36,8 +38,9 @@ struct stage {
 // From where one begins to walk round him, and what is then seen of the middle: him with a hand raised or reached out,
 // which may be nearer.
 static const double NEAREST_M = 3, FARTHEST_M = 3.4, TALL_M = 2.3, WIDE_M = 2.1;
-// While he plays, a frame that is not there is done without where another so near is.
-static const int64_t STAND_IN_NS = 500000000;
+// While he plays, a frame that is not there is done without where another so near is. When he stands still, after a
+// jump along the timeline, any other will do for as long as it takes to load it; whoever waits so long waits for it.
+static const int64_t STAND_IN_NS = 500000000, ANY_NS = INT64_MAX, AWAIT_NS = 300000000;
 
 static void find_beginning(struct stage *s)
 {
@@ -69,7 +72,7 @@ enum status stage_open(struct stage **out, struct gpu *gpu, const struct stage_o
     if (!s)
         return fail(ERR_MEMORY, "out of memory");
     s->gpu = gpu;
-    s->inset_frame = -1;
+    s->inset_frame = s->awaited = -1;
     s->path = strdup(path);
     s->take_name = strdup(take);
     enum status status = s->path && s->take_name ? OK : fail(ERR_MEMORY, "out of memory");
@@ -301,7 +304,14 @@ static enum status have_painter(struct stage *s, const struct lens *lens)
 
 double stage_prepared(const struct stage *s) { return s->preparation ? preparation_share(s->preparation) : 1; }
 
-bool stage_settled(const struct stage *s) { return !s->painter || painter_settled(s->painter); }
+bool stage_awaits(const struct stage *s) { return s->stands_in; }
+
+// Until the frame is there nothing better can be drawn, and who tried would keep the processor from loading it.
+bool stage_settled(const struct stage *s)
+{
+    const bool better = s->stands_in && (ahead_has(s->ahead, s->awaited) || clock_now_ns() - s->awaited_ns >= AWAIT_NS);
+    return !s->painter || (painter_settled(s->painter) && !better);
+}
 
 enum status stage_prepare(struct stage *s)
 {
@@ -341,10 +351,34 @@ static int frames_ahead(struct stage *s, const struct stage_look *look, int64_t 
 }
 
 // How far from its frame a picture may be drawn with another one that is there.
-static int64_t within(const struct stage_look *look) { return look->playing && !look->sources ? STAND_IN_NS : 0; }
+static int64_t within(struct stage *s, const struct stage_look *look, int64_t frame)
+{
+    const int64_t now_ns = clock_now_ns();
+    if (look->sources)
+        return 0;
+    if (look->playing)
+        return STAND_IN_NS;
+    if (frame != s->awaited)
+        s->awaited = frame, s->awaited_ns = now_ns;
+    return now_ns - s->awaited_ns < AWAIT_NS ? ANY_NS : 0;
+}
 
-// What was loaded goes to the painter. What this picture shows is waited for only where nothing stands in for it.
-static enum status use_ahead(struct stage *s, const struct stage_look *look, int64_t frame)
+// Before what was wanted before, for whoever moves along the timeline may have gone on before a frame is there.
+static void want_first(struct stage *s, int64_t frame)
+{
+    int64_t before[AHEAD_MOST];
+    const int count = s->next_count;
+    memcpy(before, s->next, sizeof before);
+    s->next[0] = frame;
+    s->next_count = 1;
+    for (int i = 0; i < count && s->next_count < AHEAD_MOST; i++)
+        if (before[i] != frame && painter_near(s->painter, before[i], 0) < 0)
+            s->next[s->next_count++] = before[i];
+}
+
+// What was loaded goes to the painter. What this picture shows is waited for only where nothing within `within_ns`
+// stands in for it.
+static enum status use_ahead(struct stage *s, const struct stage_look *look, int64_t frame, int64_t within_ns)
 {
     const struct likeness *likeness = painter_likeness(s->painter);
     const struct ahead_options how = {s->path, s->take_name, likeness};
@@ -359,11 +393,20 @@ static enum status use_ahead(struct stage *s, const struct stage_look *look, int
     if (status != OK)
         return status;
     foresight_met(&s->foresight, painter_near(s->painter, frame, 0) >= 0);
-    if (painter_near(s->painter, frame, within(look)) < 0 && ahead_take(s->ahead, frame, &loaded))
+    if (painter_near(s->painter, frame, within_ns) < 0 && ahead_take(s->ahead, frame, &loaded))
         status = painter_give_frame(s->painter, &loaded);
     if (status != OK)
         return status;
-    s->next_count = frames_ahead(s, look, s->next);
+    int64_t foreseen[AHEAD_MOST];
+    const int count = frames_ahead(s, look, foreseen);
+    s->stands_in =
+        !look->playing && painter_near(s->painter, frame, 0) < 0 && painter_near(s->painter, frame, within_ns) >= 0;
+    if (s->stands_in) {
+        want_first(s, frame);
+    } else {
+        s->next_count = count;
+        memcpy(s->next, foreseen, sizeof s->next);
+    }
     return OK;
 }
 
@@ -392,7 +435,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, in
     struct painter_view view = {.world_from_camera = camera_in_take(s, look),
                                 .time_ns = look->time_ns,
                                 .viewer_from_room = look->camera ? &viewer_from_room : NULL, // the studio is empty
-                                .within_ns = within(look),
+                                .within_ns = within(s, look, frame),
                                 .also_paper = look->former};
     struct painter_result result;
     enum status status = have_painter(s, &lens);
@@ -400,7 +443,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, in
         return status;
     painter_set_sources(s->painter, look->sources);
     painter_set_error(s->painter, look->error_px);
-    status = frame >= 0 ? use_ahead(s, look, frame) : OK;
+    status = frame >= 0 ? use_ahead(s, look, frame, view.within_ns) : OK;
     if (status == OK)
         status = painter_draw(s->painter, &view, &result);
     if (status != OK)
@@ -422,6 +465,7 @@ enum status stage_draw(struct stage *s, const struct stage_look *look, struct st
     enum status status = OK;
     struct moment moment;
     bool there = motion_at(s->motion, look->time_ns, true, &moment) == OK;
+    s->stands_in = false;
     if (there)
         place_skeleton(s, look, &moment, out);
     if (!look->nobody)

@@ -24,6 +24,7 @@ void stage_close(struct stage **s); // NULL is fine; what is being prepared is g
 MUST_CHECK enum status stage_prepare(struct stage *s);
 double stage_prepared(const struct stage *s); // the share that is done; 1: nothing more is to come
 bool stage_settled(const struct stage *s);    // false: the next picture of the same will be another
+bool stage_awaits(const struct stage *s);     // in a moment it will: the frame that is shown is being loaded
 
 int64_t stage_length_ns(const struct stage *s);
 int64_t stage_frames(const struct stage *s);

@@ -10,6 +10,7 @@
 #include <string.h>
 
 static const int64_t CHECK_NS = 1000000000;
+static const int64_t AWAITED_NS = 4000000;                    // what will be there in a moment is looked for so often
 static const double ROOM_S = 0.07, LONGEST_STEP_S = 1 / 30.0; // of making room: its pace; a picture's time, at most
 
 double tablet_px_per_dp(double dpi) { return fmax(dpi / 160, 0.85); } // a desk's screen is looked at from farther away
@@ -193,6 +194,8 @@ int64_t tablet_update(struct tablet *t, int64_t now_ns)
     int64_t check_ns = t->checked_ns + CHECK_NS;
     if (s->page == PAGE_WATCH && t->stage && check_ns < next_ns)
         next_ns = check_ns;
+    if (s->page == PAGE_WATCH && t->stage && stage_awaits(t->stage) && now_ns + AWAITED_NS < next_ns)
+        next_ns = now_ns + AWAITED_NS;
     if (s->page == PAGE_WATCH && t->stage && !stage_settled(t->stage))
         next_ns = now_ns;
     return sticks ? now_ns : next_ns;

@@ -3,6 +3,7 @@
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -170,7 +171,7 @@ const char *gpu_renderer(const struct gpu *g) { return g->renderer; }
 int gpu_max_size(const struct gpu *g) { return g->max_size; }
 struct gpu_counts gpu_count(const struct gpu *g) { return g->counts; }
 
-static void count_made(struct gpu *g, size_t bytes)
+void gpu_count_made(struct gpu *g, size_t bytes)
 {
     g->counts.made++;
     g->counts.bytes_held += bytes;
@@ -178,10 +179,16 @@ static void count_made(struct gpu *g, size_t bytes)
 
 // ---------------------------------------------------------------- programs
 
-static enum status compile(GLuint *out, GLenum kind, const char *text, const char *name)
+// word: #defined after the first line; NULL.
+static enum status compile(GLuint *out, GLenum kind, const char *text, const char *word, const char *name)
 {
     GLuint shader = glCreateShader(kind);
-    glShaderSource(shader, 1, &text, NULL);
+    const size_t version = strcspn(text, "\n");
+    char define[80] = "\n";
+    if (word)
+        snprintf(define, sizeof define, "\n#define %s\n#line 2\n", word);
+    const char *const parts[] = {text, define, text[version] ? text + version + 1 : ""};
+    glShaderSource(shader, 3, parts, (const GLint[]){(GLint)version, -1, -1});
     glCompileShader(shader);
     GLint good = 0;
     glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
@@ -239,9 +246,9 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
     p->sampler_count = text->sampler_count;
     p->id = glCreateProgram();
     GLuint vertex = 0, fragment = 0;
-    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, text->name);
+    enum status status = compile(&vertex, GL_VERTEX_SHADER, text->vertex, NULL, text->name);
     if (status == OK)
-        status = compile(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->name);
+        status = compile(&fragment, GL_FRAGMENT_SHADER, text->fragment, text->word, text->name);
     if (status == OK)
         status = link_program(p, vertex, fragment, text->name);
     glDeleteShader(vertex); // 0 is ignored; attached ones live on with the program
@@ -254,7 +261,7 @@ enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const stru
         gpu_program_close(&p);
         return status;
     }
-    count_made(g, 0);
+    gpu_count_made(g, 0);
     *out = p;
     return OK;
 }
@@ -290,11 +297,16 @@ static GLenum layout_of(const struct gpu_texture *t)
     return layouts[t->format];
 }
 
-static enum status make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels)
+enum status gpu_too_large(const struct gpu *g, int width, int height)
+{
+    return fail(ERR_DEVICE, "a picture of %d x %d pixels is larger than the %d this graphics driver (%s) takes", width,
+                height, g->max_size, g->renderer);
+}
+
+enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels)
 {
     if (t->width > t->g->max_size || t->height > t->g->max_size)
-        return fail(ERR_DEVICE, "a picture of %d x %d pixels is larger than the %d this graphics driver (%s) takes",
-                    t->width, t->height, t->g->max_size, t->g->renderer);
+        return gpu_too_large(t->g, t->width, t->height);
     glGenTextures(1, &t->id);
     glBindTexture(GL_TEXTURE_2D, t->id);
     static const GLint kept[] = {[GPU_R8] = GL_R8, [GPU_RG8] = GL_RG8, [GPU_RGB8] = GL_RGB8, [GPU_RGBA8] = GL_RGBA8};
@@ -317,8 +329,8 @@ enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_f
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
     *t = (struct gpu_texture){.g = g, .format = format, .width = width, .height = height};
-    enum status status = make_texture(t, filter, pixels);
-    count_made(g, texture_bytes(t));
+    enum status status = gpu_make_texture(t, filter, pixels);
+    gpu_count_made(g, texture_bytes(t));
     g->counts.uploads += pixels != NULL;
     if (status != OK) {
         gpu_texture_close(&t);
@@ -368,7 +380,7 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
                            .index_count = index_count,
                            .bytes = sizeof(float) * (size_t)components * (size_t)vertex_count +
                                     sizeof(uint16_t) * (size_t)index_count};
-    count_made(g, m->bytes);
+    gpu_count_made(g, m->bytes);
     g->counts.uploads += vertices != NULL;
     glGenVertexArrays(1, &m->array);
     glGenBuffers(1, &m->vertices);
@@ -426,101 +438,6 @@ void gpu_mesh_close(struct gpu_mesh **m)
     *m = NULL;
 }
 
-// ---------------------------------------------------------------- targets
-
-static enum status make_target(struct gpu_target *t)
-{
-    enum status status = make_texture(&t->texture, GPU_NEAREST, NULL);
-    if (status != OK)
-        return status;
-    glGenFramebuffers(1, &t->drawn);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
-    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t->texture.id, 0);
-    glGenRenderbuffers(1, &t->depth);
-    glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
-    glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, t->width, t->height);
-    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, t->depth);
-    status = gpu_check(t->g);
-    if (status == OK && glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-        status = fail(ERR_DEVICE, "the graphics driver (%s) cannot draw into a picture of %d x %d pixels",
-                      t->g->renderer, t->width, t->height);
-    return status;
-}
-
-enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height)
-{
-    assert(width > 0 && height > 0);
-    *out = NULL;
-    gpu_use(g);
-    struct gpu_target *t = calloc(1, sizeof *t);
-    if (!t)
-        return fail(ERR_MEMORY, "out of memory");
-    *t = (struct gpu_target){.g = g,
-                             .width = width,
-                             .height = height,
-                             .bytes = (size_t)width * (size_t)height * 8,
-                             .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
-    count_made(g, t->bytes);
-    enum status status = make_target(t);
-    if (status != OK) {
-        gpu_target_close(&t);
-        return status;
-    }
-    gpu_target_mark(t);
-    gpu_target_clear(t);
-    *out = t;
-    return OK;
-}
-
-void gpu_target_close(struct gpu_target **t)
-{
-    if (!*t)
-        return;
-    gpu_use((*t)->g);
-    (*t)->g->counts.bytes_held -= (*t)->bytes;
-    glDeleteFramebuffers(1, &(*t)->drawn);
-    glDeleteRenderbuffers(1, &(*t)->depth);
-    glDeleteTextures(1, &(*t)->texture.id);
-    free(*t);
-    *t = NULL;
-}
-
-void gpu_target_mark(struct gpu_target *t)
-{
-    t->left = t->top = 0;
-    t->right = t->width, t->bottom = t->height;
-}
-
-// Graphics chips clear everything at once and need not read what was there then. A processor clears pixel by pixel:
-// only where something was drawn.
-void gpu_target_clear(struct gpu_target *t)
-{
-    bool nowhere = t->right <= t->left || t->bottom <= t->top;
-    gpu_use(t->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
-    glClearColor(0, 0, 0, 0);
-    glClearDepthf(1);
-    glDepthMask(GL_TRUE);
-    if (t->g->on_processor) {
-        glEnable(GL_SCISSOR_TEST);
-        glScissor(t->left, t->top, t->right - t->left, t->bottom - t->top);
-    }
-    if (!nowhere || !t->g->on_processor)
-        glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-    glDisable(GL_SCISSOR_TEST);
-    t->left = t->top = t->right = t->bottom = 0;
-}
-
-const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }
-
-enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
-{
-    gpu_use(t->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
-    glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    return gpu_check(t->g);
-}
-
 // ---------------------------------------------------------------- drawing
 
 static int least(int a, int b) { return a < b ? a : b; }
@@ -548,6 +465,7 @@ void gpu_draw(const struct gpu_job *job)
 {
     gpu_use(job->target->g);
     job->target->g->counts.draws++;
+    assert(!job->depth_test || job->target->kind != GPU_TARGET_FLAT);
     glBindFramebuffer(GL_FRAMEBUFFER, job->target->drawn);
     glViewport(0, 0, job->target->width, job->target->height);
     keep_within(job->target, &job->within);

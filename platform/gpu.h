@@ -49,11 +49,12 @@ MUST_CHECK enum status gpu_wait(struct gpu *g);
 // ---- programs
 struct gpu_program_text {
     const char *name;              // for the sentence
-    const char *vertex, *fragment; // GLSL ES 3.00
+    const char *vertex, *fragment; // GLSL ES 3.00; the first line is its version
     const char *const *uniforms;   // uniform_count names; `a` for `uniform vec4 a[3]`. NULL: none, never to be set
     int uniform_count;             // at most 16
     const char *const *samplers;   // in the order of gpu_job.textures
     int sampler_count;             // at most 4
+    const char *word;              // is #defined in the fragment shader; NULL: none
 };
 // The texts are not needed afterwards. The vertex shader's inputs lie at
 // locations 0 and up. ERR_DEVICE: it does not compile or link (with the driver's words),
@@ -94,7 +95,12 @@ struct gpu_box {
 // ---- targets: what is drawn into. RGBA, 8 bit, with a depth buffer
 // ERR_DEVICE.
 MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height);
+// One without a depth buffer, for jobs without depth_test; and one of depth alone, 16 bit, whose texture is a
+// sampler2DShadow: what share of the four texels about a place lies no nearer than a depth. It cannot be read back.
+MUST_CHECK enum status gpu_target_open_flat(struct gpu_target **out, struct gpu *g, int width, int height);
+MUST_CHECK enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height);
 void gpu_target_close(struct gpu_target **t);
+int gpu_target_width(const struct gpu_target *t);
 void gpu_target_clear(struct gpu_target *t); // transparent black, the farthest depth
 
 // The picture so far as a texture, for a later job; belongs to the target.

@@ -18,8 +18,14 @@ enum status gpu_flat_open(struct gpu_flat **out, struct gpu *g, const struct gpu
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
     f->g = g;
-    enum status status = gpu_program_open(
-        &f->program, g, &(struct gpu_program_text){"flat", texts->vertex, texts->fragment, uniforms, 1, samplers, 1});
+    const struct gpu_program_text text = {.name = "flat",
+                                          .vertex = texts->vertex,
+                                          .fragment = texts->fragment,
+                                          .uniforms = uniforms,
+                                          .uniform_count = 1,
+                                          .samplers = samplers,
+                                          .sampler_count = 1};
+    enum status status = gpu_program_open(&f->program, g, &text);
     if (status != OK) {
         free(f);
         return status;

@@ -1,4 +1,4 @@
-// What gpu.c, gpu_flat.c and gpu_import.c share: the objects behind gpu.h. For those
+// What gpu.c, gpu_target.c, gpu_flat.c and gpu_import.c share: the objects behind gpu.h. For those
 // alone; names are OpenGL's.
 #pragma once
 #include "platform/gpu.h"
@@ -41,14 +41,25 @@ struct gpu_mesh {
     size_t bytes;
 };
 
+enum gpu_target_kind { GPU_TARGET_WHOLE, GPU_TARGET_FLAT, GPU_TARGET_DEPTH };
+
 struct gpu_target {
     struct gpu *g;
+    enum gpu_target_kind kind;
     int width, height;
     size_t bytes;
-    unsigned drawn, depth; // framebuffer around `texture`, and its renderbuffer
+    unsigned drawn, depth; // framebuffer around `texture`, and its renderbuffer, of a whole one
     struct gpu_texture texture;
     int left, top, right, bottom; // where something was drawn since it was cleared; right <= left: nowhere
 };
+
+void gpu_count_made(struct gpu *g, size_t bytes);
+
+// Of a size that this driver does not take: the sentence, ERR_DEVICE.
+MUST_CHECK enum status gpu_too_large(const struct gpu *g, int width, int height);
+
+// The texture of that format and size itself. ERR_DEVICE.
+MUST_CHECK enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels);
 
 // All of the target may have been drawn into.
 void gpu_target_mark(struct gpu_target *t);

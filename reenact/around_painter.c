@@ -2,6 +2,7 @@
 
 #include "reenact/likeness_painter.h"
 #include "reenact/shaders.h"
+#include "reenact/view_box.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -32,6 +33,7 @@ static const char *const uniform_names[UNIFORMS] = {
 struct around_painter {
     struct gpu *gpu;
     struct gpu_program *program;
+    struct lens view; // the tablet's
     struct room room;
     // The room's points, then the floor's patch. The patch's corners come last and stay; what is drawn of the room's
     // ends where they begin.
@@ -101,8 +103,11 @@ enum status around_painter_open(struct around_painter **out, struct gpu *gpu, co
     if (!a)
         return fail(ERR_MEMORY, "out of memory");
     a->gpu = gpu;
-    const struct gpu_program_text text = {
-        "around", shader_find("around.vert"), shader_find("around.frag"), uniform_names, UNIFORMS, NULL, 0};
+    const struct gpu_program_text text = {.name = "around",
+                                          .vertex = shader_find("around.vert"),
+                                          .fragment = shader_find("around.frag"),
+                                          .uniforms = uniform_names,
+                                          .uniform_count = UNIFORMS};
     enum status status = gpu_program_open(&a->program, gpu, &text);
     if (status == OK)
         status = open_mesh(a);
@@ -127,6 +132,7 @@ void around_painter_set_lens(struct around_painter *a, const struct lens *view)
 {
     const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
     float lens[12];
+    a->view = *view;
     lens_uniform(view, lens);
     gpu_program_set(a->program, VIEW_LENS, lens, 3);
     gpu_program_set(a->program, VIEW_RANGE, range, 1);
@@ -156,23 +162,37 @@ static int put_room(struct around_painter *a, const struct part_map *viewer_from
     return count;
 }
 
+// Of a target that is finer than the picture, or coarser, what may hide `hidden` or shows it.
+static struct gpu_box box_in(const struct around_painter *a, const struct gpu_target *target,
+                             const struct room_hidden *hidden)
+{
+    const double finer = (double)gpu_target_width(target) / a->view.width;
+    const struct gpu_box box = view_box(&a->view, hidden->low, hidden->high);
+    const int left = (int)floor(finer * box.left), right = (int)ceil(finer * (box.left + box.width));
+    const int top = (int)floor(finer * box.top), bottom = (int)ceil(finer * (box.top + box.height));
+    return (struct gpu_box){left, top, right - left, bottom - top};
+}
+
 // The last of the room's corners and the first of the patch's.
-static void draw_corners(struct around_painter *a, struct gpu_target *target, int of_room, int of_patch)
+static void draw_corners(struct around_painter *a, struct gpu_target *target, int of_room, int of_patch,
+                         const struct room_hidden *hidden)
 {
     gpu_draw(&(struct gpu_job){.target = target,
                                .program = a->program,
                                .mesh = a->mesh,
                                .depth_test = true,
                                .first = a->room.corner_count - of_room,
-                               .count = of_room + of_patch});
+                               .count = of_room + of_patch,
+                               .within = box_in(a, target, hidden)});
 }
 
-void around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
+bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
                          const struct room_hidden *hidden)
 {
     const int count = put_room(a, viewer_from_room, hidden);
     if (count)
-        draw_corners(a, target, count, 0);
+        draw_corners(a, target, count, 0, hidden);
+    return count > 0;
 }
 
 static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double radius)
@@ -234,5 +254,5 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
     gpu_program_set(a->program, WORLD_FROM_FLOOR, world.row[0], 3);
     gpu_program_set(a->program, BONES, bones[0], 2 * PART_COUNT + 4);
     gpu_program_set(a->program, SHADOW, shadow, 1);
-    draw_corners(a, target, count, PATCH_CORNERS);
+    draw_corners(a, target, count, PATCH_CORNERS, &hidden);
 }

@@ -17,8 +17,9 @@ void around_painter_set_lens(struct around_painter *a, const struct lens *view);
 // ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status around_painter_give(struct around_painter *a, struct room *room);
 
-// The room's depth, as far as it may lie before what it may hide; the target's colours stay transparent.
-void around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
+// The room's depth, as far as it may lie before what it may hide, into a cleared target of the picture's size or some
+// times as fine; its colours stay transparent. False: there is nothing to draw.
+bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
                          const struct room_hidden *hidden);
 
 // Where a body and its shadow are.

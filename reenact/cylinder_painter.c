@@ -51,8 +51,13 @@ static enum status open_selector(struct cylinder_painter *c)
 static enum status open_program(struct cylinder_painter *c)
 {
     static const char *const samplers[] = {"source_picture"};
-    const struct gpu_program_text text = {
-        "actor", shader_find("actor.vert"), shader_find("actor.frag"), uniform_names, UNIFORMS, samplers, 1};
+    const struct gpu_program_text text = {.name = "actor",
+                                          .vertex = shader_find("actor.vert"),
+                                          .fragment = shader_find("actor.frag"),
+                                          .uniforms = uniform_names,
+                                          .uniform_count = UNIFORMS,
+                                          .samplers = samplers,
+                                          .sampler_count = 1};
     enum status status = gpu_program_open(&c->program, c->gpu, &text);
     if (status != OK)
         return status;

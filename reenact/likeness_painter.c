@@ -3,6 +3,7 @@
 #include "reenact/shaders.h"
 #include "reenact/shown_frames.h"
 #include "reenact/silhouette.h"
+#include "reenact/view_box.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -14,16 +15,19 @@ static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_OUTLINE_PX = 0.5F;
 enum uniform { VIEW_LENS, VIEW_RANGE, KIND, VIEWER_FROM_NOW, UNIFORMS };
 
 // The same mesh each time.
-enum program { FIGURE, GATHERED, SOURCE, PROGRAMS };
+enum program { FIGURE, GATHERED, SOURCE, FIGURE_IN_ROOM, GATHERED_IN_ROOM, PROGRAMS };
 struct program_plan {
     const char *fragment;
-    const char *samplers[3];
+    const char *samplers[4];
     int sampler_count;
+    const char *word;
 };
 static const struct program_plan plans[PROGRAMS] = {
-    [FIGURE] = {"figure.frag", {"atlas", "now_picture", "now_depth"}, 3},
-    [GATHERED] = {"figure_gathered.frag", {"atlas"}, 1},
-    [SOURCE] = {"figure_source.frag", {"atlas_when", "now_depth"}, 2},
+    [FIGURE] = {"figure.frag", {"atlas", "now_picture", "now_depth"}, 3, NULL},
+    [GATHERED] = {"figure_gathered.frag", {"atlas"}, 1, NULL},
+    [SOURCE] = {"figure_source.frag", {"atlas_when", "now_depth"}, 2, NULL},
+    [FIGURE_IN_ROOM] = {"figure.frag", {"atlas", "now_picture", "now_depth", "room"}, 4, "IN_ROOM"},
+    [GATHERED_IN_ROOM] = {"figure_gathered.frag", {"atlas", "room"}, 2, "IN_ROOM"},
 };
 static const char *const uniform_names[UNIFORMS] = {
     [VIEW_LENS] = "view_lens",
@@ -186,9 +190,14 @@ void likeness_painter_set_lens(struct likeness_painter *p, const struct lens *vi
 static enum status open_programs(struct likeness_painter *p, const struct lens *view)
 {
     for (int i = 0; i < PROGRAMS; i++) {
-        const struct gpu_program_text text = {
-            plans[i].fragment, shader_find("figure.vert"), shader_find(plans[i].fragment), uniform_names,
-            UNIFORMS,          plans[i].samplers,          plans[i].sampler_count};
+        const struct gpu_program_text text = {.name = plans[i].fragment,
+                                              .vertex = shader_find("figure.vert"),
+                                              .fragment = shader_find(plans[i].fragment),
+                                              .uniforms = uniform_names,
+                                              .uniform_count = UNIFORMS,
+                                              .samplers = plans[i].samplers,
+                                              .sampler_count = plans[i].sampler_count,
+                                              .word = plans[i].word};
         enum status status = gpu_program_open(&p->programs[i], p->gpu, &text);
         if (status != OK)
             return status;
@@ -248,37 +257,6 @@ static int find_absent(const struct likeness_painter *p, const struct likeness_v
     return present;
 }
 
-// The pixels that the figure may fall on, its outline included.
-static struct gpu_box box_of(const struct lens *lens, const struct silhouette_corners *c)
-{
-    enum { SIDE = 16, OUTLINE_PX = 2 };
-    const struct gpu_box all = {0, 0, 0, 0};
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, largest = lens_largest_r2(lens);
-    for (int i = 0; i < 4 * (SIDE + 1); i++) { // along the sides, which a lens may bend
-        const int side = i % 4;                // left, right, top, bottom
-        const double along = i / 4 / (double)SIDE;
-        const double u = side < 2 ? side : along, v = side < 2 ? along : side - 2;
-        const struct vec3 ray = {(1 - u) * (double)c->low[0] + u * (double)c->high[0],
-                                 (1 - v) * (double)c->low[1] + v * (double)c->high[1], 1};
-        if (!(ray.x * ray.x + ray.y * ray.y <= largest) && !lens_is_ideal(lens))
-            return all; // out there the shaders hold the lens
-        const struct pixel px = lens_project(lens, ray);
-        const double at[2] = {px.x, px.y};
-        for (int a = 0; a < 2; a++) {
-            low[a] = fmin(low[a], at[a]);
-            high[a] = fmax(high[a], at[a]);
-        }
-    }
-    const double far[2] = {2.0 * lens->width, 2.0 * lens->height};
-    if (!isfinite(low[0]) || !isfinite(low[1]) || !isfinite(high[0]) || !isfinite(high[1]))
-        return all;
-    for (int a = 0; a < 2; a++) {
-        low[a] = fmin(fmax(floor(low[a]) - OUTLINE_PX, -far[a]), far[a]);
-        high[a] = fmin(fmax(ceil(high[a]) + OUTLINE_PX, -far[a]), far[a]);
-    }
-    return (struct gpu_box){(int)low[0], (int)low[1], (int)(high[0] - low[0]) + 1, (int)(high[1] - low[1]) + 1};
-}
-
 // The vertex of a point or, from point_count on, of a point's double.
 static void put_vertex(const struct likeness_painter *p, const struct shown_frame *now,
                        const struct silhouette_corners *from, int i, float v[VERTEX])
@@ -320,17 +298,19 @@ static void bring_shown(struct likeness_painter *p, const struct shown_frame *no
 static void draw_colors(struct likeness_painter *p, const struct likeness_view *view, const struct shown_frame *now,
                         const struct silhouette_corners *corners, struct gpu_box box)
 {
+    const struct gpu_texture *room = view->room;
     struct gpu_job job = {.target = view->actor,
-                          .program = p->programs[FIGURE],
+                          .program = p->programs[room ? FIGURE_IN_ROOM : FIGURE],
                           .mesh = p->shown.mesh,
-                          .textures = {p->brought.color, now->color, now->depth},
+                          .textures = {p->brought.color, now->color, now->depth, room},
                           .closed = true,
                           .depth_test = true,
                           .count = corners->own,
                           .within = box};
     if (job.count)
         gpu_draw(&job);
-    job.program = p->programs[GATHERED];
+    job.program = p->programs[room ? GATHERED_IN_ROOM : GATHERED];
+    job.textures[1] = room;
     job.first = corners->own;
     job.count = corners->front - corners->own;
     if (job.count)
@@ -375,7 +355,9 @@ enum status likeness_painter_draw(struct likeness_painter *p, const struct liken
     set(p, VIEWER_FROM_NOW, turn.row[0], 3);
     const float time_s = (float)((double)(e->time_ns - take_entry(p->take, 0)->time_ns) * 1e-9);
     set(p, KIND, (const float[4]){time_s, HALF_OUTLINE_PX, 0, 0}, 1);
-    const struct gpu_box box = *within = box_of(&p->view, &corners);
+    const struct gpu_box box = *within =
+        view_box(&p->view, (const double[]){(double)corners.low[0], (double)corners.low[1]},
+                 (const double[]){(double)corners.high[0], (double)corners.high[1]});
     draw_colors(p, view, now, &corners, box);
     if (view->source) {
         gpu_program_set(p->programs[SOURCE], KIND, (const float[4]){time_s, 0, 0, 0}, 1);

@@ -40,6 +40,10 @@ struct likeness_view {
     struct pose world_from_viewer;
     struct gpu_target *actor;
     struct gpu_target *source; // NULL: not wanted
+    // How far away the room is that may lie before the person, all over the picture, as depth that the same lens has;
+    // the outline is smooth where it hides the person. NULL: there is none. Of the source it hides what the target's
+    // own depth says.
+    const struct gpu_texture *room;
 };
 // *parts: how many were drawn; those of unknown joints are not. *within: nothing was drawn outside. NOTHING: none, or
 // the skeleton has no trunk. As take_read; ERR_DEVICE.

@@ -11,6 +11,7 @@
 #include <string.h>
 
 enum { BROUGHT_BYTES = 512 << 10 };
+enum { ROOM_FINER = 2 }; // texels of the room's depth along a pixel's side
 enum { SHADOW_PX = 2 }; // pixels of the picture along one of the shadow's: it is soft, and each looks at the whole body
 
 static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
@@ -30,6 +31,8 @@ struct painter {
     struct gpu_texture *camera;
     struct gpu_target *plain, *smooth, *composed; // actor at paper, actor at full, result
     struct gpu_target *actor;                     // the one of the two last drawn into
+    struct gpu_target *hidden;                    // the room's depth where it may hide him at full; NULL: no room
+    bool hides;                                   // there is something in it
     struct gpu_target *shadow;                    // NULL: none is wanted
     struct gpu_texture *no_shadow;                // a transparent pixel
     bool shaded;                                  // the picture last drawn has a shadow
@@ -61,8 +64,11 @@ static enum status open_programs(struct painter *p)
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
     static const char *const compose_samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
-    const struct gpu_program_text compose = {
-        "compose", shader_find("whole.vert"), shader_find("compose.frag"), NULL, 0, compose_samplers, 3};
+    const struct gpu_program_text compose = {.name = "compose",
+                                             .vertex = shader_find("whole.vert"),
+                                             .fragment = shader_find("compose.frag"),
+                                             .samplers = compose_samplers,
+                                             .sampler_count = 3};
     enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
     if (status == OK)
         status = gpu_texture_open(&p->no_shadow, p->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, (const uint8_t[4]){0});
@@ -84,7 +90,7 @@ static enum status open_targets(struct painter *p, bool sources, bool shadow)
     if (status == OK && p->detail != DETAIL_PAPER)
         status = gpu_target_open(&p->smooth, p->gpu, w, h);
     if (status == OK)
-        status = gpu_target_open(&p->composed, p->gpu, w, h);
+        status = gpu_target_open_flat(&p->composed, p->gpu, w, h);
     if (status == OK && sources)
         status = gpu_target_open(&p->source, p->gpu, w, h);
     if (status == OK && shadow)
@@ -94,8 +100,15 @@ static enum status open_targets(struct painter *p, bool sources, bool shadow)
     return status;
 }
 
+// What the room hides of him.
+static enum status open_hidden(struct painter *p)
+{
+    return gpu_target_open_depth(&p->hidden, p->gpu, ROOM_FINER * p->lens.width, ROOM_FINER * p->lens.height);
+}
+
 static void close_targets(struct painter *p)
 {
+    gpu_target_close(&p->hidden);
     gpu_target_close(&p->plain);
     gpu_target_close(&p->smooth);
     gpu_target_close(&p->composed);
@@ -110,7 +123,7 @@ enum status painter_set_lens(struct painter *p, const struct lens *lens)
     if (status != OK)
         return status;
     bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
-         shadow = p->shadow, coding = p->coding;
+         shadow = p->shadow, hidden = p->hidden, coding = p->coding;
     p->lens = *lens;
     set_view_lens(p);
     if (!resized)
@@ -118,7 +131,7 @@ enum status painter_set_lens(struct painter *p, const struct lens *lens)
     close_targets(p);
     enum status opened = open_targets(p, sources, shadow);
     p->coding = coding;
-    return opened;
+    return opened == OK && hidden ? open_hidden(p) : opened;
 }
 
 enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
@@ -156,7 +169,12 @@ int64_t painter_near(const struct painter *p, int64_t frame, int64_t within_ns)
     return p->likeness ? likeness_painter_near(p->likeness, frame, within_ns) : -1;
 }
 
-enum status painter_give_room(struct painter *p, struct room *room) { return around_painter_give(p->around, room); }
+enum status painter_give_room(struct painter *p, struct room *room)
+{
+    const bool any = room->corner_count > 0;
+    enum status status = around_painter_give(p->around, room);
+    return status == OK && any && p->smooth && !p->hidden ? open_hidden(p) : status;
+}
 
 bool painter_settled(const struct painter *p) { return !p->waiting || !likeness_painter_given(p->likeness); }
 
@@ -266,9 +284,13 @@ static void clear(struct painter *p)
 static void begin(struct painter *p, const struct painter_view *view, const struct scene *scene)
 {
     const struct room_hidden body = room_hidden_body(&scene->in_viewer);
+    const bool smoothly = p->actor == p->smooth && p->likeness && p->hidden;
     clear(p);
+    if (smoothly)
+        gpu_target_clear(p->hidden);
+    p->hides = false;
     if (view->viewer_from_room)
-        around_painter_room(p->around, p->actor, view->viewer_from_room, &body);
+        p->hides = around_painter_room(p->around, smoothly ? p->hidden : p->actor, view->viewer_from_room, &body);
     if (view->viewer_from_room && p->coding)
         around_painter_room(p->around, p->source, view->viewer_from_room, &body);
 }
@@ -354,8 +376,10 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
     if (!p->likeness)
         return draw_cylinders(p, &scene, NULL, &result->parts);
     const int64_t near = likeness_painter_near(p->likeness, moment.frame, view->within_ns);
-    struct likeness_view shown = {near < 0 ? moment.frame : near, moment.skeleton, view->world_from_camera, p->actor,
-                                  p->coding ? p->source : NULL};
+    struct likeness_view shown = {
+        near < 0 ? moment.frame : near, moment.skeleton,
+        view->world_from_camera,        p->actor,
+        p->coding ? p->source : NULL,   p->hides && p->hidden ? gpu_target_texture(p->hidden) : NULL};
     int parts;
     status = likeness_painter_draw(p->likeness, &shown, &parts, &result->within);
     result->parts = status == OK ? parts : 0;

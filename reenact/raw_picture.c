@@ -35,8 +35,13 @@ enum status raw_picture_open(struct raw_picture **out, struct gpu *gpu)
     static const uint16_t order[] = {0, 1, 2};
     static const char *const uniforms[] = {[ARRANGEMENT] = "arrangement", [COEFFICIENTS] = "coefficients"};
     static const char *const samplers[] = {"first_plane", "chroma_plane"};
-    const struct gpu_program_text text = {
-        "camera", shader_find("whole.vert"), shader_find("camera.frag"), uniforms, UNIFORMS, samplers, 2};
+    const struct gpu_program_text text = {.name = "camera",
+                                          .vertex = shader_find("whole.vert"),
+                                          .fragment = shader_find("camera.frag"),
+                                          .uniforms = uniforms,
+                                          .uniform_count = UNIFORMS,
+                                          .samplers = samplers,
+                                          .sampler_count = 2};
     *out = NULL;
     struct raw_picture *r = calloc(1, sizeof *r);
     if (!r)

@@ -5,7 +5,7 @@
 #include "app/ahead.h"
 #include "platform/clock.h"
 #include "platform/database.h"
-#include "tests/support/rehearsal.h"
+#include "tests/support/rehearsed.h"
 
 #include <string.h>
 #include <time.h>
@@ -19,16 +19,12 @@ enum { LATER = 20 };
 enum { LATER = 2 };
 #endif
 
-static struct rehearsal rehearsal;
-static struct recording *recording;
-static struct take *take;
-static struct source_rays *rays;
-static struct likeness likeness;
+static struct rehearsed rehearsed;
 
 static struct ahead *start(const char *take_name)
 {
     struct ahead *a;
-    const struct ahead_options how = {rehearsal.file, take_name, &likeness};
+    const struct ahead_options how = {rehearsed.rehearsal.file, take_name, &rehearsed.likeness};
     EXPECT_STATUS(ahead_start(&a, &how), OK);
     return a;
 }
@@ -60,9 +56,9 @@ static void expect_same(const struct loaded_frame *a, const struct loaded_frame 
     expect_same_picture(&a->depth, &b->depth, 4);
     EXPECT_TRUE(!memcmp(a->windows, b->windows, sizeof a->windows));
     EXPECT_TRUE(!memcmp(&a->adjustment, &b->adjustment, sizeof a->adjustment));
-    EXPECT_INT(a->point_count, likeness.atlas.mesh.point_count);
+    EXPECT_INT(a->point_count, rehearsed.likeness.atlas.mesh.point_count);
     EXPECT_INT(b->point_count, a->point_count);
-    EXPECT_INT(a->triangle_count, likeness.atlas.mesh.corner_count / 3);
+    EXPECT_INT(a->triangle_count, rehearsed.likeness.atlas.mesh.corner_count / 3);
     EXPECT_INT(b->triangle_count, a->triangle_count);
     EXPECT_TRUE(!memcmp(a->shift, b->shift, sizeof *a->shift * (size_t)a->point_count));
     EXPECT_TRUE(!memcmp(a->points, b->points, sizeof *a->points * (size_t)a->point_count));
@@ -77,7 +73,7 @@ static void the_same_as_loaded_by_oneself(void **state)
     struct ahead *a = start("turn");
     struct frame_loader *own;
     struct loaded_frame before = {0};
-    EXPECT_STATUS(frame_loader_open(&own, take, rays, &likeness), OK);
+    EXPECT_STATUS(frame_loader_open(&own, rehearsed.take, rehearsed.rays, &rehearsed.likeness), OK);
     for (size_t i = 0; i < COUNT_OF(shown); i++) {
         struct loaded_frame theirs, ours;
         ahead_want(a, &shown[i], i + 1 < COUNT_OF(shown) ? 2 : 1);
@@ -86,8 +82,8 @@ static void the_same_as_loaded_by_oneself(void **state)
         EXPECT_TRUE(ours.seen);
         EXPECT_AT_LEAST(ours.color.width, 10);
         expect_same(&theirs, &ours);
-        EXPECT_TRUE(i == 0 ||
-                    memcmp(before.shift, ours.shift, sizeof *ours.shift * (size_t)likeness.atlas.mesh.point_count));
+        EXPECT_TRUE(i == 0 || memcmp(before.shift, ours.shift,
+                                     sizeof *ours.shift * (size_t)rehearsed.likeness.atlas.mesh.point_count));
         loaded_frame_free(&before);
         loaded_frame_free(&theirs);
         before = ours;
@@ -149,7 +145,7 @@ static void what_is_damaged_costs_nothing(void **state)
 {
     (void)state;
     struct database *db;
-    EXPECT_STATUS(database_open(&db, rehearsal.file, DATABASE_WRITE), OK);
+    EXPECT_STATUS(database_open(&db, rehearsed.rehearsal.file, DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "UPDATE picture SET depth = x'00'"), OK);
     database_close(&db);
     struct ahead *a = start("turn");
@@ -168,22 +164,14 @@ static void what_is_damaged_costs_nothing(void **state)
 static int make(void **state)
 {
     (void)state;
-    rehearsal = rehearsal_make();
-    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
-    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
-    EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
-    EXPECT_STATUS(likeness_make(&likeness, take, rays, FRAMES_FOR_LIKENESS, NULL), OK);
+    EXPECT_STATUS(rehearsed_open(&rehearsed, FRAMES_FOR_LIKENESS), OK);
     return 0;
 }
 
 static int end(void **state)
 {
     (void)state;
-    likeness_free(&likeness);
-    source_rays_close(&rays);
-    take_close(&take);
-    recording_free(&recording);
-    rehearsal_end(&rehearsal);
+    rehearsed_close(&rehearsed);
     return 0;
 }
 

@@ -3,7 +3,7 @@
 #include "tests/test.h"
 
 #include "reenact/painter.h"
-#include "tests/support/rehearsal.h"
+#include "tests/support/rehearsed.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -15,22 +15,13 @@ enum { ROUND = 6, SIDES = 1 };
 enum { ROUND = 20, SIDES = 3 };
 #endif
 
-static struct rehearsal rehearsal;
-static struct recording *recording;
-static struct take *take;
+static struct rehearsed rehearsed;
+static struct take *take; // its
 static struct gpu *gpu;
 static struct painter *of_one_frame; // keeps one; it is prepared once, for two tests
 static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0, 0, 0};
 
-static struct pose round_him(double angle)
-{
-    // The rehearsal's world: its sensor looks at him; everybody else goes round the same point.
-    const struct take_entry *e = take_entry(take, 0);
-    struct vec3 him = pose_apply(e->world_from_camera, e->skeleton.joint[JOINT_WAIST]);
-    struct pose turn = {quat_from_rotation_vector(v3(0, 0, angle)), v3(0, 0, 0)};
-    turn.translation = v3_sub(him, quat_rotate(turn.rotation, him));
-    return pose_multiply(turn, e->world_from_camera);
-}
+static struct pose round_him(double angle) { return rehearsed_round(&rehearsed, 0, angle); }
 
 static struct painter *painter_at(enum detail detail, size_t texture_bytes)
 {
@@ -42,7 +33,7 @@ static struct painter *painter_at(enum detail detail, size_t texture_bytes)
     o.texture_bytes = texture_bytes;
     o.shadow = o.sources = true;
     EXPECT_STATUS(painter_open(&p, gpu, take, &lens, &o), OK);
-    EXPECT_STATUS(recording_read_place(recording, &place), OK);
+    EXPECT_STATUS(recording_read_place(rehearsed.recording, &place), OK);
     if (room_make(&room, &place, take, NULL) == OK)
         EXPECT_STATUS(painter_give_room(p, &room), OK);
     place_free(&place);
@@ -108,14 +99,12 @@ static void loaded_ahead_is_the_same_picture(void **state)
     const size_t bytes = (size_t)lens.width * (size_t)lens.height * 4;
     uint8_t *ours = malloc(bytes), *other = malloc(bytes), *theirs = malloc(bytes);
     struct painter *p = of_one_frame;
-    struct source_rays *rays;
     struct frame_loader *loader;
     struct loaded_frame loaded;
     int64_t loading = draw_frame(p, 3, ours);
     draw_frame(p, 2, other);
     EXPECT_TRUE(painter_near(p, 3, 0) < 0 && painter_near(p, 2, 0) == 2);
-    EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
-    EXPECT_STATUS(frame_loader_open(&loader, take, rays, painter_likeness(p)), OK);
+    EXPECT_STATUS(frame_loader_open(&loader, take, rehearsed.rays, painter_likeness(p)), OK);
     EXPECT_STATUS(frame_loader_load(loader, 3, &loaded), OK);
     EXPECT_STATUS(painter_give_frame(p, &loaded), OK);
     EXPECT_TRUE(!loaded.shift); // its contents went over
@@ -124,7 +113,6 @@ static void loaded_ahead_is_the_same_picture(void **state)
     EXPECT_TRUE(memcmp(ours, other, bytes));
     EXPECT_TRUE(!memcmp(ours, theirs, bytes));
     frame_loader_close(&loader);
-    source_rays_close(&rays);
     free(ours);
     free(other);
     free(theirs);
@@ -239,9 +227,8 @@ static void auto_is_as_wrong_as_it_may_be(void **state)
 static int make(void **state)
 {
     (void)state;
-    rehearsal = rehearsal_make();
-    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
-    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
+    EXPECT_STATUS(rehearsed_open(&rehearsed, 0), OK);
+    take = rehearsed.take;
     EXPECT_STATUS(gpu_open(&gpu), OK);
     of_one_frame = painter_at(DETAIL_FULL, 0);
     return 0;
@@ -252,9 +239,7 @@ static int end(void **state)
     (void)state;
     painter_close(&of_one_frame);
     gpu_close(&gpu);
-    take_close(&take);
-    recording_free(&recording);
-    rehearsal_end(&rehearsal);
+    rehearsed_close(&rehearsed);
     return 0;
 }
 

@@ -6,7 +6,7 @@
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
 #include "reenact/warp.h"
-#include "tests/support/rehearsal.h"
+#include "tests/support/rehearsed.h"
 
 #include <stdlib.h>
 
@@ -129,11 +129,7 @@ static bool bends_back(const struct seen *seen, const int32_t *front, const int3
 }
 
 struct set {
-    struct rehearsal rehearsal;
-    struct recording *recording;
-    struct take *take;
-    struct source_rays *rays;
-    struct likeness likeness;
+    struct rehearsed rehearsed;
     struct moment moment;
     struct pose viewer;
 };
@@ -141,29 +137,13 @@ struct set {
 static void set_open(struct set *s)
 {
     struct motion *motion;
-    s->rehearsal = rehearsal_make();
-    EXPECT_STATUS(recording_open(&s->recording, s->rehearsal.file), OK);
-    EXPECT_STATUS(take_open(&s->take, s->recording, "turn"), OK);
-    EXPECT_STATUS(source_rays_open(&s->rays, take_calibration(s->take)), OK);
-    EXPECT_STATUS(likeness_make(&s->likeness, s->take, s->rays, 4, NULL), OK);
-    EXPECT_STATUS(motion_open(&motion, s->take), OK);
+    EXPECT_STATUS(rehearsed_open(&s->rehearsed, 4), OK);
+    EXPECT_STATUS(motion_open(&motion, s->rehearsed.take), OK);
     EXPECT_STATUS(motion_at(motion, 0, true, &s->moment), OK);
     motion_close(&motion);
     // Half way round him from where the sensor stood, and nearer.
-    struct vec3 him = s->moment.skeleton.joint[JOINT_WAIST];
-    struct pose turn = {quat_from_rotation_vector(v3(0, 0, PI)), v3(0, 0, 0)};
-    turn.translation = v3_sub(him, quat_rotate(turn.rotation, him));
-    s->viewer = pose_multiply(turn, take_entry(s->take, s->moment.frame)->world_from_camera);
-    s->viewer.translation = v3_mix(s->viewer.translation, him, 0.3);
-}
-
-static void set_close(struct set *s)
-{
-    likeness_free(&s->likeness);
-    source_rays_close(&s->rays);
-    take_close(&s->take);
-    recording_free(&s->recording);
-    rehearsal_end(&s->rehearsal);
+    s->viewer = rehearsed_round(&s->rehearsed, s->moment.frame, PI);
+    s->viewer.translation = v3_mix(s->viewer.translation, s->moment.skeleton.joint[JOINT_WAIST], 0.3);
 }
 
 static void draw(struct set *s, uint8_t *rgba)
@@ -176,11 +156,11 @@ static void draw(struct set *s, uint8_t *rgba)
     int parts;
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
-    EXPECT_STATUS(likeness_make(&given, s->take, s->rays, 4, NULL), OK); // the same again
-    EXPECT_STATUS(likeness_painter_open(&painter, gpu, s->take, s->rays, &lens, 0), OK);
+    EXPECT_STATUS(likeness_make(&given, s->rehearsed.take, s->rehearsed.rays, 4, NULL), OK); // the same again
+    EXPECT_STATUS(likeness_painter_open(&painter, gpu, s->rehearsed.take, s->rehearsed.rays, &lens, 0), OK);
     EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
     EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
-    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL};
+    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL, NULL};
     EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts, &within), OK);
     EXPECT_INT(parts, PART_COUNT);
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);
@@ -205,12 +185,12 @@ static float brighter(struct set *s)
 // The same posture, laid on the shown frame.
 static void draw_reference(struct set *s, struct canvas *canvas)
 {
-    const struct likeness *l = &s->likeness;
-    const struct take_entry *e = take_entry(s->take, s->moment.frame);
+    const struct likeness *l = &s->rehearsed.likeness;
+    const struct take_entry *e = take_entry(s->rehearsed.take, s->moment.frame);
     struct sight sight;
     struct posture joints, shown, into_viewer, into_world;
-    EXPECT_STATUS(sight_open(&sight, s->take, s->rays), OK);
-    EXPECT_STATUS(sight_read(&sight, s->take, s->moment.frame), OK);
+    EXPECT_STATUS(sight_open(&sight, s->rehearsed.take, s->rehearsed.rays), OK);
+    EXPECT_STATUS(sight_read(&sight, s->rehearsed.take, s->moment.frame), OK);
     EXPECT_STATUS(posture_of(&l->rest, &e->skeleton, &joints), OK);
     struct adjustment start = likeness_adjustment(l, s->moment.frame);
     struct adjustment a = align(l->volume, &l->rest, &sight, &joints, &start, true);
@@ -219,7 +199,7 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     joints = posture_adjusted(&joints, &a);
     struct warp *warp;
     const struct warp_model model = {l->volume, &l->surface, l->skins};
-    EXPECT_STATUS(warp_open(&warp, &l->rest, &l->surface, take_calibration(s->take)), OK);
+    EXPECT_STATUS(warp_open(&warp, &l->rest, &l->surface, take_calibration(s->rehearsed.take)), OK);
     warp_fit(warp, &model, &sight, &joints);
     for (int p = 0; p < BONE_COUNT; p++) {
         into_viewer.bone[p] = pose_multiply(pose_inverse(s->viewer), shown.bone[p]);
@@ -280,7 +260,7 @@ static void pixels_are_the_reference_s(void **state)
     EXPECT_AT_LEAST((double)smooth, 100);
     EXPECT_AT_LEAST(psnr, 55);
     EXPECT_AT_MOST((double)one, 0.005 * (double)count);
-    set_close(&set);
+    rehearsed_close(&set.rehearsed);
 }
 
 int main(void)

@@ -142,6 +142,28 @@ static double tag_error(const struct room *r, const struct place *place, struct 
     return align_tags(place, tags, count, world_from_place);
 }
 
+// What a sweep of the room came to.
+struct mapped {
+    struct place place;
+    struct mapper_report report;
+    struct pose world_from_place; // by its tags, where there are any
+    double tags_off_m;            // likewise
+};
+
+// From what `film` films. tag_count: how many of the room's tags are told of.
+static struct mapped map_room(const struct room *r, int32_t tag_count, int step, double depth_times)
+{
+    struct mapped m;
+    struct mapper *mapper;
+    EXPECT_STATUS(mapper_open(&mapper, &r->calibration, tag_count ? r->tags : NULL, tag_count, NULL), OK);
+    EXPECT_STATUS(film(r, mapper, step, depth_times), OK);
+    EXPECT_STATUS(mapper_finish(mapper, &m.place, &m.report), OK);
+    mapper_close(&mapper);
+    m.world_from_place = POSE_IDENTITY;
+    m.tags_off_m = tag_count ? tag_error(r, &m.place, &m.world_from_place) : 0;
+    return m;
+}
+
 static void check_axes(const struct place *place, struct pose world_from_place)
 {
     // z up and 0 on the floor, as in the world; x and the origin as the lowest tag has them.
@@ -197,71 +219,59 @@ static void a_room_is_mapped(void **state)
 {
     (void)state;
     struct room r = the_room;
-    struct mapper *m;
-    struct place place;
-    struct mapper_report report;
-    struct pose world_from_place;
     int32_t count;
     // a tag listed that hangs nowhere, and one that hangs but is not listed
     int32_t unlisted = r.tags[4].id;
     r.tags[4] = (struct mapper_tag){500, 0.2};
-    EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 1, 1), OK);
-    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
-    mapper_close(&m);
-    double error = tag_error(&r, &place, &world_from_place),
-           off = tags_squared(&place, world_tags(r.world, &count), world_from_place);
+    struct mapped m = map_room(&r, r.tag_count, 1, 1);
+    const struct place *place = &m.place;
+    const struct mapper_report *report = &m.report;
+    double error = m.tags_off_m, off = tags_squared(place, world_tags(r.world, &count), m.world_from_place);
     printf("tags off by %.1f where 6 is said\n", off);
     EXPECT_AT_LEAST(off, 3);
     EXPECT_AT_MOST(off, 9);
     printf("%d of %d pictures placed, %d tags within %.2f mm rms, %d points, rms %.3f px, %.1f mm\n",
-           (int)report.frames_placed, (int)report.frames, (int)place.tag_count, error * 1e3, (int)place.point_count,
-           place.rms_px, place.rms_m * 1e3);
-    EXPECT_AT_LEAST(report.frames_placed, 32);
-    EXPECT_AT_LEAST(report.tags_mapped, r.tag_count - 2);
-    EXPECT_INT(place.tag_count, report.tags_mapped);
-    EXPECT_INT(report.tags_unseen, 1);
-    EXPECT_INT(report.first_unseen, 500);
-    EXPECT_AT_LEAST(report.tags_unlisted, 1);
-    EXPECT_INT(report.first_unlisted, unlisted);
-    EXPECT_TRUE(report.floor_from_depth);
+           (int)report->frames_placed, (int)report->frames, (int)place->tag_count, error * 1e3, (int)place->point_count,
+           place->rms_px, place->rms_m * 1e3);
+    EXPECT_AT_LEAST(report->frames_placed, 32);
+    EXPECT_AT_LEAST(report->tags_mapped, r.tag_count - 2);
+    EXPECT_INT(place->tag_count, report->tags_mapped);
+    EXPECT_INT(report->tags_unseen, 1);
+    EXPECT_INT(report->first_unseen, 500);
+    EXPECT_AT_LEAST(report->tags_unlisted, 1);
+    EXPECT_INT(report->first_unlisted, unlisted);
+    EXPECT_TRUE(report->floor_from_depth);
     EXPECT_AT_MOST(error, 0.006);
-    EXPECT_AT_LEAST(place.rms_px, 0.001);
-    EXPECT_AT_MOST(place.rms_px, 0.5);
-    EXPECT_AT_LEAST(place.point_count, 300);
-    EXPECT_AT_MOST(place.point_count, 4000);
-    EXPECT_AT_LEAST(place.view_count, 15);
-    EXPECT_AT_MOST(place.view_count, 40);
-    for (int32_t i = 0; i < place.view_count; i++)
-        EXPECT_TRUE(place.views[i].jpeg && place.views[i].depth);
-    check_axes(&place, world_from_place);
-    check_viewer(&r, &place, world_from_place, 0.02, 0.25);
-    place_free(&place);
+    EXPECT_AT_LEAST(place->rms_px, 0.001);
+    EXPECT_AT_MOST(place->rms_px, 0.5);
+    EXPECT_AT_LEAST(place->point_count, 300);
+    EXPECT_AT_MOST(place->point_count, 4000);
+    EXPECT_AT_LEAST(place->view_count, 15);
+    EXPECT_AT_MOST(place->view_count, 40);
+    for (int32_t i = 0; i < place->view_count; i++)
+        EXPECT_TRUE(place->views[i].jpeg && place->views[i].depth);
+    check_axes(place, m.world_from_place);
+    check_viewer(&r, place, m.world_from_place, 0.02, 0.25);
+    place_free(&m.place);
 }
 
 static void without_depth_the_tags_give_the_scale(void **state)
 {
     (void)state;
     struct room r = the_room;
-    struct mapper *m;
-    struct place place;
-    struct mapper_report report;
-    struct pose world_from_place;
-    EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 2, 0), OK);
-    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
-    mapper_close(&m);
-    double error = tag_error(&r, &place, &world_from_place);
+    struct mapped m = map_room(&r, r.tag_count, 2, 0);
+    const struct place *place = &m.place;
     printf("without depth: %d of %d pictures placed, %d tags within %.2f mm rms, %d points\n",
-           (int)report.frames_placed, (int)report.frames, (int)place.tag_count, error * 1e3, (int)place.point_count);
-    EXPECT_AT_MOST(error, 0.003);
-    EXPECT_AT_LEAST(place.point_count, 50);
-    check_viewer(&r, &place, world_from_place, 0.03, 0.3);
-    EXPECT_TRUE(!report.floor_from_depth);
-    EXPECT_NEAR(place.rms_m, 0, 0);
-    struct vec3 up = quat_rotate(world_from_place.rotation, v3(0, 0, 1));
+           (int)m.report.frames_placed, (int)m.report.frames, (int)place->tag_count, m.tags_off_m * 1e3,
+           (int)place->point_count);
+    EXPECT_AT_MOST(m.tags_off_m, 0.003);
+    EXPECT_AT_LEAST(place->point_count, 50);
+    check_viewer(&r, place, m.world_from_place, 0.03, 0.3);
+    EXPECT_TRUE(!m.report.floor_from_depth);
+    EXPECT_NEAR(place->rms_m, 0, 0);
+    struct vec3 up = quat_rotate(m.world_from_place.rotation, v3(0, 0, 1));
     EXPECT_AT_LEAST(up.z, cos(2 / 57.3));
-    place_free(&place);
+    place_free(&m.place);
 }
 
 // A sensor whose depth is 2 % long does not make the room so: the tags' sides are known.
@@ -269,20 +279,12 @@ static void tags_correct_the_depth(void **state)
 {
     (void)state;
     struct room r = the_room;
-    struct mapper *m;
-    struct place place;
-    struct mapper_report report;
-    struct pose world_from_place;
-    EXPECT_STATUS(mapper_open(&m, &r.calibration, r.tags, r.tag_count, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 2, 1.02), OK);
-    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
-    mapper_close(&m);
-    double error = tag_error(&r, &place, &world_from_place);
-    printf("depth 2 %% long: %d tags within %.2f mm rms\n", (int)place.tag_count, error * 1e3);
-    EXPECT_AT_LEAST(place.tag_count, r.tag_count - 2);
-    EXPECT_AT_MOST(error, 0.006);
-    check_viewer(&r, &place, world_from_place, 0.02, 0.25);
-    place_free(&place);
+    struct mapped m = map_room(&r, r.tag_count, 2, 1.02);
+    printf("depth 2 %% long: %d tags within %.2f mm rms\n", (int)m.place.tag_count, m.tags_off_m * 1e3);
+    EXPECT_AT_LEAST(m.place.tag_count, r.tag_count - 2);
+    EXPECT_AT_MOST(m.tags_off_m, 0.006);
+    check_viewer(&r, &m.place, m.world_from_place, 0.02, 0.25);
+    place_free(&m.place);
 }
 
 // Where a place without tags has its axes: z up, the origin below the first picture, x to its right.
@@ -299,21 +301,15 @@ static void without_tags_the_depth_gives_the_scale(void **state)
 {
     (void)state;
     struct room r = the_room;
-    struct mapper *m;
-    struct place place;
-    struct mapper_report report;
-    EXPECT_STATUS(mapper_open(&m, &r.calibration, NULL, 0, NULL), OK);
-    EXPECT_STATUS(film(&r, m, 1, 1), OK);
-    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
-    mapper_close(&m);
-    printf("without tags: %d of %d pictures placed, %d points\n", (int)report.frames_placed, (int)report.frames,
-           (int)place.point_count);
-    EXPECT_INT(report.frames_placed, report.frames);
-    EXPECT_INT(place.tag_count, 0);
-    EXPECT_TRUE(report.floor_from_depth);
-    EXPECT_NEAR(report.lost_to_s - report.lost_from_s, 0, 0);
-    check_viewer(&r, &place, axes_of_first_picture(&r), 0.025, 0.4);
-    place_free(&place);
+    struct mapped m = map_room(&r, 0, 1, 1);
+    printf("without tags: %d of %d pictures placed, %d points\n", (int)m.report.frames_placed, (int)m.report.frames,
+           (int)m.place.point_count);
+    EXPECT_INT(m.report.frames_placed, m.report.frames);
+    EXPECT_INT(m.place.tag_count, 0);
+    EXPECT_TRUE(m.report.floor_from_depth);
+    EXPECT_NEAR(m.report.lost_to_s - m.report.lost_from_s, 0, 0);
+    check_viewer(&r, &m.place, axes_of_first_picture(&r), 0.025, 0.4);
+    place_free(&m.place);
 }
 
 // ---------------------------------------------------------------- sweeps that lead nowhere

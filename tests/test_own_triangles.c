@@ -4,7 +4,7 @@
 
 #include "reenact/likeness_painter.h"
 #include "reenact/motion.h"
-#include "tests/support/rehearsal.h"
+#include "tests/support/rehearsed.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -13,11 +13,7 @@ enum { W = 320, H = 240, VIEWS = 5, FRAME = 2, ANOTHER = 3 };
 static const struct lens lens = {W, H, 270, 270, (W - 1) / 2.0, (H - 1) / 2.0, 0, 0, 0, 0, 0, 0, 0};
 static const double PI = 3.14159265358979323846;
 
-static struct rehearsal rehearsal;
-static struct recording *recording;
-static struct take *take;
-static struct source_rays *rays;
-static struct likeness likeness; // as the painter's
+static struct rehearsed rehearsed; // its likeness is as the painter's
 static struct gpu *gpu;
 static struct gpu_target *target;
 static struct likeness_painter *painter;
@@ -41,17 +37,15 @@ static int64_t draw_all(uint8_t *rgba)
     struct motion *motion;
     struct moment moment;
     int64_t most = 0;
+    const struct take *take = rehearsed.take;
     EXPECT_STATUS(motion_open(&motion, take), OK);
     EXPECT_STATUS(motion_at(motion, take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns, true, &moment),
                   OK);
     motion_close(&motion);
     EXPECT_INT(moment.frame, FRAME);
-    const struct vec3 him = moment.skeleton.joint[JOINT_WAIST];
     for (int v = 0; v < VIEWS; v++) {
-        struct pose turn = {quat_from_rotation_vector(v3(0, 0, 2 * PI * v / VIEWS)), v3(0, 0, 0)};
-        turn.translation = v3_sub(him, quat_rotate(turn.rotation, him));
-        const struct pose viewer = pose_multiply(turn, take_entry(take, FRAME)->world_from_camera);
-        const struct likeness_view view = {FRAME, moment.skeleton, viewer, target, NULL};
+        const struct pose viewer = rehearsed_round(&rehearsed, FRAME, 2 * PI * v / VIEWS);
+        const struct likeness_view view = {FRAME, moment.skeleton, viewer, target, NULL, NULL};
         const int64_t before = gpu_count(gpu).draws;
         struct gpu_box within;
         int parts;
@@ -77,7 +71,7 @@ static void the_picture_is_the_same(void **state)
     (void)state;
     static uint8_t rgba[3][4 * W * H * VIEWS];
     struct frame_loader *loader;
-    EXPECT_STATUS(frame_loader_open(&loader, take, rays, &likeness), OK);
+    EXPECT_STATUS(frame_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.likeness), OK);
     for (enum says says = WHAT_IS_FOUND; says <= NONE_MAY; says++) {
         give(loader, FRAME, says);
         EXPECT_AT_MOST(draw_all(rgba[says]), 3);
@@ -97,7 +91,7 @@ static void most_have_nothing_of_the_frame(void **state)
     struct frame_loader *loader;
     struct loaded_frame loaded;
     int own = 0;
-    EXPECT_STATUS(frame_loader_open(&loader, take, rays, &likeness), OK);
+    EXPECT_STATUS(frame_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.likeness), OK);
     EXPECT_STATUS(frame_loader_load(loader, FRAME, &loaded), OK);
     const int count = loaded.triangle_count;
     for (int t = 0; t < count; t++)
@@ -113,15 +107,11 @@ static int make(void **state)
 {
     (void)state;
     struct likeness given;
-    rehearsal = rehearsal_make();
-    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
-    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
-    EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
-    EXPECT_STATUS(likeness_make(&likeness, take, rays, 1, NULL), OK);
-    EXPECT_STATUS(likeness_make(&given, take, rays, 1, NULL), OK);
+    EXPECT_STATUS(rehearsed_open(&rehearsed, 1), OK);
+    EXPECT_STATUS(likeness_make(&given, rehearsed.take, rehearsed.rays, 1, NULL), OK);
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
-    EXPECT_STATUS(likeness_painter_open(&painter, gpu, take, rays, &lens, 0), OK);
+    EXPECT_STATUS(likeness_painter_open(&painter, gpu, rehearsed.take, rehearsed.rays, &lens, 0), OK);
     EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
     EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
     return 0;
@@ -133,11 +123,7 @@ static int end(void **state)
     likeness_painter_close(&painter);
     gpu_target_close(&target);
     gpu_close(&gpu);
-    likeness_free(&likeness);
-    source_rays_close(&rays);
-    take_close(&take);
-    recording_free(&recording);
-    rehearsal_end(&rehearsal);
+    rehearsed_close(&rehearsed);
     return 0;
 }
 

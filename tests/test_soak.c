@@ -8,12 +8,12 @@
 #include "app/tablet.h"
 #include "platform/clock.h"
 #include "tests/support/rehearsal.h"
+#include "tests/support/work.h"
 
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 enum { WIDTH = 1280, HEIGHT = 800, MOST_FRAMES = 200000, SLOWEST = 10, REFERENCE_EACH = 8 };
@@ -25,19 +25,11 @@ static const double PATIENCE_S = 120;
 static const double PATIENCE_S = 9;
 #endif
 
-// What the process did meanwhile.
-struct work {
-    double cpu_ms;    // processor time of those that draw
-    double waited_ms; // that they were ready and had no processor
-    double beside_ms; // processor time of all others: loading, looking for the camera, preparing
-    double faults;    // pages that were touched for the first time
-};
-
 // One picture's way.
 struct way {
     double total_ms, ms[FRAME_STAGES];
     struct work work; // of drawing it, whoever else is busy meanwhile
-    double stolen_ms; // since the picture before, that the host of a virtual machine gave its processors to others
+    double stolen_ms; // since the picture before
     double at_s;      // since the beginning
     double take_s;    // of the take
     double fineness;  // that the actor was drawn at
@@ -65,62 +57,6 @@ static int descriptors(void)
     if (dir)
         closedir(dir);
     return count;
-}
-
-static bool first_line(const char *task, const char *name, char *line, int size)
-{
-    char path[300];
-    snprintf(path, sizeof path, "/proc/self/task/%s/%s", task, name);
-    FILE *file = fopen(path, "r");
-    const bool there = file && fgets(line, size, file);
-    if (file)
-        fclose(file);
-    return there;
-}
-
-// Of all processors, since the machine was started, in steps of 10 ms. Times of whatever kind hold what was stolen.
-static double stolen_so_far_ms(void)
-{
-    double ticks = 0;
-    FILE *file = fopen("/proc/stat", "r");
-    if (file) {
-        if (fscanf(file, "cpu %*f %*f %*f %*f %*f %*f %*f %lf", &ticks) != 1)
-            ticks = 0;
-        fclose(file);
-    }
-    return ticks * 1e3 / (double)sysconf(_SC_CLK_TCK);
-}
-
-// So far. This thread draws and, without a graphics card, those that draw for it.
-static struct work work_so_far(void)
-{
-    struct work w = {0};
-    struct rusage usage;
-    getrusage(RUSAGE_SELF, &usage);
-    w.faults = (double)usage.ru_minflt;
-    DIR *dir = opendir("/proc/self/task");
-    for (const struct dirent *task; dir && (task = readdir(dir));) {
-        char name[32], line[100];
-        double ran_ns, waited_ns;
-        if (!first_line(task->d_name, "comm", name, sizeof name) ||
-            !first_line(task->d_name, "schedstat", line, sizeof line) ||
-            sscanf(line, "%lf %lf", &ran_ns, &waited_ns) != 2)
-            continue;
-        const bool draws = atoi(task->d_name) == getpid() || !strncmp(name, "llvmpipe", 8);
-        w.cpu_ms += draws ? ran_ns * 1e-6 : 0;
-        w.waited_ms += draws ? waited_ns * 1e-6 : 0;
-        w.beside_ms += draws ? 0 : ran_ns * 1e-6;
-    }
-    if (dir)
-        closedir(dir);
-    return w;
-}
-
-static struct work work_since(struct work before)
-{
-    const struct work now = work_so_far();
-    return (struct work){now.cpu_ms - before.cpu_ms, now.waited_ms - before.waited_ms, now.beside_ms - before.beside_ms,
-                         now.faults - before.faults};
 }
 
 struct soak {
@@ -190,8 +126,8 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
                         .fineness = t->look.fineness};
     for (int i = 0; i < FRAME_STAGES; i++)
         way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
-    way->work = work_since(before);
-    const double stolen_ms = stolen_so_far_ms();
+    way->work = work_since(&before);
+    const double stolen_ms = before.stolen_ms + way->work.stolen_ms;
     way->stolen_ms = stolen_ms - b->stolen_ms;
     b->stolen_ms = stolen_ms;
     way->placed = t->sight->placed;
@@ -204,7 +140,7 @@ static void refer(struct bath *b)
     const struct sight *sight = b->tablet.sight;
     const struct work before = work_so_far();
     b->alone_ms += draw_camera_alone(b) + (double)(sight->located_ns - sight->locating_ns) * 1e-6;
-    b->cpu_alone_ms += work_since(before).cpu_ms;
+    b->cpu_alone_ms += work_since(&before).cpu_ms;
     b->references++;
     tablet_update(&b->tablet, clock_now_ns());
     b->last_sight = b->tablet.sight->number;

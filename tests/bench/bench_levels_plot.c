@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 enum { WIDE = 920, HIGH = 470, TOP = 40, BOTTOM = 350 };
 
@@ -57,15 +58,16 @@ static void put_mark(FILE *file, const struct levels_line *line, double x, doubl
         fprintf(file, "fill=\"%s\"/>\n", line->colour);
 }
 
-static void put_time(FILE *file, const struct levels_line *line, const struct axis *x, const struct axis *y)
+// Distances stand to the right of the marks; with `left` to the left, where no ring is beside them.
+static void put_time(FILE *file, const struct levels_line *line, bool left, const struct axis *x, const struct axis *y)
 {
     for (int d = 0; d < LEVELS_DISTANCES; d++) {
         const struct levels_mark *m = &line->mark[d];
         double at = place_on(x, m->time_ratio), up = place_on(y, m->error_px);
         put_mark(file, line, at, up);
         if (!line->ring)
-            fprintf(file, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"11\" fill=\"%s\">%g m</text>\n", at + 16, up + 4,
-                    line->colour, m->away_m);
+            fprintf(file, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"11\" text-anchor=\"%s\" fill=\"%s\">%g m</text>\n",
+                    at + (left ? -16 : 16), up + 4, left ? "end" : "start", line->colour, m->away_m);
     }
 }
 
@@ -84,15 +86,17 @@ static void put_prediction(FILE *file, const struct levels_line *line, const str
 
 static void put_legend(FILE *file, const struct levels_line *lines, int count)
 {
-    int each = (WIDE - 70) / (count + 1);
+    enum { LETTER = 8, MARK = 52 }; // about as wide
+    int at = 70;
     for (int i = 0; i < count; i++) {
-        put_mark(file, &lines[i], 70 + i * each, HIGH - 32);
-        fprintf(file, "<text x=\"%d\" y=\"%d\">%s</text>\n", 70 + i * each + 14, HIGH - 28, lines[i].name);
+        put_mark(file, &lines[i], at, HIGH - 32);
+        fprintf(file, "<text x=\"%d\" y=\"%d\">%s</text>\n", at + 14, HIGH - 28, lines[i].name);
+        at += MARK + LETTER * (int)strlen(lines[i].name);
     }
     fprintf(
         file,
         "<path d=\"M%d %dh30\" stroke=\"#333\" stroke-dasharray=\"5 4\"/><text x=\"%d\" y=\"%d\">predicted</text>\n",
-        70 + count * each - 8, HIGH - 32, 70 + count * each + 28, HIGH - 28);
+        at - 8, HIGH - 32, at + 28, HIGH - 28);
 }
 
 enum status levels_plot(const char *path, const struct levels_line *lines, int count)
@@ -126,7 +130,7 @@ enum status levels_plot(const char *path, const struct levels_line *lines, int c
     put_y_axis(file, &error, &time, "error of the outline, pixels");
     put_y_axis(file, &either, &away, "error, pixels");
     for (int i = 0; i < count; i++) {
-        put_time(file, &lines[i], &time, &error);
+        put_time(file, &lines[i], i == 0, &time, &error); // the plain path first, which others may be as slow as
         put_prediction(file, &lines[i], &away, &either);
     }
     put_legend(file, lines, count);

@@ -1,0 +1,146 @@
+#include "platform/gpu_parts.h"
+
+#include <stdlib.h>
+
+// Its texture, bound to the framebuffer that is current.
+static enum status make_depth_texture(struct gpu_target *t)
+{
+    if (t->width > t->g->max_size || t->height > t->g->max_size)
+        return gpu_too_large(t->g, t->width, t->height);
+    glGenTextures(1, &t->texture.id);
+    glBindTexture(GL_TEXTURE_2D, t->texture.id);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT16, t->width, t->height, 0, GL_DEPTH_COMPONENT, GL_UNSIGNED_SHORT,
+                 NULL);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_FUNC, GL_LEQUAL);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, t->texture.id, 0);
+    glDrawBuffers(1, &(const GLenum){GL_NONE});
+    glReadBuffer(GL_NONE);
+    return gpu_check(t->g);
+}
+
+static enum status make_color_texture(struct gpu_target *t)
+{
+    enum status status = gpu_make_texture(&t->texture, GPU_NEAREST, NULL);
+    if (status == OK)
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, t->texture.id, 0);
+    return status;
+}
+
+static enum status make_target(struct gpu_target *t)
+{
+    glGenFramebuffers(1, &t->drawn);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+    enum status status = t->kind == GPU_TARGET_DEPTH ? make_depth_texture(t) : make_color_texture(t);
+    if (status != OK)
+        return status;
+    if (t->kind == GPU_TARGET_WHOLE) {
+        glGenRenderbuffers(1, &t->depth);
+        glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
+        glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, t->width, t->height);
+        glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, t->depth);
+    }
+    status = gpu_check(t->g);
+    if (status == OK && glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+        status = fail(ERR_DEVICE, "the graphics driver (%s) cannot draw into a picture of %d x %d pixels",
+                      t->g->renderer, t->width, t->height);
+    return status;
+}
+
+static enum status open_target(struct gpu_target **out, struct gpu *g, enum gpu_target_kind kind, int width, int height)
+{
+    static const size_t bytes_a_pixel[] = {[GPU_TARGET_WHOLE] = 8, [GPU_TARGET_FLAT] = 4, [GPU_TARGET_DEPTH] = 2};
+    assert(width > 0 && height > 0);
+    *out = NULL;
+    gpu_use(g);
+    struct gpu_target *t = calloc(1, sizeof *t);
+    if (!t)
+        return fail(ERR_MEMORY, "out of memory");
+    *t = (struct gpu_target){.g = g,
+                             .kind = kind,
+                             .width = width,
+                             .height = height,
+                             .bytes = (size_t)width * (size_t)height * bytes_a_pixel[kind],
+                             .texture = {.g = g, .format = GPU_RGBA8, .width = width, .height = height}};
+    gpu_count_made(g, t->bytes);
+    enum status status = make_target(t);
+    if (status != OK) {
+        gpu_target_close(&t);
+        return status;
+    }
+    gpu_target_mark(t);
+    gpu_target_clear(t);
+    *out = t;
+    return OK;
+}
+
+enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_WHOLE, width, height);
+}
+
+enum status gpu_target_open_flat(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_FLAT, width, height);
+}
+
+enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height)
+{
+    return open_target(out, g, GPU_TARGET_DEPTH, width, height);
+}
+
+void gpu_target_close(struct gpu_target **t)
+{
+    if (!*t)
+        return;
+    gpu_use((*t)->g);
+    (*t)->g->counts.bytes_held -= (*t)->bytes;
+    glDeleteFramebuffers(1, &(*t)->drawn);
+    glDeleteRenderbuffers(1, &(*t)->depth);
+    glDeleteTextures(1, &(*t)->texture.id);
+    free(*t);
+    *t = NULL;
+}
+
+void gpu_target_mark(struct gpu_target *t)
+{
+    t->left = t->top = 0;
+    t->right = t->width, t->bottom = t->height;
+}
+
+// Graphics chips clear everything at once and need not read what was there then. A processor clears pixel by pixel:
+// only where something was drawn.
+void gpu_target_clear(struct gpu_target *t)
+{
+    bool nowhere = t->right <= t->left || t->bottom <= t->top;
+    gpu_use(t->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+    glClearColor(0, 0, 0, 0);
+    glClearDepthf(1);
+    glDepthMask(GL_TRUE);
+    if (t->g->on_processor) {
+        glEnable(GL_SCISSOR_TEST);
+        glScissor(t->left, t->top, t->right - t->left, t->bottom - t->top);
+    }
+    if (!nowhere || !t->g->on_processor)
+        glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    glDisable(GL_SCISSOR_TEST);
+    t->left = t->top = t->right = t->bottom = 0;
+}
+
+int gpu_target_width(const struct gpu_target *t) { return t->width; }
+
+const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }
+
+enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
+{
+    assert(t->kind != GPU_TARGET_DEPTH);
+    gpu_use(t->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+    glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
+    return gpu_check(t->g);
+}
