@@ -17,12 +17,12 @@
 #define CROWN_SLACK_M 0.010
 #define FREE_REACH_M  0.25 // beyond this a sample's pull fades
 
-// Near the floor. A mask ends some centimetres over it, by the sensor's noise: of a shoe its upper edge is seen.
-#define RIM_M  0.05 // the mask ends no higher
-#define SHOE_M 0.07 // and lower than this
-#define FEET_M 0.11 // shoes and ankles
-#define FEET_RATE                                                                                                      \
-    2.0 // of a point's weight: few, but they say which way the person faces, and do not err with the trunk
+// Near the floor. A mask ends some centimetres over it, by the sensor's noise: of a shoe its upper edge is seen. Points
+// there are few, but they say which way the person faces, and do not err with the trunk.
+#define RIM_M     0.05 // the mask ends no higher
+#define SHOE_M    0.07 // and lower than this
+#define FEET_M    0.11 // shoes and ankles
+#define FEET_RATE 2.0  // of a point's weight
 
 #define BEYOND_M 1e3 // off a tube that a place lies beyond the end of
 

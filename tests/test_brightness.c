@@ -4,18 +4,14 @@
 
 #include "platform/jpeg.h"
 #include "reenact/frame_loader.h"
-#include "tests/support/rehearsal.h"
+#include "tests/support/rehearsed.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { FRAME = 2, JPEG_QUALITY = 98 };
 
-static struct rehearsal rehearsal;
-static struct recording *recording;
-static struct take *take;
-static struct source_rays *rays;
-static struct likeness likeness;
+static struct rehearsed rehearsed;
 
 // What is done to a pixel of the frame. across: 0 to 1, from the left of the person's box to the right.
 typedef int changing(int value, double across);
@@ -48,14 +44,14 @@ struct changed {
 // The take once more, FRAME changed.
 static struct changed change_take(const char *name, changing *change)
 {
-    const struct lens *lens = &take_calibration(take)->color;
+    const struct lens *lens = &take_calibration(rehearsed.take)->color;
     struct recording_writer *writer;
-    EXPECT_STATUS(recording_append(&writer, rehearsal.file), OK);
-    EXPECT_STATUS(recording_begin_take(writer, name, take_calibration(take)), OK);
-    for (int64_t i = 0; i < take_frame_count(take); i++) {
-        const struct take_entry *e = take_entry(take, i);
+    EXPECT_STATUS(recording_append(&writer, rehearsed.rehearsal.file), OK);
+    EXPECT_STATUS(recording_begin_take(writer, name, take_calibration(rehearsed.take)), OK);
+    for (int64_t i = 0; i < take_frame_count(rehearsed.take); i++) {
+        const struct take_entry *e = take_entry(rehearsed.take, i);
         struct take_pictures seen;
-        EXPECT_STATUS(take_read(take, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &seen), OK);
+        EXPECT_STATUS(take_read(rehearsed.take, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &seen), OK);
         uint8_t *rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height), *jpeg;
         size_t bytes;
         memcpy(rgb, seen.color, 3 * (size_t)lens->width * (size_t)lens->height);
@@ -74,11 +70,11 @@ static struct changed change_take(const char *name, changing *change)
         free(jpeg);
         free(rgb);
     }
-    EXPECT_STATUS(recording_put_body(writer, take_body(take)), OK);
+    EXPECT_STATUS(recording_put_body(writer, take_body(rehearsed.take)), OK);
     EXPECT_STATUS(recording_end_take(writer), OK);
     EXPECT_STATUS(recording_close(&writer), OK);
     struct changed out;
-    EXPECT_STATUS(recording_open(&out.recording, rehearsal.file), OK);
+    EXPECT_STATUS(recording_open(&out.recording, rehearsed.rehearsal.file), OK);
     EXPECT_STATUS(take_open(&out.take, out.recording, name), OK);
     return out;
 }
@@ -86,7 +82,7 @@ static struct changed change_take(const char *name, changing *change)
 static void load(struct take *of, struct loaded_frame *out)
 {
     struct frame_loader *loader;
-    EXPECT_STATUS(frame_loader_open(&loader, of, rays, &likeness), OK);
+    EXPECT_STATUS(frame_loader_open(&loader, of, rehearsed.rays, &rehearsed.likeness), OK);
     EXPECT_STATUS(frame_loader_load(loader, FRAME, out), OK);
     EXPECT_TRUE(out->seen);
     frame_loader_close(&loader);
@@ -97,7 +93,7 @@ static double ratio(const char *name, changing *change)
 {
     struct loaded_frame as_it_is, other;
     struct changed changed = change_take(name, change);
-    load(take, &as_it_is);
+    load(rehearsed.take, &as_it_is);
     load(changed.take, &other);
     const double found = (double)(other.brighter / as_it_is.brighter);
     print_message("%s: %.3f, as it is %.3f; ratio %.3f\n", name, (double)other.brighter, (double)as_it_is.brighter,
@@ -139,22 +135,14 @@ static void nobody_turns_black(void **state)
 static int make(void **state)
 {
     (void)state;
-    rehearsal = rehearsal_make();
-    EXPECT_STATUS(recording_open(&recording, rehearsal.file), OK);
-    EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
-    EXPECT_STATUS(source_rays_open(&rays, take_calibration(take)), OK);
-    EXPECT_STATUS(likeness_make(&likeness, take, rays, REHEARSAL_FRAMES, NULL), OK);
+    EXPECT_STATUS(rehearsed_open(&rehearsed, REHEARSAL_FRAMES), OK);
     return 0;
 }
 
 static int end(void **state)
 {
     (void)state;
-    likeness_free(&likeness);
-    source_rays_close(&rays);
-    take_close(&take);
-    recording_free(&recording);
-    rehearsal_end(&rehearsal);
+    rehearsed_close(&rehearsed);
     return 0;
 }
 

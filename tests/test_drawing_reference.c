@@ -174,7 +174,7 @@ static float brighter(struct set *s)
 {
     struct frame_loader *loader;
     struct loaded_frame loaded;
-    EXPECT_STATUS(frame_loader_open(&loader, s->take, s->rays, &s->likeness), OK);
+    EXPECT_STATUS(frame_loader_open(&loader, s->rehearsed.take, s->rehearsed.rays, &s->rehearsed.likeness), OK);
     EXPECT_STATUS(frame_loader_load(loader, s->moment.frame, &loaded), OK);
     const float ratio = loaded.brighter;
     loaded_frame_free(&loaded);
