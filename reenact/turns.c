@@ -6,7 +6,8 @@
 enum { TRIED = 25, SAMPLES = 600, LEAST_SEEN = 20, RIM_PX = 1 };
 
 static const double STEP_RAD = 0.05, HEAD_STEP_RAD = 0.125; // between one turn that is tried and the next
-static const double KNOWN_RAD = 0.3, HEAD_KNOWN_RAD = 1;    // joints and depth are right to this
+static const double KNOWN_RAD = 0.3;                        // joints and depth are right to this
+static const double HEAD_KNOWN_RAD = 0.5;                   // of a head, that is turned against the trunk
 static const double RATE_RAD_S = 2;                         // and wrong by so much more or less after a second
 static const double LEAST_FACING = 0.3;                     // cosine towards the camera
 static const double NEAR_M = 0.05;                          // the reading that vouches for a place lies this near
