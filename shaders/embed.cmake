@@ -1,11 +1,18 @@
 # Writes OUT: a C file with the text of every file in SHADERS (a list), as bytes,
-# so that no quoting can go wrong. Run by cmake -P at build time.
+# so that no quoting can go wrong. Run by cmake -P at build time. A line
+# #include "NAME" becomes the text of that one of PARTS (a list).
 set(code "// Made from shaders/ at build time.\n#include \"reenact/shaders.h\"\n\n")
 set(table "")
 foreach(path ${SHADERS})
     get_filename_component(name ${path} NAME)
     string(MAKE_C_IDENTIFIER ${name} id)
     file(READ ${path} hex HEX)
+    foreach(part ${PARTS})
+        get_filename_component(part_name ${part} NAME)
+        file(READ ${part} part_hex HEX)
+        string(HEX "#include \"${part_name}\"\n" line)
+        string(REPLACE "${line}" "${part_hex}" hex "${hex}")
+    endforeach()
     string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
     string(APPEND code "static const char ${id}[] = {${bytes}0};\n")
     string(APPEND table "    {\"${name}\", ${id}},\n")

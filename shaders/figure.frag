@@ -15,23 +15,7 @@ uniform highp sampler2D now_depth;   // millimetres (high, low byte); blue: 0 at
 
 out vec4 color; // premultiplied
 
-#ifdef IN_ROOM
-uniform vec4 view_lens[3];            // as figure.vert has it
-uniform highp sampler2DShadow room;   // two texels a pixel's side
-
-// How much of the pixel the room leaves: of the 4 x 4 texels about its middle those before which it does not lie,
-// weighed by 1 3 3 1 along either side.
-float left_by_room()
-{
-    vec2 px = 1.0 / view_lens[2].zw, at = gl_FragCoord.xy * px, aside = 0.375 * px;
-    vec4 about = vec4(at - aside, at + aside);
-    float z = gl_FragCoord.z;
-    return 0.25 * (texture(room, vec3(about.xy, z)) + texture(room, vec3(about.zy, z)) +
-                   texture(room, vec3(about.xw, z)) + texture(room, vec3(about.zw, z)));
-}
-#else
-float left_by_room() { return 1.0; }
-#endif
+#include "left_by_room.glsl"
 
 void main()
 {
