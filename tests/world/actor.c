@@ -79,7 +79,7 @@ enum status actor_open(struct actor **out, const struct world *w, double time_s,
         actor_close(&a);
         return fail(ERR_MEMORY, "out of memory for the figure");
     }
-    struct stance stance = world_motion_at(w->motion, &w->physique, time_s);
+    struct stance stance = world_stance(w, time_s);
     physique_pose(&w->physique, &stance, &a->posed);
     int chunks = (a->mesh->vertex_count + CHUNK - 1) / CHUNK;
     parallel(w->options.threads, chunks, pose_chunk, a);

@@ -115,6 +115,28 @@ static const struct key hide[] = {
     {.t = 2.8, ARMS(WIDE, DOWN)},
 };
 
+static const struct key visit[] = {
+    {.t = 0.0, .x = 2.35, .y = 0.05, .heading = -90, ARMS(DOWN, DOWN)},
+    {.t = 0.4, .x = 2.35, .y = 0.05, .heading = -90, ARMS(DOWN, DOWN)},
+    STRIDE_LEFT(0.90, 2.15, 0.04, -90),
+    STRIDE_RIGHT(1.40, 1.70, 0.03, -90),
+    STRIDE_LEFT(1.90, 1.25, 0.02, -85),
+    STRIDE_RIGHT(2.40, 0.80, 0.01, -80),
+    STRIDE_LEFT(2.90, 0.38, 0.01, -60),
+    {.t = 3.5, .x = 0.02, .heading = -5, ARMS(DOWN, DOWN)},
+    {.t = 4.1, ARMS(WIDE, WIDE)},
+    {.t = 4.8, .chest_yaw = 18, ARMS(HIGH, WIDE)},
+    {.t = 5.5, .chest_yaw = -18, ARMS(WIDE, HIGH)},
+    {.t = 6.2, .heading = -20, ARMS(DOWN, DOWN)},
+    STRIDE_LEFT(6.80, -0.25, 0.01, -75),
+    STRIDE_RIGHT(7.30, -0.70, 0.02, -90),
+    STRIDE_LEFT(7.80, -1.15, 0.03, -90),
+    STRIDE_RIGHT(8.30, -1.60, 0.04, -90),
+    STRIDE_LEFT(8.80, -2.05, 0.04, -90),
+    {.t = 9.3, .x = -2.35, .y = 0.05, .heading = -90, ARMS(DOWN, DOWN)},
+    {.t = 9.8, .x = -2.35, .y = 0.05, .heading = -90, ARMS(DOWN, DOWN)},
+};
+
 const struct named_motion named_motions[] = {
     {"pirouette", 0.40, pirouette, COUNT_OF(pirouette)},
     {"kata", 0.45, kata, COUNT_OF(kata)},
@@ -122,5 +144,6 @@ const struct named_motion named_motions[] = {
     {"bend", 0.5, bend, COUNT_OF(bend)},
     {"walk", 0.5, walk, COUNT_OF(walk)},
     {"hide", 0.5, hide, COUNT_OF(hide)},
+    {"visit", 0.5, visit, COUNT_OF(visit)},
 };
 const size_t named_motion_count = COUNT_OF(named_motions);

@@ -145,9 +145,9 @@ enum status world_motion_open(struct motion **out, const char *name, const struc
             if (!strcmp(name, named_motions[i].name))
                 m->named = &named_motions[i];
         if (!m->named)
-            status =
-                fail(ERR_INPUT, "there is no motion '%s'; take pirouette, kata, still, bend, walk, hide or a .bvh file",
-                     name);
+            status = fail(
+                ERR_INPUT,
+                "there is no motion '%s'; take pirouette, kata, still, bend, walk, hide, visit or a .bvh file", name);
     }
     if (status) {
         free(m);

@@ -67,13 +67,17 @@ static const struct {
     {SIDE_LEFT, 4.20, 0.58, 0.20, 0},   {SIDE_RIGHT, 0.60, 0.62, 0.20, 2},  {SIDE_REAR, 3.80, 0.78, 0.20, 0},
 };
 
-static enum status add_tags(struct scene *s)
+static enum status add_tags(struct scene *s, uint32_t hang, const struct world_moved *moved)
 {
     enum { TEXELS = 24 }; // a cell's: fine enough that the filter never sees the texels themselves
     for (int i = 0; i < TAG_COUNT; i++) {
+        if (!(hang >> i & 1))
+            continue;
         double side = tag_spots[i].side_m, whole = side * TAG_CELLS / (TAG_CELLS - 2);
-        struct decal *d =
-            add_decal(s, tag_spots[i].side, tag_spots[i].u, tag_spots[i].v, whole, whole, tag_spots[i].turn_deg);
+        const bool is_moved = moved->tags >> i & 1;
+        const double right = tag_spots[i].u + (is_moved ? moved->right : 0);
+        const double up = tag_spots[i].v + (is_moved ? moved->up : 0);
+        struct decal *d = add_decal(s, tag_spots[i].side, right, up, whole, whole, tag_spots[i].turn_deg);
         d->tag = true;
         bool white[TAG_CELLS][TAG_CELLS];
         enum status status = tag_bitmap(i, white);
@@ -91,7 +95,8 @@ static enum status add_tags(struct scene *s)
         struct vec3 u = v3_add(v3_scale(f->u, d->cosine), v3_scale(f->v, d->sine)), v = v3_cross(f->normal, u);
         double m[3][3] = {{u.x, v.x, f->normal.x}, {u.y, v.y, f->normal.y}, {u.z, v.z, f->normal.z}};
         struct vec3 at = v3_add(f->corner, v3_add(v3_scale(f->u, d->u), v3_scale(f->v, d->v)));
-        s->tags[i] = (struct place_tag){.id = i, .side_m = side, .world_from_tag = {quat_from_matrix(m), at}};
+        s->tags[s->tag_count++] =
+            (struct place_tag){.id = i, .side_m = side, .world_from_tag = {quat_from_matrix(m), at}};
     }
     return OK;
 }
@@ -109,6 +114,21 @@ static enum status add_painting(struct scene *s, int surface, double u, double v
         return status;
     }
     return paint(&d->texture, kind, width, height, kind == PAINTING_RUG ? 0.006 : 0.0034, seed);
+}
+
+static enum status light_lamps(struct scene *s)
+{
+    enum status status = OK;
+    for (int i = 0; i < LAMP_COUNT && !status; i++) {
+        struct vec3 size = v3_sub(scene_lamps[i].high, scene_lamps[i].low);
+        struct vec3 middle = v3_mix(scene_lamps[i].low, scene_lamps[i].high, 0.5);
+        struct decal *d = add_decal(s, SIDE_CEILING, middle.x + ROOM_HALF_X, ROOM_HALF_Y - middle.y, size.x, size.y, 0);
+        d->glow = 2.4f;
+        status = texture_make(&d->texture, 1, 1);
+        if (!status)
+            texture_set(&d->texture, 0, 0, (float[3]){0.95f, 0.93f, 0.88f});
+    }
+    return status;
 }
 
 static enum status hang_pictures(struct scene *s, uint32_t seed)
@@ -146,15 +166,6 @@ static enum status hang_pictures(struct scene *s, uint32_t seed)
     for (size_t i = 0; i < COUNT_OF(spots) && !status; i++)
         status = add_painting(s, spots[i].side, spots[i].u, spots[i].v, spots[i].width, spots[i].height,
                               spots[i].turn_deg, spots[i].kind, hash_of(seed, (uint32_t)i, 77) % 100000);
-    for (int i = 0; i < LAMP_COUNT && !status; i++) {
-        struct vec3 size = v3_sub(scene_lamps[i].high, scene_lamps[i].low);
-        struct vec3 middle = v3_mix(scene_lamps[i].low, scene_lamps[i].high, 0.5);
-        struct decal *d = add_decal(s, SIDE_CEILING, middle.x + ROOM_HALF_X, ROOM_HALF_Y - middle.y, size.x, size.y, 0);
-        d->glow = 2.4f;
-        status = texture_make(&d->texture, 1, 1);
-        if (!status)
-            texture_set(&d->texture, 0, 0, (float[3]){0.95f, 0.93f, 0.88f});
-    }
     return status;
 }
 
@@ -189,19 +200,21 @@ static enum status add_furniture(struct scene *s, uint32_t seed)
     return status;
 }
 
-enum status scene_build(struct scene *s, uint64_t seed, bool table, bool plain)
+enum status scene_build(struct scene *s, const struct world_options *options)
 {
     memset(s, 0, sizeof *s);
-    s->plain = plain;
-    uint32_t mixed = hash_of((uint32_t)seed, (uint32_t)(seed >> 32), 1);
+    const bool plain = s->plain = options->plain;
+    uint32_t mixed = hash_of((uint32_t)options->seed, (uint32_t)(options->seed >> 32), 1);
     add_room(s);
-    enum status status = hang_pictures(s, mixed);
+    enum status status = options->bare ? OK : hang_pictures(s, mixed);
+    if (!status)
+        status = light_lamps(s);
     if (!status)
         status = add_furniture(s, mixed);
-    if (!status && table)
+    if (!status && options->table)
         add_box(s, v3(1.0, -0.7, 0), v3(1.6, 0.7, 0.75), MATERIAL_WOOD, 0xc79a63);
     if (!status)
-        status = add_tags(s);
+        status = add_tags(s, options->tags, &options->moved);
     if (!status && !plain)
         status = paint_grain(&s->grain, mixed);
     if (!status && !plain)

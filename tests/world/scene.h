@@ -57,6 +57,7 @@ struct scene {
     struct decal decals[MAX_DECALS];
     int decal_count;
     struct place_tag tags[TAG_COUNT];
+    int tag_count;
     struct texture grain, plaster; // tiles: see paint.h
     bool plain;
 };
@@ -67,8 +68,8 @@ struct hit {
     double u, v; // metres on the surface
 };
 
-// ERR_MEMORY. `plain`: no textures but the tags.
-MUST_CHECK enum status scene_build(struct scene *s, uint64_t seed, bool table, bool plain);
+// The room that the options tell of. ERR_MEMORY.
+MUST_CHECK enum status scene_build(struct scene *s, const struct world_options *options);
 void scene_free(struct scene *s); // zeroed is fine
 
 // scene_light.c: fills surface.light of all surfaces. ERR_MEMORY.

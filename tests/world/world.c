@@ -28,7 +28,31 @@ const char *world_figure_names(void) { return "woman man child heavy skirt coat 
 
 struct world_options world_default_options(void)
 {
-    return (struct world_options){figures[0].figure, "pirouette", 1, 1, false, false};
+    return (struct world_options){
+        .figure = figures[0].figure,
+        .motion = "pirouette",
+        .seed = 1,
+        .threads = 1,
+        .tags = (1u << TAG_COUNT) - 1,
+        .stand = {{0.1, -3.1, 1.15}, {0.02, 0, 1.0}, 0.004},
+        .walk = {2.42, 6.4}, // a little more than once round, so that the ends overlap
+    };
+}
+
+static bool is_in_room(double x, double y) { return fabs(x) < ROOM_HALF_X && fabs(y) < ROOM_HALF_Y; }
+
+static enum status check_where(const struct world_options *o)
+{
+    const struct vec3 eye = o->stand.eye, target = o->stand.target;
+    if (!is_in_room(o->spot.x, o->spot.y) || !isfinite(o->spot.turned))
+        return fail(ERR_INPUT, "the figure would be at (%g, %g), outside the room", o->spot.x, o->spot.y);
+    if (!is_in_room(eye.x, eye.y) || !(eye.z > 0 && eye.z < ROOM_HEIGHT) || !isfinite(o->stand.roll))
+        return fail(ERR_INPUT, "the sensor would stand at (%g, %g, %g), outside the room", eye.x, eye.y, eye.z);
+    if (!(hypot(target.x - eye.x, target.y - eye.y) > 0.01) || !isfinite(target.z))
+        return fail(ERR_INPUT, "the sensor would look straight up or down");
+    if (!(o->walk.distance_m > 0.3 && o->walk.distance_m < 10) || !(fabs(o->walk.round) < 1000))
+        return fail(ERR_INPUT, "the walk would be %g radians round, %g m away", o->walk.round, o->walk.distance_m);
+    return OK;
 }
 
 static enum status check(const struct world_options *o)
@@ -46,7 +70,7 @@ static enum status check(const struct world_options *o)
         return fail(ERR_INPUT, "the figure has no motion; take \"still\" to have it stand");
     if (o->threads < 1 || o->threads > 16)
         return fail(ERR_INPUT, "%d threads; take 1 to 16", o->threads);
-    return OK;
+    return check_where(o);
 }
 
 enum status world_open(struct world **out, const struct world_options *options)
@@ -63,7 +87,7 @@ enum status world_open(struct world **out, const struct world_options *options)
     w->physique = physique_of(&options->figure);
     status = world_motion_open(&w->motion, options->motion, &w->physique);
     if (!status)
-        status = scene_build(&w->scene, options->seed, options->table, options->plain);
+        status = scene_build(&w->scene, options);
     if (!status)
         status = figure_build(&w->figure, &w->physique, options->plain);
     if (status)
@@ -85,9 +109,29 @@ void world_close(struct world **w)
 
 double world_seconds(const struct world *w) { return motion_seconds(w->motion); }
 
+struct stance world_stance(const struct world *w, double time_s)
+{
+    const struct world_spot *spot = &w->options.spot;
+    const struct quat turn = quat_from_rotation_vector(v3(0, 0, spot->turned));
+    const struct pose room_from_motion = {turn, v3(spot->x, spot->y, 0)};
+    struct stance s = world_motion_at(w->motion, &w->physique, time_s);
+    s.waist = pose_apply(room_from_motion, s.waist);
+    s.pelvis = quat_multiply(turn, s.pelvis);
+    s.chest = quat_multiply(turn, s.chest);
+    s.head = quat_multiply(turn, s.head);
+    for (int side = LEFT; side <= RIGHT; side++) {
+        s.upper_arm[side] = quat_rotate(turn, s.upper_arm[side]);
+        s.forearm[side] = quat_rotate(turn, s.forearm[side]);
+        s.ankle[side] = pose_apply(room_from_motion, s.ankle[side]);
+        s.foot[side] = quat_multiply(turn, s.foot[side]);
+        s.knee[side] = quat_rotate(turn, s.knee[side]);
+    }
+    return s;
+}
+
 struct skeleton world_joints(const struct world *w, double time_s)
 {
-    struct stance stance = world_motion_at(w->motion, &w->physique, time_s);
+    struct stance stance = world_stance(w, time_s);
     struct posed posed;
     physique_pose(&w->physique, &stance, &posed);
     return posed.joints;
@@ -107,7 +151,7 @@ double world_joint_radius(const struct world *w, enum joint j)
 
 const struct place_tag *world_tags(const struct world *w, int32_t *count)
 {
-    *count = TAG_COUNT;
+    *count = w->scene.tag_count;
     return w->scene.tags;
 }
 
@@ -158,8 +202,8 @@ static uint32_t seed_of(const struct world *w, uint32_t what)
 
 struct pose world_sensor_pose(const struct world *w)
 {
-    (void)w;
-    return look(v3(0.1, -3.1, 1.15), v3(0.02, 0, 1.0), 0.004);
+    const struct world_stand *s = &w->options.stand;
+    return look(s->eye, s->target, s->roll);
 }
 
 struct pose world_sweep_pose(const struct world *w, double time_s)
@@ -183,8 +227,12 @@ struct pose world_viewer_pose(const struct world *w, double time_s)
     struct vec3 actor = v3(0, 0, 0);
     for (int i = -4; i <= 4; i++)
         actor = v3_add(actor, v3_scale(world_joints(w, t + 0.2 * i).joint[JOINT_WAIST], 1.0 / 9));
-    double a = -0.35 + 6.4 * t / most(length, 0.1), r = 2.42 + 0.12 * sin(2 * a + 1);
-    struct vec3 eye = v3(0.6 * actor.x - r * sin(a), 0.35 * actor.y - 0.1 - r * cos(a), 1.52);
+    const struct world_walk *walk = &w->options.walk;
+    const struct world_spot *spot = &w->options.spot;
+    double a = -0.35 + walk->round * t / most(length, 0.1);
+    double r = walk->distance_m + 0.12 * sin(2 * a + 1);
+    struct vec3 eye = v3(spot->x + 0.6 * (actor.x - spot->x) - r * sin(a),
+                         spot->y + 0.35 * (actor.y - spot->y) - 0.1 - r * cos(a), 1.52);
     eye.x = least(most(eye.x, -2.5), 2.5);
     eye.y = least(most(eye.y, -3.2), 2.7);
     eye = v3_add(eye, v3(0.03 * tremor(t, seed), 0.03 * tremor(t, seed + 1), 0.03 * tremor(t, seed + 2)));

@@ -57,7 +57,8 @@ struct world_options {
     // "pirouette" (default): comes 1.5 m towards the sensor and turns all the way
     // round, arms moving. "kata": punches, a kick with each leg, arms crossed.
     // "still", "bend" (bends down and lifts), "walk" (across, and back), "hide" (an arm
-    // behind the back, and quickly out again). Or the
+    // behind the back, and quickly out again), "visit" (comes in from the side, shows
+    // what they can, and leaves on the other side). Or the
     // path of a BVH file, which must contain a '/' or end in ".bvh"; of one that goes
     // further than 2.6 m, the longest stretch that does not is taken.
     const char *motion;
@@ -66,6 +67,27 @@ struct world_options {
     bool table; // a table at arm's length to the right of the actor's way, as the sensor sees it: 1 m to 1.6 m, 0.75 m
                 // high
     bool plain; // no textures on the room, a coarser figure: for tests of depth, opens in a quarter of the time
+    bool bare;  // no pictures on the walls and no rug: what can be recognised is the tags and the furniture
+    uint32_t tags; // bit i: tag i hangs; default all 15
+    // Tags that were taken down and hung so much further to the right and up on their wall, metres.
+    struct world_moved {
+        uint32_t tags; // bit i: tag i; default none
+        double right, up;
+    } moved;
+    // Where the motion's origin is on the floor, metres, and how far all of it is turned to the left, radians.
+    struct world_spot {
+        double x, y, turned;
+    } spot;
+    // The sensor on its stand: where it is, what it looks at, how far it is rolled, radians.
+    struct world_stand {
+        struct vec3 eye, target;
+        double roll;
+    } stand;
+    // The one who walks round with the tablet: how far from the actor, and how far round within the motion's length,
+    // radians.
+    struct world_walk {
+        double distance_m, round;
+    } walk;
 };
 struct world_options world_default_options(void);
 
@@ -90,7 +112,7 @@ struct skeleton world_joints_in_camera(const struct world *w, double time_s, str
 // skin is in front of it. Metres.
 double world_joint_radius(const struct world *w, enum joint j);
 
-// The tags: 15 squares of tag36h11 on walls and floor, those on the floor larger.
+// The tags that hang: squares of tag36h11 on walls and floor, those on the floor larger.
 // rms_px and sightings are 0. *count entries, valid until world_close.
 const struct place_tag *world_tags(const struct world *w, int32_t *count);
 
@@ -111,7 +133,7 @@ struct pose world_sensor_pose(const struct world *w);
 enum { WORLD_SWEEP_S = 12 };
 struct pose world_sweep_pose(const struct world *w, double time_s); // 0 <= time_s <= WORLD_SWEEP_S
 
-// The tablet in the hand of someone who walks once round the actor within the
+// The tablet in the hand of someone who walks round the actor within the
 // motion's length, looking at them, from the sensor's side on and to the left.
 struct pose world_viewer_pose(const struct world *w, double time_s);
 

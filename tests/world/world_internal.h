@@ -11,3 +11,6 @@ struct world {
     struct scene scene;
     struct figure figure;
 };
+
+// How the figure stands at `time_s`, where the options put it. world.c
+struct stance world_stance(const struct world *w, double time_s);

@@ -21,6 +21,8 @@ struct film {
     int sets;
     double seconds; // < 0: all
     int width, height;
+    double focal_px;  // 0: as a Kinect's, as a tablet's, by the width
+    double rate_hz;   // 0: the reel's own
     double readout_s; // of a rolling shutter; the sensor on its stand does not notice
     bool clean;
     struct world_options world;
@@ -209,15 +211,16 @@ static struct pose carried_at(const void *context, double time_s)
 
 // Frame `i` of a reel: its picture, its depth, and what a viewer should have seen.
 static enum status film_frame(const struct film *f, const struct world *w, const struct reel *r,
-                              const struct lens *lens, struct pose world_from_camera, int i, struct pixels *px)
+                              const struct lens *lens, struct pose world_from_camera, int i, double t,
+                              struct pixels *px)
 {
     char path[PATH_BYTES];
     uint64_t seed = f->world.seed * 1000003u + (uint64_t)i * 8 + r->set;
-    struct world_shot shot = {*lens, world_from_camera, i / r->rate_hz, r->actor};
+    struct world_shot shot = {*lens, world_from_camera, t, r->actor};
     struct world_picture picture = {px->color, r->depth ? px->depth : NULL, NULL};
-    enum status status = lens->readout_s > 0 ? world_render_rolling(w, &shot, carried_at, &(struct carried){w, r},
-                                                                    i / r->rate_hz, &picture)
-                                             : world_render(w, &shot, &picture);
+    enum status status = lens->readout_s > 0
+                             ? world_render_rolling(w, &shot, carried_at, &(struct carried){w, r}, t, &picture)
+                             : world_render(w, &shot, &picture);
     if (!status && r->depth && !f->clean)
         status = world_depth_noise(lens, px->depth, seed, px->depth);
     if (!status) {
@@ -266,26 +269,42 @@ static enum status make_folders(const struct film *f, const struct reel *r)
     return status;
 }
 
+// The picture is as high as was asked for, about the lens's own middle; pixels are square.
+static struct calibration calibration_of(const struct film *f, const struct reel *r)
+{
+    double scale = f->width / 640.0;
+    struct calibration c = r->set == SET_VIEWER ? world_viewer_calibration(scale) : world_calibration(scale);
+    struct lens *l = &c.color;
+    l->cy += (f->height - l->height) / 2.0;
+    l->height = f->height;
+    if (f->focal_px > 0)
+        l->fx = l->fy = f->focal_px;
+    if (r->set != SET_VIEWER)
+        c.depth = *l;
+    return c;
+}
+
 static enum status film_reel(const struct film *f, const struct world *w, const struct reel *r, struct pixels *px)
 {
     enum status status = make_folders(f, r);
     if (status)
         return status;
-    double scale = f->width / 640.0, length = r->set == SET_PLACE ? WORLD_SWEEP_S : world_seconds(w);
+    double rate_hz = f->rate_hz > 0 ? f->rate_hz : r->rate_hz,
+           length = r->set == SET_PLACE ? WORLD_SWEEP_S : world_seconds(w);
     if (f->seconds >= 0)
         length = fmin(length, f->seconds);
-    struct calibration c = r->set == SET_VIEWER ? world_viewer_calibration(scale) : world_calibration(scale);
+    struct calibration c = calibration_of(f, r);
     c.color.readout_s = r->set == SET_SENSOR ? 0 : f->readout_s;
     struct text rgb = {0}, depth = {0}, poses = {0}, joints = {0};
     add(&poses, "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
     add(&joints, "timestamp,joint,x_m,y_m,z_m\n");
-    int count = (int)floor(length * r->rate_hz + 1e-6) + 1;
+    int count = (int)floor(length * rate_hz + 1e-6) + 1;
     struct progress bar;
     progress_start(&bar, r->name, count);
     for (int i = 0; i < count && !status && !command_stopped(); i++) {
-        double t = i / r->rate_hz, stamp = r->start_s + t;
+        double t = i / rate_hz, stamp = r->start_s + t;
         struct pose pose = camera_at(w, r, t);
-        status = film_frame(f, w, r, &c.color, pose, i, px);
+        status = film_frame(f, w, r, &c.color, pose, i, t, px);
         add(&rgb, "%.6f rgb/%04d.jpg\n", stamp, i);
         add(&depth, "%.6f depth/%04d.png\n", stamp, i);
         add_pose(&poses, stamp, pose);
@@ -347,7 +366,16 @@ enum {
     KEY_SEED,
     KEY_THREADS,
     KEY_CLEAN,
-    KEY_READOUT
+    KEY_READOUT,
+    KEY_FOCAL,
+    KEY_RATE,
+    KEY_TABLE,
+    KEY_BARE,
+    KEY_TAGS,
+    KEY_MOVED,
+    KEY_AT,
+    KEY_STAND,
+    KEY_WALK
 };
 
 static void read_number(struct argp_state *state, const char *text, const char *option, double low, double high,
@@ -357,6 +385,48 @@ static void read_number(struct argp_state *state, const char *text, const char *
     *out = strtod(text, &end);
     if (end == text || *end || !(*out >= low && *out <= high))
         argp_error(state, "--%s is '%s'; it must be a number from %g to %g", option, text, low, high);
+}
+
+// Up to the end or a colon. Returns where it ended.
+static const char *read_tags(struct argp_state *state, const char *text, uint32_t *tags)
+{
+    const char *at = text;
+    for (*tags = 0; *at && *at != ':';) {
+        char *end;
+        long id = strtol(at, &end, 10);
+        if (end == at || (*end && *end != ',' && *end != ':') || id < 0 || id > 31)
+            argp_error(state, "'%s' is no list of tags; it must be like 0,3,7", text);
+        *tags |= 1u << id;
+        at = *end == ',' ? end + 1 : end;
+    }
+    return at;
+}
+
+static void read_moved(struct argp_state *state, const char *text, struct world_moved *moved)
+{
+    char rest;
+    const char *by = read_tags(state, text, &moved->tags);
+    if (sscanf(by, ":%lf,%lf%c", &moved->right, &moved->up, &rest) != 2)
+        argp_error(state, "--moved is '%s'; it must be like 0,3:0.3,-0.1", text);
+}
+
+static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void read_at(struct argp_state *state, const char *text, struct world_spot *spot)
+{
+    char rest;
+    if (sscanf(text, "%lf,%lf,%lf%c", &spot->x, &spot->y, &spot->turned, &rest) != 3)
+        argp_error(state, "--at is '%s'; it must be X,Y,DEGREES", text);
+    spot->turned *= DEGREE;
+}
+
+static void read_stand(struct argp_state *state, const char *text, struct world_stand *s)
+{
+    char rest;
+    if (sscanf(text, "%lf,%lf,%lf,%lf,%lf,%lf,%lf%c", &s->eye.x, &s->eye.y, &s->eye.z, &s->target.x, &s->target.y,
+               &s->target.z, &s->roll, &rest) != 7)
+        argp_error(state, "--stand is '%s'; it must be X,Y,Z,X,Y,Z,DEGREES", text);
+    s->roll *= DEGREE;
 }
 
 static error_t parse(int key, char *text, struct argp_state *state)
@@ -377,8 +447,8 @@ static error_t parse(int key, char *text, struct argp_state *state)
     case KEY_SECONDS: read_number(state, text, "seconds", 0, 3600, &f->seconds); break;
     case KEY_SIZE:
         if (sscanf(text, "%dx%d%c", &f->width, &f->height, &rest) != 2 || f->width < 64 || f->width > 4096 ||
-            f->height * 4 != f->width * 3)
-            argp_error(state, "--size is '%s'; it must be like 640x480: 4 to 3, 64 to 4096 wide", text);
+            f->height < 64 || f->height > 4096)
+            argp_error(state, "--size is '%s'; it must be like 640x480, 64 to 4096 both ways", text);
         break;
     case KEY_FIGURE:
         if (!world_figure_named(text, &f->world.figure))
@@ -398,6 +468,22 @@ static error_t parse(int key, char *text, struct argp_state *state)
         f->readout_s = number * 1e-3;
         break;
     case KEY_CLEAN: f->clean = true; break;
+    case KEY_FOCAL: read_number(state, text, "focal", 30, 8000, &f->focal_px); break;
+    case KEY_RATE: read_number(state, text, "rate", 0.5, 240, &f->rate_hz); break;
+    case KEY_TABLE: f->world.table = true; break;
+    case KEY_BARE: f->world.bare = true; break;
+    case KEY_TAGS:
+        if (*read_tags(state, text, &f->world.tags))
+            argp_error(state, "--tags is '%s'; it must be like 0,3,7", text);
+        break;
+    case KEY_MOVED: read_moved(state, text, &f->world.moved); break;
+    case KEY_AT: read_at(state, text, &f->world.spot); break;
+    case KEY_STAND: read_stand(state, text, &f->world.stand); break;
+    case KEY_WALK:
+        if (sscanf(text, "%lf,%lf%c", &f->world.walk.distance_m, &f->world.walk.round, &rest) != 2)
+            argp_error(state, "--walk is '%s'; it must be METRES,DEGREES", text);
+        f->world.walk.round *= DEGREE;
+        break;
     case ARGP_KEY_END: command_need(state, f->out, "out"); break;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -416,12 +502,25 @@ int main(int argc, char **argv)
         {"size", KEY_SIZE, "WxH", 0, "Of the pictures; 640x480 unless told", 0},
         {"figure", KEY_FIGURE, "NAME", 0, "woman (the default), man, child, heavy, skirt, coat, tall", 0},
         {"motion", KEY_MOTION, "NAME", 0,
-         "pirouette (the default), kata, still, bend, walk, hide, or the path of a .bvh file", 0},
+         "pirouette (the default), kata, still, bend, walk, hide, visit, or the path of a .bvh file", 0},
         {"seed", KEY_SEED, "N", 0, "Of posters, hands and noise; 1 unless told", 0},
         {"threads", KEY_THREADS, "N", 0, "1 unless told; the files do not depend on it", 0},
         {"readout", KEY_READOUT, "MS", 0,
          "Cameras in the hand have a rolling shutter: the last row is read this much after the first", 0},
         {"clean", KEY_CLEAN, NULL, 0, "No noise on colour and depth", 0},
+        {"focal", KEY_FOCAL, "PX", 0,
+         "The camera's focal length, pixels of its picture; 525/640 of the width, the tablet's 545/640, unless told",
+         0},
+        {"rate", KEY_RATE, "HZ", 0, "Pictures a second; 10, the take 30, unless told", 0},
+        {"table", KEY_TABLE, NULL, 0, "A table to the right of the actor's way", 0},
+        {"bare", KEY_BARE, NULL, 0, "No pictures on the walls, no rug", 0},
+        {"tags", KEY_TAGS, "LIST", 0, "Which of the tags 0 to 14 hang: 0,3,7; all unless told", 0},
+        {"moved", KEY_MOVED, "LIST:RIGHT,UP", 0, "Tags that hang so many metres from where they hung", 0},
+        {"at", KEY_AT, "X,Y,DEGREES", 0, "Where the motion takes place, and how far it is turned", 0},
+        {"stand", KEY_STAND, "X,Y,Z,X,Y,Z,DEGREES", 0,
+         "Where the sensor stands, what it looks at, and how far it is rolled; 0.1,-3.1,1.15,0.02,0,1,0.23 unless told",
+         0},
+        {"walk", KEY_WALK, "METRES,DEGREES", 0, "How far from the actor the viewer walks, and how far round", 0},
         {0},
     };
     static const struct argp argp = {
