@@ -154,6 +154,7 @@ static void print_json(const char *path, const struct place *before, const struc
     json_add_number(root, "tags_apart", r->tags_apart);
     json_add_number(root, "tags_unlisted", r->tags_unlisted);
     json_add_number(root, "tags_moved", r->tags_moved);
+    json_add_number(root, "tags_astray", r->tags_astray);
     json_add_number(root, "tags_new", place->tag_count - before->tag_count);
     json_add_number(root, "points_new", place->point_count - before->point_count);
     json_add_number(root, "views_new", place->view_count - before->view_count);
@@ -232,6 +233,11 @@ static void warn(const char *program, const struct place *place, const struct ma
     if (r->tags_unlisted)
         fprintf(stderr, "%s: warning: tag %d%s in the pictures but not listed, and ignored; measure it and list it\n",
                 program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
+    if (r->tags_astray)
+        fprintf(stderr,
+                "%s: warning: tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
+                "have this number; hang it firmly and film again\n",
+                program, (int)r->first_astray, r->tags_astray > 1 ? " and others are" : " is");
     if (r->tags_moved)
         fprintf(stderr,
                 "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "

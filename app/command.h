@@ -23,6 +23,9 @@ int command_main(const char *about, const struct command *commands, size_t count
 // Prints "program: sentence" of the last fail() to stderr; returns 1.
 int command_failed(const char *program);
 
+// Says that `count` tags hang elsewhere than the place has them, the first of them number `first`; of 0, nothing.
+void command_warn_moved_tags(const char *program, int32_t count, int32_t first);
+
 // For argp: an option key that has no letter. Use COMMAND_KEY + n, n = 0, 1, ...
 enum { COMMAND_KEY = 0x100 };
 

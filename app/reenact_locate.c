@@ -83,8 +83,9 @@ struct summary {
     double sum_rms2;
     bool focal_wrong;
     double focal_scale; // that fits, over the calibration's
-    struct lens lens;   // as it is known in the end
-    bool learnt;        // more than it was told
+    int32_t tags_moved, first_moved;
+    struct lens lens; // as it is known in the end
+    bool learnt;      // more than it was told
 };
 
 // One picture. Negative statuses only for what ends the run.
@@ -157,6 +158,7 @@ static void report(const struct arguments *a, const struct summary *s)
     json_add_number(root, "damaged", (double)s->damaged);
     json_add_number(root, "tags_mean", (double)s->tags_used / placed);
     json_add_number(root, "tags_rejected", (double)s->tags_rejected);
+    json_add_number(root, "tags_moved", s->tags_moved);
     json_add_number(root, "rms_px", rms);
     json_add_bool(root, "focal_wrong", s->focal_wrong);
     json_add_number(root, "focal_scale", s->focal_scale);
@@ -173,6 +175,7 @@ static void report(const struct arguments *a, const struct summary *s)
 
 static void warn(const char *program, const struct summary *s)
 {
+    command_warn_moved_tags(program, s->tags_moved, s->first_moved);
     if (s->focal_wrong)
         fprintf(stderr,
                 "%s: warning: the pictures fit a focal length %.1f %% %s than the calibration's; calibrate the camera "
@@ -225,6 +228,7 @@ int reenact_locate(int argc, char **argv)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
     if (status == OK) {
         s.focal_wrong = camera_track_doubts_focal(track, &s.focal_scale);
+        s.tags_moved = camera_track_moved_tags(track, &s.first_moved);
         s.lens = *camera_track_lens(track);
         s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
         report(&a, &s);

@@ -172,12 +172,13 @@ static enum status add_tag(struct map *m, int32_t tag, const struct guess *g)
     return status;
 }
 
-// Which tag holds the world still: the one seen most often.
-static int32_t most_seen(const struct map *m)
+int32_t map_most_seen(const struct map *m, bool mapped)
 {
     int32_t best = -1, most = 0;
     for (int32_t t = 0; t < m->tag_count; t++) {
         int32_t count = 0;
+        if (mapped && !m->tags[t].mapped)
+            continue;
         for (int32_t i = 0; i < m->frame_count; i++)
             for (int32_t k = 0; k < m->frames[i].seen_count; k++)
                 count += m->frames[i].which[k] == t;
@@ -226,7 +227,7 @@ static enum status grow_by_points(struct map *m)
 
 static enum status start_by_tag(struct map *m)
 {
-    int32_t reference = most_seen(m);
+    int32_t reference = map_most_seen(m, false);
     if (reference < 0)
         return fail(ERR_INPUT,
                     "none of the listed tags is in any picture; check that the tags are of the family tag36h11, "

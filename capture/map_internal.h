@@ -45,8 +45,9 @@ struct map_tag {
     double side_m;
     struct tag_pattern pattern;
     bool mapped;
-    bool held;  // stays where it is, and the world with it
-    bool moved; // hangs elsewhere than an earlier sweep had it
+    bool held;   // stays where it is, and the world with it
+    bool astray; // seen in two places of this sweep, and left out
+    bool moved;  // hangs elsewhere than an earlier sweep had it
     struct pose world_from_tag;
     double rms_px;
     int32_t sightings;
@@ -77,6 +78,14 @@ struct map {
 MUST_CHECK enum status map_grow(struct map *m, bool use_points);
 // Tags of frame f that are in the map, as fit wants them; out: FIT_MAX_TAGS. `used` is set.
 int map_fit_tags(const struct map *m, const struct map_frame *f, struct fit_tag *out);
+
+// Which tag had best hold the world still: the one that most pictures show. mapped: of those in the map alone. -1:
+// none.
+int32_t map_most_seen(const struct map *m, bool mapped);
+
+// ---- map_astray.c
+// Once the map has grown: tags that the sweep shows in two places are no longer mapped.
+void map_leave_out_astray(struct map *m);
 
 // ---- map_adjust.c
 // All frames, tags and points at once; sightings that fit badly lose their weight.

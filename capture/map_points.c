@@ -57,8 +57,10 @@ static void visit(struct map *m, struct map_desk *d, struct map_frame *f)
     map_assign(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
         with_depth += !m->has_depth || f->features[i].depth > 0;
-    // A frame placed by one tag alone is too crooked to add points by itself.
-    if ((known || tag_count > 1) && 2 * count < with_depth)
+    // A frame placed by one tag alone is too crooked to add points beside others'. Where there are none yet, the others
+    // follow it, and all are straightened together.
+    bool first = m->has_depth && !m->point_count;
+    if ((known || tag_count > 1 || first) && 2 * count < with_depth)
         map_add_new_points(m, f);
 }
 

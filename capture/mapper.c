@@ -24,6 +24,8 @@ struct mapper_options mapper_default_options(void)
 static enum status check(const struct calibration *calibration, const struct mapper_tag *tags, int32_t tag_count,
                          const struct mapper_options *options)
 {
+    if (!calibration->color.width)
+        return fail(ERR_INPUT, "a place is known by what is seen in colour, and this sensor has depth only");
     enum status status = lens_check(&calibration->color, "color");
     if (status != OK)
         return status;
@@ -216,7 +218,7 @@ static void report_lost(const struct map *m, struct mapper_report *r)
 
 static void report_tags(const struct mapper *m, struct mapper_report *r)
 {
-    r->first_unseen = r->first_apart = r->first_unlisted = r->first_moved = -1;
+    r->first_unseen = r->first_apart = r->first_unlisted = r->first_moved = r->first_astray = -1;
     for (int32_t id = 0; id < TAG_NUMBERS; id++) {
         const struct map_tag *tag = NULL;
         for (int32_t i = 0; i < m->map.tag_count; i++)
@@ -224,11 +226,13 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
                 tag = &m->map.tags[i];
         if (tag && tag->moved && r->tags_moved++ == 0)
             r->first_moved = id;
+        if (tag && tag->astray && r->tags_astray++ == 0)
+            r->first_astray = id;
         if (tag && tag->mapped)
             r->tags_mapped++;
         else if (tag && !m->seen_in[id] && r->tags_unseen++ == 0)
             r->first_unseen = id;
-        else if (tag && m->seen_in[id] && r->tags_apart++ == 0)
+        else if (tag && m->seen_in[id] && !tag->astray && r->tags_apart++ == 0)
             r->first_apart = id;
         else if (!tag && m->seen_in[id] > 1 && r->tags_unlisted++ == 0)
             r->first_unlisted = id;
@@ -336,6 +340,8 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
         status = map_grow(&m->map, m->options.most_points > 0);
     if (status == OK && before)
         status = map_check_shared(&m->map);
+    if (status == OK)
+        map_leave_out_astray(&m->map);
     if (status == OK && m->options.most_points)
         status = map_polish_points(&m->map, m->options.most_points);
     if (status == OK)

@@ -65,6 +65,8 @@ struct mapper_report {
     int32_t first_apart;
     int32_t tags_unlisted; // seen in at least two frames, not listed: ignored
     int32_t first_unlisted;
+    int32_t tags_astray; // seen in two places of the sweep, and left out; the first is first_astray
+    int32_t first_astray;
     int32_t tags_moved; // of `before`, that hang elsewhere now: placed anew, or left out if that is not possible
     int32_t first_moved;
     bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest point. With `before`: true

@@ -20,6 +20,8 @@ enum { LEAST_FOLLOWED = 30, MOST_FOLLOWED = 200 }; // locator_options.points
 // should be in sight: a thing that stands elsewhere too, or came into a bent map twice, leads to a
 // pose from which nothing else is where it should be.
 enum { LEAST_ALONE = 20, CLEARLY_ENOUGH = 40, ONE_IN = 16 };
+// So many times as many points as agree with tags outvote them.
+enum { MANY_TIMES = 3 };
 
 struct locator_options locator_default_options(void)
 {
@@ -64,7 +66,8 @@ static enum status fill(struct locator *l, const struct place *place)
     l->tags = malloc(n * sizeof *l->tags);
     l->patterns = malloc(n * sizeof *l->patterns);
     l->tag_tracks = calloc(n, sizeof *l->tag_tracks);
-    if (!l->gray || !l->tags || !l->patterns || !l->tag_tracks)
+    l->moved_votes = calloc(n, sizeof *l->moved_votes);
+    if (!l->gray || !l->tags || !l->patterns || !l->tag_tracks || !l->moved_votes)
         return fail(ERR_MEMORY, "no memory to find a camera in the place");
     if (place->point_count > 0) {
         size_t points = (size_t)place->point_count;
@@ -131,6 +134,7 @@ void locator_close(struct locator **out)
     free(l->tags);
     free(l->patterns);
     free(l->tag_tracks);
+    free(l->moved_votes);
     free(l->points);
     free(l->some_points);
     free(l->part_of);
@@ -267,8 +271,9 @@ static int sharpen(struct locator *l, const struct fit_tag *tags, bool with_dept
         agree = 0;
     if (*status == AMBIGUOUS &&
         points_refine(l->points, l->point_count, &l->index, depths, &l->lens, tags, l->count,
-                      l->motion ? &moving[1] : NULL, &second, l->matches, FEATURES_MAX, &agree_second)) {
+                      l->motion ? &moving[1] : NULL, &second, l->other_matches, FEATURES_MAX, &agree_second)) {
         if (agree_second > agree) {
+            memcpy(l->matches, l->other_matches, sizeof l->matches);
             first = second;
             moving[0] = moving[1];
             agree = agree_second;
@@ -333,8 +338,8 @@ enum status locator_find_features_in(struct locator *l, int part, const uint16_t
     return index_features(l, status, count, depth);
 }
 
-// Whether so many points are enough to believe the pose, in view of how many should be in sight.
-static bool enough(const struct locator *l, int kept, const struct pose *camera_from_world)
+// How many points should be in sight, hidden ones and ones that look different from here counted in.
+static int count_in_sight(const struct locator *l, const struct pose *camera_from_world)
 {
     int in_sight = 0;
     double wide = 0.5 * l->lens.width / l->lens.fx, high = 0.5 * l->lens.height / l->lens.fy;
@@ -342,23 +347,41 @@ static bool enough(const struct locator *l, int kept, const struct pose *camera_
         struct vec3 p = pose_apply(*camera_from_world, l->points[i].world);
         in_sight += p.z > 0.1 && fabs(p.x) < wide * p.z && fabs(p.y) < high * p.z;
     }
-    return kept >= LEAST_ALONE && (kept >= CLEARLY_ENOUGH || ONE_IN * kept >= in_sight);
+    return in_sight;
 }
 
-// Where no tag says anything. How many points agree; 0: no place.
-static int from_points(struct locator *l, bool with_depth, struct camera_fit *found)
+// Whether so many points are enough to believe the pose without a tag.
+static bool enough(const struct locator *l, int kept, const struct pose *camera_from_world)
+{
+    return kept >= LEAST_ALONE && (kept >= CLEARLY_ENOUGH || ONE_IN * kept >= count_in_sight(l, camera_from_world));
+}
+
+// Where no tag says anything. How many points agree, into `matches`; 0: no place.
+static int from_points(struct locator *l, bool with_depth, struct point_match *matches, struct camera_fit *found)
 {
     int agree = 0, kept = 0;
     struct pose pose;
     struct shutter_motion moving = l->moving, *motion = l->motion ? &moving : NULL;
-    int count = relocate_match(l->points, l->point_count, &l->index, l->matches, FEATURES_MAX);
-    if (!relocate(l->points, &l->index, &l->lens, l->matches, count, motion, &pose, &agree) ||
+    int count = relocate_match(l->points, l->point_count, &l->index, matches, FEATURES_MAX);
+    if (!relocate(l->points, &l->index, &l->lens, matches, count, motion, &pose, &agree) ||
         !points_refine(l->points, l->point_count, &l->index, with_depth ? l->feature_depths : NULL, &l->lens, NULL, 0,
-                       motion, &pose, l->matches, FEATURES_MAX, &kept) ||
+                       motion, &pose, matches, FEATURES_MAX, &kept) ||
         !enough(l, kept, &pose))
         return 0;
     *found = (struct camera_fit){.camera_from_world = pose, .other = pose, .motion = moving};
     return kept;
+}
+
+// The tags that fit the pose found, and no others, are used.
+static void use_agreeing(const struct locator *l, struct fit_tag *tags, struct camera_fit *found)
+{
+    const struct shutter_motion *motion = l->motion ? &found->motion : NULL;
+    found->used = 0;
+    for (int i = 0; i < l->count; i++) {
+        tags[i].rms_px = fit_tag_rms(&tags[i], motion, &found->camera_from_world, l->lens.fx, l->lens.fy);
+        tags[i].used = tags[i].rms_px <= l->options.max_rms_px;
+        found->used += tags[i].used;
+    }
 }
 
 // Tags that the finder missed join in; what the points said of the pose stands.
@@ -366,19 +389,22 @@ static enum status join_predicted(struct locator *l, struct fit_tag *tags, bool 
                                   int *agree, struct camera_fit *found)
 {
     struct camera_fit again;
+    if (*agree) { // tags that were moved may be more than those that agree with the points
+        enum status sure = OK;
+        memcpy(l->other_matches, l->matches, sizeof l->matches);
+        locator_fit_tags(l, tags);
+        use_agreeing(l, tags, found);
+        int now = sharpen(l, tags, with_depth, &sure, found);
+        if (now)
+            *agree = now;
+        else
+            memcpy(l->matches, l->other_matches, sizeof l->matches);
+        return sure;
+    }
     enum status more = fit(l, tags, &again);
     if (more == NOTHING || again.used < found->used)
         return status;
-    struct pose sharp = found->camera_from_world;
-    struct shutter_motion moving = found->motion;
     *found = again;
-    if (*agree) {
-        found->camera_from_world = sharp;
-        found->motion = moving;
-        more = OK;
-        int now = sharpen(l, tags, with_depth, &more, found);
-        *agree = now ? now : *agree;
-    }
     return more;
 }
 
@@ -403,6 +429,24 @@ bool locator_describe(const struct locator *l, const struct camera_fit *found, i
     return true;
 }
 
+// A tag was hung elsewhere where it says a place from which hardly a point is where it should be, no more than happen
+// to lie near, and points many times as many say another. Several tags that agree have to be outvoted.
+static void ask_points(struct locator *l, bool with_depth, struct fit_tag *tags, enum status *status,
+                       struct camera_fit *found, int *agree)
+{
+    struct camera_fit other;
+    if (ONE_IN * *agree >= count_in_sight(l, &found->camera_from_world))
+        return;
+    int kept = from_points(l, with_depth, l->other_matches, &other);
+    if (!kept || kept < MANY_TIMES * *agree || (found->used > 1 && kept < CLEARLY_ENOUGH))
+        return;
+    use_agreeing(l, tags, &other);
+    memcpy(l->matches, l->other_matches, sizeof l->matches);
+    *found = other;
+    *agree = kept;
+    *status = OK;
+}
+
 // From the tags that the finder sees, with the points around. *agree: how many of l->matches do.
 static enum status from_tags(struct locator *l, struct tag_finder *finder, const uint8_t *color, const uint16_t *depth,
                              struct fit_tag *tags, struct camera_fit *found, int *agree)
@@ -416,6 +460,8 @@ static enum status from_tags(struct locator *l, struct tag_finder *finder, const
         status = fit(l, tags, found);
     if (status != NOTHING && l->point_count)
         *agree = sharpen(l, tags, depth != NULL, &status, found);
+    if (status != NOTHING && l->point_count)
+        ask_points(l, depth != NULL, tags, &status, found, agree);
     return status;
 }
 
@@ -461,7 +507,7 @@ static enum status find_anew(struct locator *l, const uint8_t *color, const uint
         status = from_tags(l, l->finder, color, depth, tags, found, agree);
         if (status == NOTHING) {
             l->count = 0; // tags that fit nothing
-            *agree = l->point_count ? from_points(l, depth != NULL, found) : 0;
+            *agree = l->point_count ? from_points(l, depth != NULL, l->matches, found) : 0;
             if (!*agree)
                 return NOTHING;
             status = OK;
@@ -516,6 +562,8 @@ static enum status find(struct locator *l, const uint8_t *color, const uint16_t 
         locator_doubt_lens(l, tags, points, apart, &found.camera_from_world, doubted);
         if (!known || !locator_describe(l, &found, agree, doubted, covariance, out))
             status = NOTHING;
+        if (status == OK)
+            locator_note_moved(l, tags, agree, &found.camera_from_world);
     }
     if (again && status == OK && locator_find_tracks(l, &found.camera_from_world)) {
         enum status followed = locator_fit_tracks(l, color, depth, found.camera_from_world, out);

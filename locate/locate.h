@@ -73,6 +73,10 @@ MUST_CHECK enum status locator_refind(struct locator *l, const uint8_t *color, c
 // shutter that nobody told and the pictures betray is in it too, with a likely readout_s that was not measured.
 const struct lens *locator_lens(const struct locator *l);
 
+// How many tags of the place hang elsewhere now, as far as the pictures in which the camera was found anew show them
+// beside other tags or enough points. *first: the lowest number; -1: none. A pose is told without them.
+int32_t locator_moved_tags(const struct locator *l, int32_t *first);
+
 // True: the pictures in which locator_find found the camera so far do not fit the lens's focal
 // length. *scale: the one that fits them, over the lens's.
 bool locator_doubts_focal(const struct locator *l, double *scale);

@@ -54,13 +54,14 @@ struct locator {
     struct feature features[FEATURES_MAX];
     double feature_depths[FEATURES_MAX]; // where there is depth
     struct feature_index index;
-    struct point_match matches[FEATURES_MAX];
+    struct point_match matches[FEATURES_MAX], other_matches[FEATURES_MAX]; // of the pose found; of one beside it
     struct focal focal; // what all pictures in which the camera was found say
     // for the next picture
     struct patch_picture picture;
     struct point_track tracks[LOCATOR_MOST_TRACKS];
     int track_count;
-    struct tag_track *tag_tracks;            // of each tag
+    struct tag_track *tag_tracks; // of each tag
+    int32_t *moved_votes; // of each tag: pictures that show it elsewhere than the place has it, less those where it is
     struct sighting corrected[FIT_MAX_TAGS]; // the tags in sight less what is known of their errors
     struct anchor anchor;
     int32_t *part_of, *in_parts, part_start[LOCATOR_PARTS + 1]; // points by the part they should be seen in
@@ -103,6 +104,12 @@ static inline bool locator_in_picture(const struct lens *lens, struct vec3 p)
 // Whether the tags of the picture in hand fit no pose (`found` is the best; NULL: there is none) unless the rows of a
 // camera that is said to read them at once were read one after the other. Then it is taken for such a one from now on.
 bool locator_notice_shutter(struct locator *l, const struct fit_tag *tags, const struct camera_fit *found);
+
+// ---- moved_tags.c
+// After a picture that was searched anew: which of the sightings are not where the place has their tags. points: how
+// many agree with the pose.
+void locator_note_moved(struct locator *l, const struct fit_tag *tags, int points,
+                        const struct pose *camera_from_world);
 
 // ---- own_lens.c
 // Before a picture: a lens whose focal length was unsure becomes what the pictures so far say. Whatever was

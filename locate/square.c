@@ -131,3 +131,16 @@ int square_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
     }
     return count;
 }
+
+double square_off_m(double side_m, const struct vec3 ray[4], const struct pose *expected)
+{
+    static const double range_share = 0.03;
+    struct pose two[2];
+    int count = square_poses(side_m, ray, two);
+    double least = count ? INFINITY : 0;
+    for (int i = 0; i < count; i++) {
+        double off = v3_distance(two[i].translation, expected->translation);
+        least = fmin(least, off - range_share * v3_length(two[i].translation));
+    }
+    return fmax(least, 0);
+}

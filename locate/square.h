@@ -13,3 +13,7 @@ bool square_homography(const struct vec3 ray[4], double h[9]);
 // it, and returns how many: 0, 1 or 2. Infinitesimal plane-based pose estimation
 // (Collins and Bartoli 2014); fit to the corners, not yet refined.
 int square_poses(double side_m, const struct vec3 ray[4], struct pose camera_from_tag[2]);
+
+// How far from where it is expected a square is seen at least, of both poses that it may have; metres. What is far
+// away is told a share of its distance too far or too near, and that does not count. 0: not seen well enough to say.
+double square_off_m(double side_m, const struct vec3 ray[4], const struct pose *expected_camera_from_tag);

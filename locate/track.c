@@ -8,6 +8,10 @@
 // A pose this far (chi squared, six numbers) from where the motion leads is not of that motion:
 // one in ten million. The camera was moved, or the motion known was wrong.
 static const double ELSEWHERE = 43;
+// What is followed is looked for within some ten pixels of where it should be. Where that is open by many times as much
+// (one standard deviation), what is found there is as likely something that looks alike, and what all of it agrees on
+// is the guess itself: two or three pictures a second, or one after a gap, are searched anew.
+static const double OPEN_PX = 120;
 // Longer than this without a picture that shows anything, and the motion is worth nothing.
 static const double LOST_S = 0.5;
 // One of two mirrored poses has won when the other is this much less likely (log of the odds, doubled).
@@ -117,6 +121,14 @@ static void tell(const struct camera_track *t, const struct location *found, str
                                      v3(k->speed[0], k->speed[1], k->speed[2])};
 }
 
+// By how much what the last pictures say leaves open where things are in this one: a standard deviation, pixels.
+static double open_px(const struct camera_track *t)
+{
+    const struct kalman *k = &t->of[0];
+    const struct lens *lens = locator_lens(t->locator);
+    return fmax(lens->fx, lens->fy) * sqrt(fmax(k->covariance[0][0], k->covariance[1][1]));
+}
+
 // How the camera has moved so far says how it moves while the picture is read.
 static void expect(struct camera_track *t)
 {
@@ -154,7 +166,7 @@ enum status camera_track_follow(struct camera_track *t, const uint8_t *color, co
     for (int i = 0; i < t->count; i++)
         kalman_move(&t->of[i], seconds);
     const bool rolling = locator_lens(t->locator)->readout_s > 0; // told, or noticed meanwhile
-    t->anew = t->count != 1 || (rolling && t->followed == TELL_SPEED);
+    t->anew = t->count != 1 || (rolling && t->followed == TELL_SPEED) || open_px(t) > OPEN_PX;
     if (t->anew)
         return NOTHING;
     expect(t);
@@ -193,4 +205,9 @@ const struct lens *camera_track_lens(const struct camera_track *t) { return loca
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale)
 {
     return locator_doubts_focal(t->locator, scale);
+}
+
+int32_t camera_track_moved_tags(const struct camera_track *t, int32_t *first)
+{
+    return locator_moved_tags(t->locator, first);
 }

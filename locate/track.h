@@ -53,6 +53,7 @@ MUST_CHECK enum status camera_track_find(struct camera_track *t, const uint8_t *
 // The camera's clock begins anew: its place and motion are void, what was learnt of the place's points is not.
 void camera_track_restart(struct camera_track *t);
 
-// As locator_lens and locator_doubts_focal.
+// As locator_lens, locator_doubts_focal and locator_moved_tags.
 const struct lens *camera_track_lens(const struct camera_track *t);
 bool camera_track_doubts_focal(const struct camera_track *t, double *scale);
+int32_t camera_track_moved_tags(const struct camera_track *t, int32_t *first);

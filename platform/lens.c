@@ -11,6 +11,20 @@ bool lens_same(const struct lens *a, const struct lens *b)
            a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
 }
 
+struct lens lens_coarser(const struct lens *lens, double share)
+{
+    const double least_px = 16;
+    struct lens l = *lens;
+    if (share == 1)
+        return l;
+    l.width = (int)fmax(fmin(least_px, lens->width), round(lens->width * share));
+    l.height = (int)fmax(fmin(least_px, lens->height), round(lens->height * share));
+    const double kx = (double)l.width / lens->width, ky = (double)l.height / lens->height;
+    l.fx *= kx, l.fy *= ky;
+    l.cx = (l.cx + 0.5) * kx - 0.5, l.cy = (l.cy + 0.5) * ky - 0.5; // (0, 0) is a pixel's centre
+    return l;
+}
+
 // Brown-Conrady on the plane z = 1: (x, y) ideal to distorted.
 static void distort(const struct lens *l, double x, double y, double *xd, double *yd)
 {

@@ -38,6 +38,9 @@ bool lens_is_ideal(const struct lens *lens); // no distortion
 // Both show each point at the same pixel. How fast they read and how sure they are is not asked.
 bool lens_same(const struct lens *a, const struct lens *b);
 
+// The same lens's picture with that share of its pixels along either side, 0 to 1; at least 16.
+struct lens lens_coarser(const struct lens *lens, double share);
+
 // Where point `p` (camera axes) falls. z must be > 0.
 struct pixel lens_project(const struct lens *lens, struct vec3 p);
 

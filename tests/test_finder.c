@@ -46,14 +46,17 @@ static enum status find(struct finder *f, int i, int64_t time_ns, double *cpu_ms
 }
 
 // Pictures of there go on, each a picture's time after the last, until one of them has a place; how many had none.
-static int go_on_until_found(struct finder *f, int64_t time_ns, double at_most_ms)
+// *least_ms: of these.
+static int go_on_until_found(struct finder *f, int64_t time_ns, double at_most_ms, double *least_ms)
 {
+    *least_ms = INFINITY;
     for (int without = 0; without < 2000; without++) {
         double cpu_ms;
         const int i = HERE + (without < THERE ? without : THERE - 1); // the visitor stands at last
         if (find(f, i, time_ns + without * EACH_NS, &cpu_ms) != NOTHING)
             return without;
         EXPECT_AT_MOST(cpu_ms, at_most_ms);
+        *least_ms = fmin(*least_ms, cpu_ms);
         clock_sleep_until_ns(clock_now_ns() + EACH_NS);
     }
     return -1;
@@ -66,14 +69,16 @@ static void nobody_waits_for_a_camera_that_jumped(void **state)
         struct lull *lull;                          // in one of them, and nothing is ever shown
         EXPECT_STATUS(lull_open(&lull), OK);
         struct finder *f = open_finder(back ? lull : NULL);
-        double first_ms, cpu_ms;
+        double first_ms, cpu_ms, least_ms;
         EXPECT_STATUS(find(f, 0, 0, &first_ms), OK); // nothing was followed before: it waits
         for (int i = 1; i < HERE; i++)
             EXPECT_STATUS(find(f, i, i * EACH_NS, &cpu_ms), OK);
         EXPECT_AT_MOST(cpu_ms, 0.4 * first_ms); // it is followed
-        // One that waited would be followed in vain and then found, which takes as long as the first and more; to be
-        // followed in vain alone takes up to 0.45 of that, under the thread sanitizer.
-        EXPECT_AT_LEAST(go_on_until_found(f, (back ? -10000 : HERE) * EACH_NS, 0.7 * first_ms), 1);
+        // One that waited would be followed in vain and then found, which takes longer than the first did, and would
+        // have its place. To be followed in vain alone takes up to 0.45 of that under the thread sanitizer, and on a
+        // busy machine 0.76 was seen; one that only waits for the search takes next to nothing.
+        EXPECT_AT_LEAST(go_on_until_found(f, (back ? -10000 : HERE) * EACH_NS, first_ms, &least_ms), 1);
+        EXPECT_AT_MOST(least_ms, 0.7 * first_ms);
         finder_close(&f);
         lull_close(&lull);
     }
