@@ -50,6 +50,7 @@ static void report(const struct arguments *given, const struct recorder_result *
         json_add_number(root, "damaged", (double)r->damaged);
         json_add_bool(root, "located", r->located);
         json_add_number(root, "sensor_moves", r->sensor_moves);
+        json_add_number(root, "tags_moved", r->tags_moved);
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
         json_add_number(root, "settle_ms", r->settle_ms);
@@ -76,6 +77,7 @@ static void warn(const char *program, bool has_place, const struct recorder_resu
     if (has_place && !r->located)
         fprintf(stderr, "%s: the sensor recognised nothing of the place, so nobody will know where the actor stood\n",
                 program);
+    command_warn_moved_tags(program, r->tags_moved, r->first_moved);
     if (r->frames && !r->tracked)
         fprintf(stderr, "%s: no person was found in any frame\n", program);
 }

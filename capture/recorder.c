@@ -333,6 +333,9 @@ static void fill_result(const struct recorder *r, const struct source *source, s
     result->dropped += source_dropped(source);
     result->located = r->sensor_pose && sensor_pose_get(r->sensor_pose, &pose);
     result->sensor_moves = r->sensor_pose ? sensor_pose_moves(r->sensor_pose) : 0;
+    result->first_moved = -1;
+    if (r->sensor_pose)
+        result->tags_moved = sensor_pose_moved_tags(r->sensor_pose, &result->first_moved);
     result->slowest_ms = r->slowest_ms;
     result->mean_ms = r->frames_processed ? r->busy_ms / (double)r->frames_processed : 0;
 }
@@ -377,7 +380,7 @@ static enum status put_settled(struct recorder *r)
 static enum status settle_take(struct recorder *r, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
-    if (!r->tracked || result->sensor_moves)
+    if (!r->tracked || (r->sensor_pose && sensor_pose_far_moves(r->sensor_pose)))
         return OK;
     struct recording *recording = NULL;
     struct take *take = NULL;

@@ -8,7 +8,7 @@
 //
 // When the take has ended and is complete, its depth is read again from the end
 // to the beginning and the joints are told anew, with the future known (settle.h);
-// unless the sensor was moved. That takes about as long as tracking did. Whoever
+// unless the sensor was moved by 5 cm, a degree or more. That takes about as long as tracking did. Whoever
 // stops or kills it meanwhile has the take with the joints as they were told at first.
 #pragma once
 #include "capture/recording/recording.h"
@@ -31,6 +31,8 @@ struct recorder_result {
     char first_damage[256];     // what the first of them said; "" when none
     bool located;               // the sensor was found in the place
     int sensor_moves;           // how often it was moved on the way
+    int32_t tags_moved;         // of the place's, that hang elsewhere now; the lowest number of them is ...
+    int32_t first_moved;        // ... this, else -1
     double slowest_ms, mean_ms; // locating, segmenting and tracking one frame
     double settle_ms;           // a frame, looking back; 0 where that was not done
 };

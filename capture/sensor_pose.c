@@ -4,14 +4,16 @@
 
 #include <stdlib.h>
 
-// After the first frames, every so many frames are checked: twice a second.
-enum { CHECK_EVERY = 15 };
+// After the first frames, every so many frames are checked: twice a second. Sooner where a rival as sure as what is
+// held has come up, for until it wins everything stands where the sensor no longer is.
+enum { CHECK_EVERY = 15, CHECK_SOON = 5 };
 
-// A pose further than this from the one held is a rival. It wins when enough
-// checks in a row agree with it: a person who covers a tag makes poses that err
-// by centimetres, and the same way for seconds. Poses as sure as the best of those
-// held need fewer checks than others.
-static const double MOVED_M = 0.05, MOVED_RAD = 0.02;
+// A pose further from the one held than chance explains is a rival: by so many standard deviations of it, though
+// never for less than LEAST, which a stand gives way by, and always for more than MOST. It wins when enough checks in a
+// row agree with it: a person who covers a tag makes poses that err by centimetres, and the same way for seconds. Poses
+// as sure as the best of those held need fewer checks than others.
+static const double BY_CHANCE = 3;
+static const double LEAST_MOVED_M = 0.01, LEAST_MOVED_RAD = 0.003, MOST_MOVED_M = 0.05, MOST_MOVED_RAD = 0.02;
 enum { CHECKS_AS_GOOD = 3, CHECKS_AT_ALL = 8 };
 
 // What the locator alone would refuse is welcome here: the floor makes it better.
@@ -32,7 +34,8 @@ struct sensor_pose {
     double least_sigma_m; // of the poses in the mean
     int rival_checks;     // that agreed with the rival in a row; 0 = there is none
     struct pose rival;
-    int moves;
+    bool rival_is_sure; // as the best of the poses in the mean
+    int moves, far_moves;
 };
 
 enum status sensor_pose_open(struct sensor_pose **out, const struct place *place, const struct calibration *calibration)
@@ -71,9 +74,20 @@ void sensor_pose_close(struct sensor_pose **s)
     *s = NULL;
 }
 
-static bool agree(struct pose a, struct pose b)
+// Whether a pose may be the same as one that was found before.
+static bool agree(const struct location *found, struct pose before)
 {
-    return v3_distance(a.translation, b.translation) < MOVED_M && pose_angle(a, b) < MOVED_RAD;
+    const double *c = found->covariance;
+    double turn = BY_CHANCE * sqrt(c[0] + c[7] + c[14]), shift = BY_CHANCE * found->position_sigma_m;
+    turn = fmin(fmax(turn, LEAST_MOVED_RAD), MOST_MOVED_RAD);
+    shift = fmin(fmax(shift, LEAST_MOVED_M), MOST_MOVED_M);
+    return v3_distance(found->world_from_camera.translation, before.translation) < shift &&
+           pose_angle(found->world_from_camera, before) < turn;
+}
+
+static bool is_far(struct pose a, struct pose b)
+{
+    return !(v3_distance(a.translation, b.translation) < MOST_MOVED_M && pose_angle(a, b) < MOST_MOVED_RAD);
 }
 
 static void average(struct sensor_pose *s, struct pose pose, double weight)
@@ -97,10 +111,11 @@ static void restart_from(struct sensor_pose *s, const struct location *found, do
 // True when the rival has been there often enough to be believed.
 static bool rival_wins(struct sensor_pose *s, const struct location *found)
 {
-    bool goes_on = s->rival_checks && agree(found->world_from_camera, s->rival);
+    bool goes_on = s->rival_checks && agree(found, s->rival);
     s->rival = found->world_from_camera;
     s->rival_checks = goes_on ? s->rival_checks + 1 : 1;
-    return s->rival_checks >= (found->position_sigma_m <= 1.5 * s->least_sigma_m ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
+    s->rival_is_sure = found->position_sigma_m <= 1.5 * s->least_sigma_m;
+    return s->rival_checks >= (s->rival_is_sure ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
 }
 
 // The middle of the anchors that the pose puts into the picture.
@@ -136,7 +151,8 @@ static void stand_upright(const struct sensor_pose *s, const uint16_t *depth, st
 enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
 {
     int64_t frame = s->frame++;
-    bool due = frame < SENSOR_POSE_SETTLE || frame % CHECK_EVERY == 0;
+    bool soon = s->rival_checks && s->rival_is_sure && frame % CHECK_SOON == 0;
+    bool due = frame < SENSOR_POSE_SETTLE || frame % CHECK_EVERY == 0 || soon;
     if (!due || !color)
         return OK;
     struct location found;
@@ -149,13 +165,14 @@ enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const 
     double sigma_m = fmax(found.position_sigma_m, 1e-4), weight = 1 / (sigma_m * sigma_m);
     if (!s->poses) {
         restart_from(s, &found, weight);
-    } else if (agree(found.world_from_camera, s->mean)) {
+    } else if (agree(&found, s->mean)) {
         s->rival_checks = 0;
         s->least_sigma_m = fmin(s->least_sigma_m, found.position_sigma_m);
         if (s->poses < ENOUGH_POSES)
             average(s, found.world_from_camera, weight);
     } else if (rival_wins(s, &found)) {
         s->moves += frame >= SENSOR_POSE_SETTLE;
+        s->far_moves += frame >= SENSOR_POSE_SETTLE && is_far(found.world_from_camera, s->mean);
         restart_from(s, &found, weight);
     }
     return OK;
@@ -183,3 +200,10 @@ bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera
 }
 
 int sensor_pose_moves(const struct sensor_pose *s) { return s->moves; }
+
+int sensor_pose_far_moves(const struct sensor_pose *s) { return s->far_moves; }
+
+int32_t sensor_pose_moved_tags(const struct sensor_pose *s, int32_t *first)
+{
+    return locator_moved_tags(s->locator, first);
+}

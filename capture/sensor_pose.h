@@ -23,5 +23,11 @@ MUST_CHECK enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *co
 // The pose as far as known. False: not located yet; *out is then the identity.
 bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera);
 
+// As locator_moved_tags.
+int32_t sensor_pose_moved_tags(const struct sensor_pose *s, int32_t *first);
+
 // How often the sensor was found to have been moved.
 int sensor_pose_moves(const struct sensor_pose *s);
+
+// How often by more than a person moves between two frames: 5 cm or a degree.
+int sensor_pose_far_moves(const struct sensor_pose *s);
