@@ -59,5 +59,5 @@ MUST_CHECK enum status segmenter_next(struct segmenter *s, const uint16_t *depth
                                       int ball_count, uint8_t *mask);
 
 // Learns the room from the last frame's pixels outside its mask; call it after
-// a segmenter_next whose mask is believed, every second one or so.
+// a segmenter_next whose mask is believed, or that found nobody, every second one or so.
 void segmenter_learn(struct segmenter *s);

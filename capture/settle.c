@@ -22,7 +22,8 @@ enum { SLOWINGS = 60 };
 enum { STEPS = 5 };    // frames to both sides in which walking is measured
 enum { REPAIRS = 40 }; // lengths and speeds undo each other: so often in turn they agree
 
-enum way { AHEAD, BACK, WAYS };
+// The way forward, the way back, and of a leg that is mostly hidden, where its outline has it in that picture.
+enum way { AHEAD, BACK, ASIDE, WAYS };
 
 struct moment {
     int64_t time_ns;
@@ -31,6 +32,7 @@ struct moment {
     struct body_pose pose;     // the way forward, as told
     struct skeleton way[WAYS]; // depth camera's axes
     struct pose_odds odds;     // against the way forward
+    double aside[LIMB_COUNT];  // odds for ASIDE against the way back; 0: there is no such place
     enum way round;            // where they differ about which way round the person stands, this one is right
     struct skeleton settled;   // at last in the colour camera's axes
 };
@@ -112,6 +114,22 @@ enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_
     return OK;
 }
 
+// Where this picture alone has the legs that the way back has wrong.
+static void look_aside(struct moment *m, struct tracker *t)
+{
+    m->way[ASIDE] = m->way[BACK];
+    for (int k = 0; k < LIMB_COUNT; k++) {
+        struct body_pose pose;
+        struct body_build build;
+        m->aside[k] = k < FIRST_LEG ? 0 : tracker_shin_aside(t, k, &pose);
+        if (!(m->aside[k] > 0))
+            continue;
+        body_build(tracker_shape(t), &pose, &build);
+        m->way[ASIDE].joint[limb[k].bend] = build.joint[limb[k].bend];
+        m->way[ASIDE].joint[limb[k].tip] = build.joint[limb[k].tip];
+    }
+}
+
 enum status settle_look_back(struct settle *s, struct tracker *t, int64_t index, const uint16_t *depth)
 {
     assert(index >= 0 && index < s->count);
@@ -132,12 +150,18 @@ enum status settle_look_back(struct settle *s, struct tracker *t, int64_t index,
     m->looked_back = true;
     m->way[BACK] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), &told);
     m->odds = tracker_weigh(t, &m->pose);
+    look_aside(m, t);
     return OK;
 }
 
 // ------------------------------------------------------------- deciding
 
-enum { TRUNK = LIMB_COUNT, PARTS }; // beside the limbs: which way round the person stands
+enum { TRUNK = LIMB_COUNT };   // beside the limbs: which way round the person stands
+enum { STATES = WAYS * WAYS }; // choices of ways for a left and a right limb
+
+static uint8_t state_of(enum way left, enum way right) { return (uint8_t)(left * WAYS + right); }
+static enum way left_way(int state) { return (enum way)(state / WAYS); }
+static enum way right_way(int state) { return (enum way)(state % WAYS); }
 
 static double farther(const struct skeleton *a, const struct skeleton *b, int k)
 {
@@ -165,45 +189,117 @@ static double walking_odds(const struct moment *m, int64_t count, int64_t i, enu
     return WALK_ODDS * fmax(-1, fmin(1, v3_dot(way, v3_unit(v3_cross(left, up))) / (passed_s * WALK_M_S)));
 }
 
-// What speaks against way w of part k in moment i, as a logarithm of odds.
-static double odds_against(const struct moment *m, int64_t count, int64_t i, int k, enum way w)
+// What speaks against each way round in moment i, as a logarithm of odds.
+static void find_trunk_odds(const struct moment *m, int64_t count, int64_t i, double against[STATES])
 {
     const struct moment *at = &m[i];
-    if (w == BACK && !at->looked_back)
-        return IMPOSSIBLE;
     bool turned = at->looked_back && is_turned(at);
-    if (k < LIMB_COUNT && turned)
-        return w == at->round ? 0 : IMPOSSIBLE;
-    double odds = k < LIMB_COUNT ? at->odds.limb[k] : turned ? at->odds.whole : 0;
-    odds = w == AHEAD ? fmax(-PICTURE_ODDS_MOST, fmin(PICTURE_ODDS_MOST, odds)) : 0;
-    return odds - (k == TRUNK && turned ? walking_odds(m, count, i, w) : 0);
+    for (int state = 0; state < STATES; state++)
+        against[state] = IMPOSSIBLE;
+    double *ahead = &against[state_of(AHEAD, AHEAD)], *back = &against[state_of(BACK, BACK)];
+    *ahead = 0;
+    if (!at->looked_back)
+        return;
+    *back = 0;
+    if (!turned)
+        return;
+    *ahead = fmax(-PICTURE_ODDS_MOST, fmin(PICTURE_ODDS_MOST, at->odds.whole)) - walking_odds(m, count, i, AHEAD);
+    *back = -walking_odds(m, count, i, BACK);
 }
 
-// Which way is right about part k in each of `count` moments: the likeliest sequence (Viterbi 1967)
-// of ways, by what the pictures say and by how far the part would go from frame to frame.
-// from[i][w] is room for the way before way w.
-static void decide(const struct moment *m, int64_t count, int k, uint8_t (*from)[WAYS], uint8_t *way)
+// The same against each choice of ways for a pair of limbs, `first` and the next.
+static void find_pair_odds(const struct moment *at, int first, double against[STATES])
 {
-    double cost[WAYS] = {0};
-    for (int64_t i = 0; i < count; i++) {
-        double next[WAYS];
-        for (int w = 0; w < WAYS; w++) {
-            double best = i ? INFINITY : 0;
-            for (int v = 0; i && v < WAYS; v++) {
-                double change = fmin(farther(&m[i].way[w], &m[i - 1].way[v], k) / CHANGE_M, CHANGE_ODDS_MOST),
-                       there = cost[v] + change;
-                if (there < best) {
-                    best = there;
-                    from[i][w] = (uint8_t)v;
-                }
-            }
-            next[w] = best + odds_against(m, count, i, k, (enum way)w);
-        }
-        memcpy(cost, next, sizeof cost);
+    bool turned = at->looked_back && is_turned(at);
+    double least = IMPOSSIBLE;
+    for (int state = 0; state < STATES; state++) {
+        enum way left = left_way(state), right = right_way(state);
+        const double(*odds)[2] = (const double(*)[2])at->odds.pair[first / 2];
+        against[state] = odds[left == AHEAD][right == AHEAD] - (left == ASIDE ? at->aside[first] : 0) -
+                         (right == ASIDE ? at->aside[first + 1] : 0);
+        bool there = (left != ASIDE || at->aside[first] > 0) && (right != ASIDE || at->aside[first + 1] > 0);
+        if (!at->looked_back || turned)
+            there = left == right && left == (turned ? at->round : AHEAD);
+        if (!there)
+            against[state] = IMPOSSIBLE;
+        least = fmin(least, against[state]);
     }
-    way[count - 1] = cost[BACK] < cost[AHEAD] ? BACK : AHEAD;
-    for (int64_t i = count - 1; i > 0; i--)
-        way[i - 1] = from[i][way[i]];
+    for (int state = 0; state < STATES; state++)
+        if (against[state] < IMPOSSIBLE)
+            against[state] = fmin(PICTURE_ODDS_MOST, against[state] - least);
+}
+
+// What speaks against part k going from each way to each, from the moment before `m` to it.
+static void find_changes(const struct moment *m, int k, double change[WAYS][WAYS])
+{
+    for (int v = 0; v < WAYS; v++)
+        for (int w = 0; w < WAYS; w++)
+            change[v][w] = fmin(farther(&m->way[w], &m[-1].way[v], k) / CHANGE_M, CHANGE_ODDS_MOST);
+}
+
+// What speaks against any of these choices: the logarithm of the odds, of which the lowest weigh most.
+static double any_of(const double against[STATES])
+{
+    double least = INFINITY, sum = 0;
+    for (int s = 0; s < STATES; s++)
+        least = fmin(least, against[s]);
+    for (int s = 0; s < STATES; s++)
+        sum += exp(least - against[s]);
+    return least - log(sum);
+}
+
+// What the pictures say in moment i, of a pair of limbs, `first` and the next, or of the trunk (TRUNK), and how choices
+// follow on each other from the moment before.
+struct step {
+    double against[STATES], change[STATES][STATES];
+};
+
+static void find_step(const struct moment *m, int64_t count, int64_t i, int first, struct step *out)
+{
+    double left[WAYS][WAYS] = {0}, right[WAYS][WAYS] = {0};
+    if (first == TRUNK)
+        find_trunk_odds(m, count, i, out->against);
+    else
+        find_pair_odds(&m[i], first, out->against);
+    if (i)
+        find_changes(&m[i], first, left);
+    if (i && first != TRUNK)
+        find_changes(&m[i], first + 1, right);
+    for (int r = 0; r < STATES; r++)
+        for (int s = 0; s < STATES; s++)
+            out->change[r][s] = left[left_way(r)][left_way(s)] + right[right_way(r)][right_way(s)];
+}
+
+// How likely each choice of ways is in each of `count` moments, by all sequences of choices (forward and backward,
+// Rabiner 1989): by what the pictures say and by how far a part would go from frame to frame. Legs may be exchanged in
+// one of the ways, so that both are chosen together.
+static void find_likely(const struct moment *m, int64_t count, int first, double (*likely)[STATES])
+{
+    struct step step;
+    double sum[STATES], after[STATES] = {0};
+    for (int64_t i = 0; i < count; i++) { // for now, what speaks against it up to here
+        find_step(m, count, i, first, &step);
+        for (int s = 0; s < STATES; s++) {
+            for (int r = 0; i && r < STATES; r++)
+                sum[r] = likely[i - 1][r] + step.change[r][s];
+            likely[i][s] = step.against[s] + (i ? any_of(sum) : 0);
+        }
+    }
+    for (int64_t i = count - 1; i >= 0; i--) {
+        for (int s = 0; s < STATES; s++)
+            likely[i][s] += after[s];
+        double all = any_of(likely[i]);
+        for (int s = 0; s < STATES; s++)
+            likely[i][s] = exp(all - likely[i][s]);
+        find_step(m, count, i, first, &step);
+        double then[STATES];
+        memcpy(then, after, sizeof then);
+        for (int r = 0; r < STATES; r++) {
+            for (int s = 0; s < STATES; s++)
+                sum[s] = step.change[r][s] + step.against[s] + then[s];
+            after[r] = any_of(sum);
+        }
+    }
 }
 
 // The mean of both ways where they agree.
@@ -219,15 +315,31 @@ static void join_ways(struct moment *m)
     }
 }
 
-static void join_limb(struct moment *m, int k, enum way way)
+// Where a limb's joint is if `way` is right about the limb: the other one counts, too, where it agrees.
+static struct vec3 place_by(const struct moment *m, int k, enum way way, enum joint joint)
+{
+    if (way == ASIDE)
+        return m->way[ASIDE].joint[joint];
+    double off = farther(&m->way[AHEAD], &m->way[BACK], k) / AGREE_M, other = 0.5 * exp(-off * off);
+    return v3_mix(m->way[AHEAD].joint[joint], m->way[BACK].joint[joint], way == BACK ? 1 - other : other);
+}
+
+// The mean over what each choice says, as likely as it is: of a limb that nobody sees, what is least wrong.
+static void join_pair(struct moment *m, int first, const double likely[STATES])
 {
     if (!m->looked_back || is_turned(m))
         return;
-    double off = farther(&m->way[AHEAD], &m->way[BACK], k) / AGREE_M, other = 0.5 * exp(-off * off),
-           back = way == BACK ? 1 - other : other;
-    const enum joint joint[2] = {limb[k].bend, limb[k].tip};
-    for (int i = 0; i < 2; i++)
-        m->settled.joint[joint[i]] = v3_mix(m->way[AHEAD].joint[joint[i]], m->way[BACK].joint[joint[i]], back);
+    for (int k = first; k < first + 2; k++) {
+        const enum joint joint[2] = {limb[k].bend, limb[k].tip};
+        for (int i = 0; i < 2; i++) {
+            struct vec3 mean = {0, 0, 0};
+            for (int s = 0; s < STATES; s++) {
+                enum way way = k == first ? left_way(s) : right_way(s);
+                mean = v3_add(mean, v3_scale(place_by(m, k, way, joint[i]), likely[s]));
+            }
+            m->settled.joint[joint[i]] = mean;
+        }
+    }
 }
 
 // ------------------------------------------------------------- smoothing
@@ -313,7 +425,7 @@ static int64_t stretch_end(const struct settle *s, int64_t first)
 }
 
 struct settle_room {
-    uint8_t (*from)[WAYS], *way;
+    double (*likely)[STATES];
     struct vec3 *is, *smoothed;
 };
 
@@ -325,15 +437,16 @@ static void settle_stretch(struct settle *s, struct moment *m, int64_t count, co
         body_build(shape, &m[i].pose, &build);
         memcpy(m[i].way[AHEAD].joint, build.joint, sizeof build.joint);
     }
-    decide(m, count, TRUNK, room->from, room->way);
+    find_likely(m, count, TRUNK, room->likely);
     for (int64_t i = 0; i < count; i++) {
-        m[i].round = (enum way)room->way[i];
+        const double *likely = room->likely[i];
+        m[i].round = likely[state_of(BACK, BACK)] > likely[state_of(AHEAD, AHEAD)] ? BACK : AHEAD;
         join_ways(&m[i]);
     }
-    for (int k = 0; k < LIMB_COUNT; k++) {
-        decide(m, count, k, room->from, room->way);
+    for (int first = 0; first < LIMB_COUNT; first += 2) {
+        find_likely(m, count, first, room->likely);
         for (int64_t i = 0; i < count; i++)
-            join_limb(&m[i], k, room->way[i]);
+            join_pair(&m[i], first, room->likely[i]);
     }
     smooth_joints(m, count, room->is, room->smoothed);
     for (int round = 0; round < REPAIRS; round++) {
@@ -349,16 +462,15 @@ static void settle_stretch(struct settle *s, struct moment *m, int64_t count, co
 enum status settle_finish(struct settle *s)
 {
     size_t count = (size_t)s->count + 1;
-    struct settle_room room = {calloc(count, sizeof *room.from), calloc(count, 1), calloc(count, sizeof *room.is),
+    struct settle_room room = {calloc(count, sizeof *room.likely), calloc(count, sizeof *room.is),
                                calloc(count, sizeof *room.smoothed)};
-    bool enough = room.from && room.way && room.is && room.smoothed;
+    bool enough = room.likely && room.is && room.smoothed;
     for (int64_t first = 0, end; enough && first < s->count; first = end) {
         end = stretch_end(s, first);
         if (s->moment[first].person >= 0)
             settle_stretch(s, &s->moment[first], end - first, &room);
     }
-    free(room.from);
-    free(room.way);
+    free(room.likely);
     free(room.is);
     free(room.smoothed);
     return enough ? OK : fail(ERR_MEMORY, "not enough memory to think a take over");

@@ -4,10 +4,12 @@
 // of what comes next. When a take has ended, it follows the person back from the
 // end to the beginning with the measures learned by then. Where the two ways
 // differ about a limb, the pictures from where they part to where they meet again
-// decide together; where they agree, their mean is taken, which lags neither
-// way. What is left of trembling is averaged with the half second before and
-// after, as far as it lies on a line with it: a straight move is not held back
-// and a turning point not cut.
+// weigh them together, a left and a right limb at once, and where none of them
+// tells, as behind the back, a mean of both is least wrong; where they agree, their
+// mean lags neither way. A leg that the other one hides, but for its toe, may be where
+// neither way has it, which is weighed with them. What is left of trembling is
+// averaged with the half second before and after, as far as it lies on a line with
+// it: a straight move is not held back and a turning point not cut.
 //
 // Which way round the person stands is decided likewise, and by where they walk. Frames in
 // which the way forward found nobody stay without. Pure: no file, no clock; one take and thread.
@@ -20,7 +22,7 @@ MUST_CHECK enum status settle_open(struct settle **out, const struct calibration
 void settle_close(struct settle **s); // NULL is fine; sets *s = NULL
 
 // After each frame of the take: what the tracker told of it, NULL where there is nobody or no depth.
-// time_ns must rise. ERR_MEMORY: 2 KiB a frame are kept.
+// time_ns must rise. ERR_MEMORY: 2.5 KiB a frame are kept.
 MUST_CHECK enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_ns,
                                    const struct skeleton *told);
 

@@ -4,6 +4,7 @@
 #include "capture/body_steady.h"
 #include "capture/segment.h"
 #include "capture/tracker_back.h"
+#include "capture/tracker_shin.h"
 #include "capture/tracker_start.h"
 #include "platform/clock.h"
 
@@ -20,7 +21,6 @@ enum {
 };
 
 #define ELSEWHERE_M 0.08 // a limb that a search moves further than this was lost
-#define APART_M     0.04 // two places of a limb nearer than this are the same
 
 struct tracker {
     struct tracker_options options;
@@ -42,8 +42,9 @@ struct tracker {
     struct hem_belief hem;
     struct body_pose taught; // the last one that taught much of the shape
     int64_t lost_since_ns;   // 0: in sight
-    int poor_frames, frames;
-    double turned_evidence;                // that the person looks the other way, as a logarithm of odds
+    int poor_frames, frames, empty_frames;
+    int sides_cut;          // how many of the picture's edges cut the person when they were found, or last thought over
+    double turned_evidence; // that the person looks the other way, as a logarithm of odds
     double swapped_evidence;               // the same for their legs
     double elsewhere_evidence[LIMB_COUNT]; // and that a limb is elsewhere
     bool found_elsewhere[LIMB_COUNT];      // in this frame it turned out to
@@ -240,10 +241,18 @@ static void learn_shape(struct tracker *t, const struct fit_task *task, const st
         t->taught = fit->pose;
 }
 
-static bool is_whole(const struct body_evidence *e)
+enum { CUT_LEFT = 1, CUT_RIGHT = 2, CUT_ABOVE = 4, CUT_BELOW = 8 };
+
+// Which of the picture's edges cut the person.
+static unsigned cuts(const struct body_evidence *e)
 {
-    return e->bottom < e->picture.bottom - 2 && e->left > e->picture.left + 2 && e->right < e->picture.right - 2;
+    return (e->left <= e->picture.left + 2 ? CUT_LEFT : 0) | (e->right >= e->picture.right - 2 ? CUT_RIGHT : 0) |
+           (e->top <= e->picture.top + 2 ? CUT_ABOVE : 0) | (e->bottom >= e->picture.bottom - 2 ? CUT_BELOW : 0);
 }
+
+static bool is_whole(const struct body_evidence *e) { return !(cuts(e) & (CUT_LEFT | CUT_RIGHT | CUT_BELOW)); }
+
+static int sides_cut(const struct body_evidence *e) { return __builtin_popcount(cuts(e)); }
 
 // Sums up what pictures gain by another pose, as a logarithm of odds. One picture alone says
 // little: while something is lost, anything is better.
@@ -378,13 +387,9 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
     return true;
 }
 
-static bool start(struct tracker *t, struct fit_task *task)
+// What was found in room->best is from now on what the person looks like.
+static void believe(struct tracker *t, const struct fit_task *task)
 {
-    bool found = start_search(task, t->room);
-    took(t, &t->times.search);
-    if (!found)
-        return false;
-    t->found_count++;
     if (!t->back) { // looking back, whoever is found is known
         t->shape = task->shape;
         t->shape.mean = t->room->best.shape;
@@ -393,7 +398,36 @@ static bool start(struct tracker *t, struct fit_task *task)
     t->learned_s = 0;
     t->hem = (struct hem_belief){0};
     t->frames = 0;
+}
+
+static bool start(struct tracker *t, struct fit_task *task)
+{
+    bool found = start_search(task, t->room);
+    took(t, &t->times.search);
+    if (!found)
+        return false;
+    t->found_count++;
+    t->sides_cut = sides_cut(t->evidence);
+    believe(t, task);
     return true;
+}
+
+// Of somebody whom the picture's edge cuts, or who is just coming in, a leg may be taken for all of them, and what
+// follows holds on to that. When less of them is cut they are looked for once more, as if nothing was known.
+static void think_start_over(struct tracker *t, struct fit_task *task)
+{
+    int cut = sides_cut(t->evidence);
+    if (t->back || cut >= t->sides_cut)
+        return;
+    t->sides_cut = cut;
+    if (start_over(task, &t->room->best.pose, t->room)) {
+        believe(t, task);
+        t->turned = true; // this was no motion
+        t->turned_evidence = t->swapped_evidence = 0;
+        memset(t->elsewhere_evidence, 0, sizeof t->elsewhere_evidence);
+        memset(t->found_elsewhere, 0, sizeof t->found_elsewhere);
+    }
+    took(t, &t->times.search);
 }
 
 enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out, uint8_t *mask)
@@ -441,11 +475,15 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
         took(t, &t->times.segment);
     }
     bool fresh = !t->following;
+    if (there && !fresh)
+        think_start_over(t, &task);
     if (there && fresh)
         there = t->following = start(t, &task);
     if (!there) {
         if (t->following && !t->lost_since_ns)
             t->lost_since_ns = time_ns;
+        else if (!t->following && t->empty_frames++ % LEARN_EVERY == 0) // what stands there now is furniture
+            segmenter_learn(t->segmenter);
         t->moving = false;
         return NOTHING;
     }
@@ -496,43 +534,27 @@ const struct body_shape *tracker_shape(const struct tracker *t) { return &t->sha
 
 int tracker_found_count(const struct tracker *t) { return t->found_count; }
 
-// Both ways: the other's limb on this body, and this one's on the other body.
+// As far a reach as in the search for limbs: what is left unexplained has to count.
+static struct fit_task weighing(const struct tracker *t)
+{
+    struct fit_task task = {.every = 1, .evidence = t->evidence, .shape = t->shape, .reach_m = 0.12};
+    task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
+    return task;
+}
+
 struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
 {
-    struct pose_odds odds = {0};
-    struct body_build build, other_build;
-    bool apart[LIMB_COUNT], any = false;
-    body_build(&t->shape.mean, &t->pose, &build);
-    body_build(&t->shape.mean, other, &other_build);
-    for (int k = 0; k < LIMB_COUNT; k++)
-        any |= apart[k] = limb_moved_m(k, &build, &other_build) > APART_M;
-    if (!any)
-        return odds;
-    // As far a reach as in the search for limbs: what is left unexplained has to count.
-    struct fit_task task = {.every = 1,
-                            .evidence = t->evidence,
-                            .expected = *other,
-                            .expected_sigma = 2,
-                            .shape = t->shape,
-                            .iterations = 2,
-                            .reach_m = 0.12};
-    task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
-    struct fit_result *judged = &t->room->other;
-    body_fit(&task, other, &t->room->trial); // a fit beside a fit
-    body_judge(&task, &t->pose, &t->shape.mean, judged);
-    double own_energy = judged->energy;
-    odds.whole = t->room->trial.energy - own_energy;
-    for (int k = 0; k < LIMB_COUNT; k++) {
-        if (!apart[k])
-            continue;
-        struct body_pose pose = t->pose;
-        limb_copy(k, &t->room->trial.pose, &pose);
-        body_judge(&task, &pose, &t->shape.mean, judged);
-        double there = judged->energy - own_energy;
-        pose = t->room->trial.pose;
-        limb_copy(k, &t->pose, &pose);
-        body_judge(&task, &pose, &t->shape.mean, judged);
-        odds.limb[k] = 0.5 * (there + t->room->trial.energy - judged->energy);
-    }
-    return odds;
+    struct fit_task task = weighing(t);
+    return pose_weigh(&task, &t->pose, other, t->room);
+}
+
+double tracker_shin_aside(struct tracker *t, int leg, struct body_pose *out)
+{
+    struct fit_task task = weighing(t);
+    struct body_pose found;
+    double gain = shin_aside_gain(&task, leg, t->room, &found);
+    *out = t->shown.pose;
+    if (gain > 0)
+        limb_copy(leg, &found, out);
+    return gain;
 }

@@ -1,7 +1,7 @@
 // Looking back over frames that were tracked: what settle.c needs of the tracker beyond tracker.h.
 #pragma once
 #include "capture/tracker.h"
-#include "capture/tracker_limbs.h"
+#include "capture/tracker_weigh.h"
 
 // From here on frames come in falling order of time, the last one first, with their own times, and
 // show a person of this shape, which is learned no more; what was learned of the room stays. May be
@@ -17,10 +17,9 @@ const struct body_pose *tracker_pose(const struct tracker *t); // as told
 const struct body_shape *tracker_shape(const struct tracker *t);
 int tracker_found_count(const struct tracker *t); // so often somebody was found anew, so far
 
-// By how much this picture is less likely with another pose than with the one that was fitted to
-// it: energies as in body_fit.h, negative where it is likelier. 0 for limbs that are in the same place.
-struct pose_odds {
-    double limb[LIMB_COUNT]; // with this limb alone as the other pose has it
-    double whole;            // with all of it
-};
+// This picture's word on another pose beside the one that was fitted to it.
 struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other);
+
+// Where a lower leg (2 left, 3 right) is likelier than where it was told to be, as in tracker_shin.h: the logarithm of
+// the odds, and *out is what was told but for that leg. 0: nowhere.
+double tracker_shin_aside(struct tracker *t, int leg, struct body_pose *out);

@@ -200,6 +200,35 @@ void limb_copy(int k, const struct body_pose *from, struct body_pose *to)
         to->turn[s] = from->turn[s];
 }
 
+// Turns segment s about its own origin to the axes that it has in `from`.
+static void turn_alike(const struct body_shape *shape, enum segment s, const struct body_build *from,
+                       struct body_pose *to)
+{
+    struct body_build build;
+    double wanted[3][3];
+    body_build(shape, to, &build);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++) {
+            wanted[r][c] = 0;
+            for (int i = 0; i < 3; i++)
+                wanted[r][c] += build.parent_axes[s][i][r] * from->axes[s][i][c];
+        }
+    to->turn[s] = quat_from_matrix(wanted);
+}
+
+void limb_lay(int k, const struct body_shape *shape, const struct body_build *from, struct body_pose *to)
+{
+    const enum segment chain[3] = {limb[k].upper, limb[k].lower, limb[k].end};
+    for (int i = 0; i < 3; i++) {
+        turn_alike(shape, chain[i], from, to);
+        if (i == 2)
+            break;
+        struct body_build build;
+        body_build(shape, to, &build);
+        body_aim(shape, to, chain[i], v3_sub(from->origin[chain[i + 1]], build.origin[chain[i]]));
+    }
+}
+
 // ---------------------------------------------------------------- a limb elsewhere
 
 enum { TARGETS = 4, KEPT = 2 };

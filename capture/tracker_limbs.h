@@ -7,7 +7,7 @@ struct fit_room {
     struct fit_result best, trial, other;
 };
 
-enum { LIMB_COUNT = 4 }; // left arm, right arm, left leg, right leg
+enum { FIRST_LEG = 2, LIMB_COUNT = 4 }; // left arm, right arm, left leg, right leg
 
 // In all of them room->best holds the fit of this picture.
 
@@ -31,3 +31,6 @@ double legs_swapped_gain(const struct fit_task *task, struct fit_room *room);
 double limb_moved_m(int limb, const struct body_build *from, const struct body_build *to);
 // Turns a limb's segments as they are in `from`.
 void limb_copy(int limb, const struct body_pose *from, struct body_pose *to);
+// Lays a limb of `to` where `from` has it in the camera's axes, as far as it reaches there from where its own trunk
+// is: one trunk a little aside of another must not carry the limb with it.
+void limb_lay(int limb, const struct body_shape *shape, const struct body_build *from, struct body_pose *to);

@@ -5,9 +5,11 @@
 #include <string.h>
 
 enum { YAWS = 8, WAYS_ROUND = 4 };
+#define POOR             75.0  // a fit's energy when all its points, 150 independent ones, are off by their sigma
 #define AWAY_ODDS        10.0  // against somebody who looks away from the sensor
 #define AWAY_ODDS_UNSURE 30.0  // the same without feet, or without a floor that they stand on: little else tells
 #define JUDGE_REACH_M    0.20  // a toe that nothing explains has to count
+#define START_OVER_ODDS  20.0  // against the body followed so far having been wrong all along
 #define ROUGH            1.6   // a rough fit this much worse than another is none the better for being finished
 #define WAIST_RATE       0.571 // the waist joint, of body height over the floor
 #define PI               3.14159265358979323846
@@ -77,6 +79,13 @@ static bool measure(const struct fit_task *task, struct start *out)
     out->trunk.x = rank_of(x, count, 0.5);
     out->trunk.z = rank_of(z, count, 0.5);
     return true;
+}
+
+// As in a kick; side 0: the left one.
+static void raise_leg(struct body_pose *pose, int side)
+{
+    pose->turn[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH] = quat_from_rotation_vector(v3(-1.2, 0, 0));
+    pose->turn[side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN] = quat_from_rotation_vector(v3(0.6, 0, 0));
 }
 
 static void raise_arms(struct body_pose *pose, double left, double right)
@@ -186,6 +195,29 @@ static void choose(struct fit_task *task, const struct candidates *rough, struct
     task->shape.mean = best.shape;
 }
 
+// Nobody stands like that, whichever way they face: a leg may be raised.
+static void try_kicks(struct fit_task *task, struct vec3 root, struct fit_room *room)
+{
+    struct candidates rough = {.unsure = !task->have_floor};
+    struct candidate standing = {room->best.pose, room->best.shape, room->best.energy};
+    standing.energy += facing_odds(&standing.pose, rough.unsure);
+    for (int i = 0; i < WAYS_ROUND; i++)
+        rough.of[i].energy = INFINITY;
+    task->learn_shape = false;
+    task->every = 3;
+    for (int turn = 0; turn < YAWS; turn++)
+        for (int side = 0; side < 2; side++) {
+            struct body_pose pose = body_rest_pose(root, task->up, turn * 2 * PI / YAWS);
+            raise_leg(&pose, side);
+            fit_start(task, &pose, room, &rough);
+        }
+    choose(task, &rough, room);
+    if (room->best.energy + facing_odds(&room->best.pose, rough.unsure) < standing.energy)
+        return;
+    body_judge(task, &standing.pose, &standing.shape, &room->best);
+    task->shape.mean = standing.shape;
+}
+
 bool start_search(struct fit_task *task, struct fit_room *room)
 {
     struct start s;
@@ -220,5 +252,23 @@ bool start_search(struct fit_task *task, struct fit_room *room)
                 fit_start(task, &pose, room, &rough);
             }
     choose(task, &rough, room);
+    if (room->best.energy > POOR && !s.halved && !s.cut)
+        try_kicks(task, root, room);
     return explained_share(task->evidence, &room->best, 0.10) > 0.6;
+}
+
+bool start_over(struct fit_task *task, const struct body_pose *followed, struct fit_room *room)
+{
+    const struct fit_task before = *task;
+    const struct body_pose pose = *followed; // it may lie in the room
+    if (start_search(task, room)) {
+        struct fit_task judged = *task;
+        judged.shape = before.shape;
+        body_judge(&judged, &pose, &before.shape.mean, &room->trial);
+        if (room->trial.energy - room->best.energy > START_OVER_ODDS)
+            return true;
+    }
+    *task = before;
+    body_judge(task, &pose, &task->shape.mean, &room->best);
+    return false;
 }
