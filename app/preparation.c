@@ -1,5 +1,8 @@
 #include "app/preparation.h"
 
+#include "platform/memory.h"
+#include "platform/parallel.h"
+
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -15,7 +18,7 @@ struct preparation {
     bool runs;
     atomic_int done; // of SHARES
     atomic_bool unwanted, ended;
-    // The thread's until it has ended.
+    // The threads' until they have ended.
     enum status status;
     char sentence[512];
     struct likeness likeness;
@@ -44,45 +47,66 @@ static bool went_on(void *self, double share)
     return !atomic_load(&p->unwanted);
 }
 
-// The room is quickly made, and not worth a sentence where it fails.
-static void make_room(struct preparation *p, struct recording *recording, struct take *take)
+static enum status open_take(const struct preparation *p, struct recording **recording, struct take **take)
 {
-    const struct likeness_watch watch = {.went_on = wanted, .self = p};
-    struct place place = {0};
-    if (recording_read_place(recording, &place) != OK || room_make(&p->room, &place, take, &watch) != OK)
-        p->room = (struct room){0};
-    place_free(&place);
+    enum status status = recording_open(recording, p->path);
+    return status == OK ? take_open(take, *recording, p->take) : status;
 }
 
-static enum status make(struct preparation *p)
+// The room is quickly made, and not worth a sentence where it fails.
+static void make_room(struct preparation *p)
+{
+    const struct likeness_watch watch = {.went_on = wanted, .self = p};
+    struct recording *recording = NULL;
+    struct take *take = NULL;
+    struct place place = {0};
+    if (open_take(p, &recording, &take) != OK || recording_read_place(recording, &place) != OK ||
+        room_make(&p->room, &place, take, &watch) != OK)
+        p->room = (struct room){0};
+    place_free(&place);
+    take_close(&take);
+    recording_free(&recording);
+}
+
+static enum status make_likeness(struct preparation *p)
 {
     const struct likeness_watch watch = {.went_on = went_on, .self = p};
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;
-    enum status status = recording_open(&recording, p->path);
-    if (status == OK)
-        status = take_open(&take, recording, p->take);
+    enum status status = open_take(p, &recording, &take);
     if (status == OK && !(take_calibration(take)->depth.width > 0))
         status = NOTHING;
     if (status == OK)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK)
         status = likeness_make(&p->likeness, take, rays, LIKENESS_FRAMES, &watch);
-    if (status >= 0 && wanted(p, 1))
-        make_room(p, recording, take);
     source_rays_close(&rays);
     take_close(&take);
     recording_free(&recording);
     return status;
 }
 
+enum { LIKENESS, ROOM, TASKS };
+
+// Side by side, each with a handle on the recording of its own.
+static void do_task(void *self, int task)
+{
+    struct preparation *p = self;
+    if (task == ROOM) {
+        make_room(p);
+        return;
+    }
+    p->status = make_likeness(p);
+    if (p->status < 0)
+        strncpy(p->sentence, status_sentence(), sizeof p->sentence - 1);
+}
+
 static void *run(void *self)
 {
     struct preparation *p = self;
-    p->status = make(p);
-    if (p->status < 0)
-        strncpy(p->sentence, status_sentence(), sizeof p->sentence - 1);
+    parallel(TASKS, TASKS, do_task, p);
+    memory_give_back();
     atomic_store(&p->ended, true);
     tell(p);
     return NULL;

@@ -1,5 +1,5 @@
 // Makes a take's likeness (reenact/likeness.h) and the room about it (reenact/room.h)
-// beside the drawing, on a thread and with a handle on the recording of its own.
+// beside the drawing, on threads and with handles on the recording of its own.
 #pragma once
 #include "reenact/room.h"
 
@@ -7,7 +7,7 @@ struct preparation;
 
 struct preparation_options {
     const char *path, *take;  // copied
-    void (*news)(void *self); // called on that thread when there is something new; may be NULL
+    void (*news)(void *self); // called on another thread when there is something new; may be NULL
     void *news_self;
 };
 MUST_CHECK enum status preparation_start(struct preparation **out,

@@ -38,9 +38,10 @@ struct stage {
 // From where one begins to walk round him, and what is then seen of the middle: him with a hand raised or reached out,
 // which may be nearer.
 static const double NEAREST_M = 3, FARTHEST_M = 3.4, TALL_M = 2.3, WIDE_M = 2.1;
-// While he plays, a frame that is not there is done without where another so near is. When he stands still, after a
-// jump along the timeline, any other will do for as long as it takes to load it; whoever waits so long waits for it.
-static const int64_t STAND_IN_NS = 500000000, ANY_NS = INT64_MAX, AWAIT_NS = 300000000;
+// For a frame that is not there any other will do: while he plays always, for who loaded it meanwhile would hold up the
+// picture; when he stands still, after a jump along the timeline, for as long as it takes to load it. Who waits longer
+// than that waits for it.
+static const int64_t ANY_NS = INT64_MAX, AWAIT_NS = 300000000;
 
 static void find_beginning(struct stage *s)
 {
@@ -175,14 +176,6 @@ static struct pose camera_in_take(const struct stage *s, const struct stage_look
 static struct lens lens_for(const struct stage_look *look)
 {
     struct lens l = look->lens;
-    double k = look->fineness;
-    if (k < 1) {
-        l.width = (int)fmax(16, round(l.width * k));
-        l.height = (int)fmax(16, round(l.height * k));
-        double kx = (double)l.width / look->lens.width, ky = (double)l.height / look->lens.height;
-        l.fx *= kx, l.fy *= ky;
-        l.cx = (l.cx + 0.5) * kx - 0.5, l.cy = (l.cy + 0.5) * ky - 0.5; // (0, 0) is a pixel's centre
-    }
     if (look->placement.mirrored) {
         l.cx = l.width - 1 - l.cx;
         l.p2 = -l.p2;
@@ -245,9 +238,9 @@ static void color_code(const uint8_t code[3], uint8_t rgba[4])
     rgba[3] = code[0] < 40 ? 0 : (uint8_t)opacity;
 }
 
-static enum status show_sources(struct stage *s, const struct lens *lens, struct stage_picture *out)
+static enum status show_sources(struct stage *s, int width, int height, struct stage_picture *out)
 {
-    size_t pixels = (size_t)lens->width * (size_t)lens->height;
+    size_t pixels = (size_t)width * (size_t)height;
     uint8_t *codes = realloc(s->codes, 3 * pixels);
     s->codes = codes ? codes : s->codes;
     uint8_t *colors = realloc(s->colors, 4 * pixels);
@@ -259,8 +252,7 @@ static enum status show_sources(struct stage *s, const struct lens *lens, struct
         return status;
     for (size_t i = 0; i < pixels; i++)
         color_code(codes + 3 * i, colors + 4 * i);
-    status = show_pixels(s, &s->sources, &s->sources_width, &s->sources_height, lens->width, lens->height, GPU_RGBA8,
-                         colors);
+    status = show_pixels(s, &s->sources, &s->sources_width, &s->sources_height, width, height, GPU_RGBA8, colors);
     out->sources = s->sources;
     return status;
 }
@@ -357,7 +349,7 @@ static int64_t within(struct stage *s, const struct stage_look *look, int64_t fr
     if (look->sources)
         return 0;
     if (look->playing)
-        return STAND_IN_NS;
+        return ANY_NS;
     if (frame != s->awaited)
         s->awaited = frame, s->awaited_ns = now_ns;
     return now_ns - s->awaited_ns < AWAIT_NS ? ANY_NS : 0;
@@ -417,12 +409,13 @@ void stage_shown(struct stage *s)
 }
 
 // Pixels as shares of the picture, which is turned over later.
-static struct ui_part part_within(const struct gpu_box *box, const struct lens *lens, bool turned_over)
+static struct ui_part part_within(const struct painter_result *drawn, bool turned_over)
 {
+    const struct gpu_box *box = &drawn->within;
     if (!box->width)
         return (struct ui_part){0, 0, 1, 1};
-    const double left = (double)box->left / lens->width, right = left + (double)box->width / lens->width;
-    const double top = (double)box->top / lens->height, bottom = top + (double)box->height / lens->height;
+    const double left = (double)box->left / drawn->width, right = left + (double)box->width / drawn->width;
+    const double top = (double)box->top / drawn->height, bottom = top + (double)box->height / drawn->height;
     return (struct ui_part){turned_over ? 1 - right : left, top, turned_over ? 1 - left : right, bottom};
 }
 
@@ -441,6 +434,7 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, in
     enum status status = have_painter(s, &lens);
     if (status != OK)
         return status;
+    painter_set_fineness(s->painter, look->fineness);
     painter_set_sources(s->painter, look->sources);
     painter_set_error(s->painter, look->error_px);
     status = frame >= 0 ? use_ahead(s, look, frame, view.within_ns) : OK;
@@ -452,10 +446,10 @@ static enum status draw_actor(struct stage *s, const struct stage_look *look, in
     out->shadow = painter_shadow_texture(s->painter);
     out->former = look->former ? painter_paper_texture(s->painter) : NULL;
     out->prepared = result.level != DETAIL_PAPER;
-    out->actor_part = part_within(&result.within, &lens, look->placement.mirrored);
+    out->actor_part = part_within(&result, look->placement.mirrored);
     out->turned_over = look->placement.mirrored;
     out->parts = result.parts;
-    return look->sources ? show_sources(s, &lens, out) : OK;
+    return look->sources ? show_sources(s, result.width, result.height, out) : OK;
 }
 
 enum status stage_draw(struct stage *s, const struct stage_look *look, struct stage_picture *out)

@@ -1,5 +1,7 @@
 #include "reenact/align.h"
 
+#include "reenact/outline.h"
+
 #include <string.h>
 
 enum { ROUNDS = 8, UNKNOWNS = 6 * BONE_COUNT, POINTS = 4000 };
@@ -14,7 +16,10 @@ static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from t
 static const double END_RAD = 1.2;                      // joints do not tell how head, hands and feet are turned
 static const double TURNED_RAD = 0.02;                  // colours tell better than depth how round parts are turned
 static const double OUTLIER_M = 0.025;
-static const double SURELY_SEEN = 1; // frames; a surface that is only guessed holds nothing
+// a place of the outline is good to this and odd by that, and a part's count as no more than these.
+static const double OUTLINE_PX = 1, OUTLINE_OUTLIER_PX = 4, PART_OUTLINE = 20;
+static const double OUTLINE_FACING = 0.5; // cosine: the shape ends there the way that the outline does
+static const double SURELY_SEEN = 1;      // frames; a surface that is only guessed holds nothing
 
 bool turned_by_colors(int bone) { return bone == PART_HEAD || bone == PART_LEFT_SHIN || bone == PART_RIGHT_SHIN; }
 
@@ -96,6 +101,8 @@ struct state {
     struct vec3 middle[BONE_COUNT]; // of each bone, about which it turns; camera axes
     int every;                      // pixels between two that are used
     bool turned;                    // the start knows how round parts are turned
+    struct outline_place outline[OUTLINE_MOST];
+    int outline_count;
 };
 
 // Camera-axes motion of bone p: x -> x + w cross (x - middle) + t; unknowns t, w.
@@ -150,6 +157,56 @@ static void add_readings(const struct state *s, struct system *system)
             bone_row(s, p, at, normal, index, j);
             add_row(system, index, j, 6, distance, robust * robust * share / (READING_M * READING_M));
         }
+}
+
+// Of head and trunk depth has many readings, and they tell better than the outline how those are turned: a shape that
+// is a little too wide would turn to be as narrow as it is seen.
+static bool turned_by_outline(int bone)
+{
+    return bone != PART_HEAD && bone != PART_UPPER_TORSO && bone != PART_LOWER_TORSO;
+}
+
+// Takes the turn about the bone itself out of its row.
+static void leave_turn(const struct state *s, int p, double j[6])
+{
+    const struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->rest->frame[p].z);
+    const double about = j[3] * axis.x + j[4] * axis.y + j[5] * axis.z;
+    j[3] -= about * axis.x, j[4] -= about * axis.y, j[5] -= about * axis.z;
+}
+
+// Lines of sight along the outline touch the shape. Depth alone hardly knows where limbs are sideways: it comes in
+// steps, and has few readings on what is thin and round.
+static void add_outline(const struct state *s, struct system *system)
+{
+    const struct calibration *calibration = volume_calibration(s->volume);
+    struct pose rest_from_camera[BONE_COUNT];
+    uint8_t bone[OUTLINE_MOST];
+    int count[BONE_COUNT] = {0};
+    for (int p = 0; p < BONE_COUNT; p++)
+        rest_from_camera[p] = pose_inverse(s->now.bone[p]);
+    for (int i = 0; i < s->outline_count; i++) {
+        bone[i] = (uint8_t)outline_bone(s->rest, s->sight, &s->outline[i], rest_from_camera);
+        count[bone[i]]++;
+    }
+    for (int i = 0; i < s->outline_count; i++) {
+        const int p = bone[i];
+        struct outline_touch touch;
+        if (!s->rest->known[p] ||
+            !outline_touches(s->volume, calibration, s->sight, &s->outline[i], rest_from_camera[p], &touch))
+            continue;
+        const struct vec3 normal = quat_rotate(s->now.bone[p].rotation, touch.normal);
+        if (-v3_dot(normal, touch.inward) < OUTLINE_FACING)
+            continue;
+        const double pixel_m = s->sight->depth[s->outline[i].inside] * 1e-3 / calibration->depth.fx;
+        const double outlier = OUTLINE_OUTLIER_PX * pixel_m, good = OUTLINE_PX * pixel_m;
+        const double robust = outlier * outlier / (outlier * outlier + touch.gap * touch.gap);
+        int index[6];
+        double j[6];
+        bone_row(s, p, touch.at, normal, index, j);
+        if (!turned_by_outline(p))
+            leave_turn(s, p, j);
+        add_row(system, index, j, 6, touch.gap, robust * robust * fmin(1, PART_OUTLINE / count[p]) / (good * good));
+    }
 }
 
 static void add_links(const struct state *s, struct system *system)
@@ -213,6 +270,7 @@ static void one_round(struct state *s, struct system *system)
             add_turned(s, system, p);
     }
     add_readings(s, system);
+    add_outline(s, system);
     add_links(s, system);
     solve(system);
     for (int p = 0; p < BONE_COUNT; p++) {
@@ -240,6 +298,8 @@ struct adjustment align(const struct volume *volume, const struct rest *rest, st
         if (round == 0 || round == rounds / 2) {
             struct skeleton better = posture_skeleton(rest, &s.now);
             sight_label(sight, &better);
+            if (round > 0) // by then they lie near where they end, or they would be laid on others' outlines
+                s.outline_count = outline_find(sight, s.outline);
         }
         one_round(&s, &system);
     }

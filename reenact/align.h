@@ -1,6 +1,7 @@
 // Lays the person's likeness on what one frame saw of it: joints are a few
-// centimetres wrong, depth is not. Every bone may move and turn a little; parts
-// that meet stay together, and what was not seen stays where the joints say. Pure.
+// centimetres wrong, depth and the person's outline are not. Every bone may move
+// and turn a little; parts that meet stay together, and what was not seen stays
+// where the joints say. Pure.
 #pragma once
 #include "reenact/volume.h"
 

@@ -1,12 +1,11 @@
 #include "reenact/likeness.h"
 
-#include "platform/parallel.h"
+#include "platform/pipeline.h"
 #include "reenact/carried.h"
 #include "reenact/outline.h"
 #include "reenact/sights.h"
 #include "reenact/turns.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -72,16 +71,16 @@ static void begin(const struct likeness_watch *watch, enum likeness_step step)
 // A frame on its way through a pass.
 struct reading {
     struct sight sight;
-    struct posture posture; // the person's, as far as it is known by then
-    uint8_t *rgb;           // of passes that need them: the frame's own colours
-    struct warp *warp;      // of the colours' pass: how the frame bends the figure
-    enum status status;
-    char sentence[512]; // of an error, which is known on the thread that met it
+    struct posture posture;   // the person's, as far as it is known by then
+    uint8_t *rgb;             // of passes that need them: the frame's own colours
+    struct warp *warp;        // of the colours' pass: how the frame bends the figure
+    struct outline_gaps gaps; // of the outlines' pass
+    enum status status;       // NOTHING: there is nothing to be learned from it
 };
 
-// One pass over all frames: while some are read, those before them are worked on, each for itself, and
-// what those before these say is gathered, in the frames' order.
-enum { BATCH = 2, STAGES = 3, IN_FLIGHT = BATCH * STAGES, TASKS = 4 };
+// One pass over all frames: each is read, worked on for itself, and what it says is gathered, in the frames' order.
+enum stage { READ, LAY, GATHER, STAGES };
+enum { IN_FLIGHT = 6, THREADS = 4 };
 
 struct run {
     struct likeness *likeness;
@@ -93,7 +92,7 @@ struct run {
     struct turns *turns;      // of the turns' passes
     struct coat_maker *coat;  // of the colours' pass
     struct reading reading[IN_FLIGHT];
-    int batch; // that is read
+    const struct likeness_watch *watch;
 };
 
 static enum status open_run(struct run *r, struct take *take, const struct source_rays *rays)
@@ -121,15 +120,6 @@ static void close_run(struct run *r)
         warp_close(&r->reading[i].warp);
         free(r->reading[i].rgb);
     }
-}
-
-static struct reading *reading_of(struct run *r, int i) { return &r->reading[i % IN_FLIGHT]; }
-
-static void note(struct reading *reading, enum status status)
-{
-    reading->status = status;
-    if (status < 0)
-        snprintf(reading->sentence, sizeof reading->sentence, "%s", status_sentence());
 }
 
 static bool needs_colors(enum likeness_step pass)
@@ -193,8 +183,11 @@ static enum status lay(struct run *r, struct reading *reading, int i)
     if (r->pass == LIKENESS_LAID || r->pass == LIKENESS_SHAPE)
         *a = align(f->volume, &f->rest, &reading->sight, &joints, &start, r->pass == LIKENESS_SHAPE);
     reading->posture = posture_adjusted(&joints, a);
-    if (measures_outlines(r->pass))
+    if (measures_outlines(r->pass)) {
+        reading->gaps = (struct outline_gaps){0};
+        outline_measure(f->volume, take_calibration(r->take), &reading->sight, &reading->posture, &reading->gaps);
         return OK;
+    }
     if (r->pass == LIKENESS_COLORS) // nobody else's among them
         status = sight_colors(&reading->sight, take_calibration(r->take), reading->rgb, reading->rgb);
     struct skeleton better = posture_skeleton(&f->rest, &reading->posture);
@@ -210,54 +203,56 @@ static enum status lay(struct run *r, struct reading *reading, int i)
     return status;
 }
 
-static void gather(struct run *r, const struct reading *reading, int i)
+static enum status gather(struct run *r, const struct reading *reading, int i)
 {
     const struct turns_frame frame = turns_frame_of(r, reading, i);
     if (measures_outlines(r->pass))
-        outline_measure(r->likeness->volume, take_calibration(r->take), &reading->sight, &reading->posture, &r->gaps);
+        outline_add(&r->gaps, &reading->gaps);
     else if (r->pass == LIKENESS_FOLLOW)
         turns_follow(r->turns, &frame);
     else if (r->pass == LIKENESS_COLORS)
         coat_add(r->coat, &reading->sight, reading->rgb, &reading->posture, reading->warp,
                  take_entry(r->take, r->likeness->frames[i])->world_from_camera, time_of(r, i));
     else if (r->into)
-        volume_add(r->into, &reading->sight, &reading->posture);
+        return volume_add(r->into, &reading->sight, &reading->posture);
+    return OK;
 }
 
-// What goes on side by side shares nothing that any of it changes. At first a frame is laid starting from the one
-// before.
-static void do_task(void *context, int task)
+// What goes on side by side shares nothing that any of it changes.
+static enum status do_stage(void *context, int stage, int i)
 {
     struct run *r = context;
-    int first = (r->batch - (task == 0 ? 2 : task == 3 ? 0 : 1)) * BATCH;
-    for (int i = first; i < first + BATCH && i < r->likeness->frame_count; i++) {
-        struct reading *reading = reading_of(r, i < 0 ? 0 : i);
-        bool mine = r->pass == LIKENESS_LAID ? task == 1 : task == 1 + i - first;
-        if (i >= 0 && task == 0 && reading->status == OK)
-            gather(r, reading, i);
-        else if (i >= 0 && (task == 1 || task == 2) && mine)
-            note(reading, lay(r, reading, i));
-        else if (task == 3)
-            note(reading, read_frame(r, reading, i));
-    }
+    struct reading *reading = &r->reading[i % IN_FLIGHT];
+    if (stage == READ)
+        reading->status = read_frame(r, reading, i);
+    else if (stage == LAY)
+        reading->status = lay(r, reading, i);
+    else if (reading->status == OK)
+        reading->status = gather(r, reading, i);
+    return reading->status;
 }
 
-// NOTHING: it is not wanted any more.
+static bool pass_went_on(void *context, double share)
+{
+    const struct run *r = context;
+    return went_on(r->watch, (r->pass + share) / (LIKENESS_COLORS + 1));
+}
+
+// NOTHING: it is not wanted any more. At first a frame is laid starting from the one before.
 static enum status all_frames(struct likeness *f, struct run *r, enum likeness_step pass,
                               const struct likeness_watch *watch)
 {
-    int batches = (f->frame_count + BATCH - 1) / BATCH;
+    const struct pipeline pipeline = {.items = f->frame_count,
+                                      .stages = STAGES,
+                                      .in_flight = IN_FLIGHT,
+                                      .in_order = {[READ] = true, [LAY] = pass == LIKENESS_LAID, [GATHER] = true},
+                                      .work = do_stage,
+                                      .went_on = pass_went_on,
+                                      .context = r};
     r->pass = pass;
+    r->watch = watch;
     begin(watch, pass);
-    for (r->batch = 0; r->batch < batches + STAGES - 1; r->batch++) {
-        if (!went_on(watch, (pass + (double)r->batch / (batches + STAGES - 1)) / (LIKENESS_COLORS + 1)))
-            return NOTHING;
-        parallel(TASKS, TASKS, do_task, r);
-        for (int i = 0; i < IN_FLIGHT; i++)
-            if (r->reading[i].status < 0)
-                return fail(r->reading[i].status, "%s", r->reading[i].sentence);
-    }
-    return OK;
+    return pipeline_run(&pipeline, THREADS);
 }
 
 // One pass over the frames makes a shape, the next measures it against their outlines.

@@ -1,58 +1,17 @@
 #include "reenact/volume.h"
 
 #include "platform/parallel.h"
+#include "reenact/volume_parts.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 static const double REACH_M = 0.12;       // about the parts' cylinders
 static const double END_REACH_M = 0.27;   // about hands and feet, which lie beyond the last joint
-static const float OUTSIDE_M = 0.045F;    // distances are kept up to here
-static const float INSIDE_M = 0.04F;      // and so far behind what was seen
-static const float THICK = 1.15F;         // parts, against their cylinders' radius
 static const float CYLINDER_TRUST = 0.5F; // in frames
-static const float EMPTY_TRUST = 0.5F;    // against a reading's 1
-static const float VOTE_M = 0.02F;        // what is said to lie farther from the surface counts by no more than that
 static const float NOWHERE_NEAR = 0.6F;   // of the largest distance
-static const float ROOM_SLACK_M = 0.05F; // the room is not nearer than this behind the person where they are told apart
 
-enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000, THREADS = 2, STRETCH = 8192, AHEAD = 12 };
-
-// x, y, z and a fourth that is nothing, for which processors have instructions.
-typedef float four __attribute__((vector_size(16)));
-
-struct cell {
-    int32_t at;     // in the grid
-    float place[3]; // in the rest pose
-    struct skin skin;
-};
-
-// A pixel of a sight, side by side, for it is asked for together.
-struct witness {
-    uint16_t depth;
-    uint8_t part, edge, half;
-};
-
-// What is known at a point of the grid, side by side, for it is asked for together.
-struct point {
-    float distance, trust; // trust 0: not kept
-    float seen;            // the part of its trust that readings of a surface near it gave
-};
-
-struct volume {
-    struct rest rest;
-    struct calibration calibration;
-    struct pose depth_from_color;
-    struct vec3 corner;
-    double step; // between neighbouring points of the grid, metres
-    int size[3];
-    struct cell *cells;
-    int cell_count;
-    struct cell *heeding; // copies of those that readings still go into, in their order; NULL: all
-    int heeding_count;
-    struct point *points;      // of the grid
-    struct witness *witnesses; // of the frame that is added
-};
+enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
 
 static struct vec3 point_at(const struct volume *v, int at)
 {
@@ -87,7 +46,7 @@ static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (in
 static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, double reach, uint8_t *keep)
 {
     struct vec3 along = v3_sub(b, a), low = v3_sub(a, v->corner), high = v3_sub(b, v->corner);
-    double length2 = v3_dot(along, along), wide = radius + fmax(reach, (double)OUTSIDE_M);
+    double length2 = v3_dot(along, along), wide = radius + fmax(reach, (double)VOLUME_OUTSIDE_M);
     const double lows[] = {fmin(low.x, high.x), fmin(low.y, high.y), fmin(low.z, high.z)};
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
@@ -121,13 +80,22 @@ static void lay_body(struct volume *v, uint8_t *keep)
                 lay(v, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
 }
 
+enum { STRETCH = 8192, THREADS = 2 };
+
+static void skin_stretch(void *context, int stretch)
+{
+    struct volume *v = context;
+    for (int c = stretch * STRETCH; c < (stretch + 1) * STRETCH && c < v->cell_count; c++)
+        v->cells[c].skin = rest_skin(&v->rest, point_at(v, v->cells[c].at));
+}
+
 static enum status open_cells(struct volume *v, int64_t count)
 {
     uint8_t *keep = calloc((size_t)count, 1);
     if (!keep)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < count; i++)
-        v->points[i].distance = OUTSIDE_M;
+        v->points[i].distance = VOLUME_OUTSIDE_M;
     lay_body(v, keep);
     for (int i = 0; i < count; i++)
         v->cell_count += keep[i];
@@ -136,11 +104,14 @@ static enum status open_cells(struct volume *v, int64_t count)
     for (int i = 0; i < count && v->cells; i++)
         if (keep[i]) {
             struct vec3 p = point_at(v, i);
-            v->cells[c++] = (struct cell){i, {(float)p.x, (float)p.y, (float)p.z}, rest_skin(&v->rest, p)};
-            v->points[i] = (struct point){fmaxf(-OUTSIDE_M, v->points[i].distance), CYLINDER_TRUST, 0};
+            v->cells[c++] = (struct cell){.at = i, .place = {(float)p.x, (float)p.y, (float)p.z}};
+            v->points[i] = (struct point){fmaxf(-VOLUME_OUTSIDE_M, v->points[i].distance), CYLINDER_TRUST, 0};
         }
     free(keep);
-    return v->cells ? OK : fail(ERR_MEMORY, "out of memory");
+    if (!v->cells)
+        return fail(ERR_MEMORY, "out of memory");
+    parallel(THREADS, (v->cell_count + STRETCH - 1) / STRETCH, skin_stretch, v);
+    return OK;
 }
 
 enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration,
@@ -179,125 +150,14 @@ void volume_close(struct volume **v)
         return;
     free((*v)->cells);
     free((*v)->heeding);
+    free((*v)->blocks);
     free((*v)->points);
     free((*v)->witnesses);
     free(*v);
     *v = NULL;
 }
 
-// ---------------------------------------------------------------- gathering
-
-// What one frame says of the cells.
-struct addition {
-    struct volume *volume;
-    const struct cell *cells;
-    int cell_count;
-    four maps[BONE_COUNT][4]; // columns: what x, y, z and 1 come to
-    float thick[BONE_COUNT];
-    uint16_t meeting[BONE_COUNT]; // bit p: meets part p
-    bool ideal;                   // lens: without lens_project's way round, for speed
-    const struct lens *lens;
-    float fx, fy, cx, cy;         // likewise
-    int left, top, width, height; // of the window that witnesses speak for
-    const struct witness *witnesses;
-};
-
-// The witness for a place, in the depth camera's axes; NULL: none.
-static inline const struct witness *find_witness(const struct addition *a, four p)
-{
-    const struct lens *lens = a->lens;
-    if (!(p[2] > 0.05F))
-        return NULL;
-    float px, py;
-    if (a->ideal) {
-        float scale = 1 / p[2];
-        px = p[0] * scale * a->fx + a->cx;
-        py = p[1] * scale * a->fy + a->cy;
-    } else {
-        struct pixel at = lens_project(lens, v3((double)p[0], (double)p[1], (double)p[2]));
-        px = (float)at.x, py = (float)at.y;
-    }
-    px += 0.5F, py += 0.5F;
-    if (!(px >= 0 && py >= 0 && px < (float)lens->width && py < (float)lens->height))
-        return NULL;
-    int x = (int)px - a->left, y = (int)py - a->top; // rounded down, for it is not negative
-    return x < 0 || y < 0 || x >= a->width || y >= a->height ? NULL : &a->witnesses[y * a->width + x];
-}
-
-static inline float least(float a, float b) { return a < b ? a : b; }
-
-// Where a cell is in the depth camera's axes.
-static inline four place_cell(const struct addition *a, const struct cell *cell)
-{
-    const struct skin *skin = &cell->skin;
-    const four *m = a->maps[skin->bone[0]];
-    four blend[4];
-    if (skin->weight[0] < 1) {
-        for (int k = 0; k < 4; k++)
-            blend[k] = skin->weight[0] * m[k];
-        for (int i = 1; i < SKIN_BONES; i++)
-            for (int k = 0; k < 4 && skin->weight[i] > 0; k++)
-                blend[k] += skin->weight[i] * a->maps[skin->bone[i]][k];
-        m = blend;
-    }
-    return m[0] * cell->place[0] + m[1] * cell->place[1] + m[2] * cell->place[2] + m[3];
-}
-
-// How far a place of `bone` at depth z is before (+) what a pixel shows (*reading: that very
-// surface); false: it says nothing of this place.
-static inline bool ask(const struct addition *a, const struct witness *w, float z, int bone, float *distance,
-                       float *trust, bool *reading)
-{
-    const float fx = a->fx, thick = a->thick[bone];
-    *reading = false;
-    float d = (float)w->depth * 1e-3F;
-    if (!w->depth || w->part == SIGHT_RIM)
-        return false;
-    float before = d - z;
-    // Where the sensor looked past, the surface is no farther off than the edge that it looked past.
-    float beyond = w->part == SIGHT_ROOM ? 0.5F - (float)SIGHT_RIM_PX
-                                         : 0.5F + (float)SIGHT_RIM_PX; // half of the rim is still the person
-    float aside = least(((float)w->edge + beyond) * z / fx, OUTSIDE_M);
-    const float sure = 0.1F + 0.3F * (float)w->edge; // which surface a pixel at an edge shows is a matter of chance
-    *trust = least(EMPTY_TRUST, sure);
-    if (w->part == SIGHT_ROOM) {
-        *distance = aside;
-        return before > ROOM_SLACK_M;
-    }
-    if (before < -INSIDE_M) { // the body goes on behind what is seen of it, no farther than it is thick
-        *distance = -least(aside, INSIDE_M);
-        return before > -THICK * least(thick, (float)w->half * z / fx) && w->part == bone_part(bone);
-    }
-    *reading = before < OUTSIDE_M;
-    *distance = *reading ? before : aside;
-    if (*reading)
-        *trust = least(1, sure);
-    return !*reading || a->meeting[bone] >> w->part & 1;
-}
-
-static void add_stretch(void *context, int stretch)
-{
-    const struct addition held = *(const struct addition *)context, *a = &held; // a copy that no store changes
-    struct volume *v = a->volume;
-    int from = stretch * STRETCH, to = from + STRETCH < a->cell_count ? from + STRETCH : a->cell_count;
-    for (int c = from; c < to; c++) {
-        const struct cell *cell = &a->cells[c];
-        const int bone = cell->skin.bone[0];
-        __builtin_prefetch(&v->points[a->cells[c + AHEAD < a->cell_count ? c + AHEAD : c].at], 1);
-        const four p = place_cell(a, cell);
-        float distance, trust;
-        bool reading;
-        const struct witness *w = find_witness(a, p);
-        if (!w || !ask(a, w, p[2], bone, &distance, &trust, &reading))
-            continue;
-        // What is far from the surface says on which side it is, not how far: limbs are now here, now there.
-        trust *= least(1, VOTE_M / fmaxf(fabsf(distance), 1e-6F));
-        struct point *known = &v->points[cell->at];
-        known->distance = (known->distance * known->trust + distance * trust) / (known->trust + trust);
-        known->trust += trust;
-        known->seen += reading ? trust : 0;
-    }
-}
+// ---------------------------------------------------------------- growing, leaving alone
 
 void volume_grow(struct volume *v, const double out_m[BONE_COUNT])
 {
@@ -306,43 +166,6 @@ void volume_grow(struct volume *v, const double out_m[BONE_COUNT])
         for (int i = 0; i < SKIN_BONES; i++)
             v->points[v->cells[c].at].distance -= skin->weight[i] * (float)out_m[skin->bone[i]];
     }
-}
-
-// Who speaks: all pixels as far about the person as edges are told.
-static void call_witnesses(struct addition *a, const struct sight *s)
-{
-    int right = s->right + SIGHT_EDGE_MOST, bottom = s->bottom + SIGHT_EDGE_MOST;
-    a->left = s->left > SIGHT_EDGE_MOST ? s->left - SIGHT_EDGE_MOST : 0;
-    a->top = s->top > SIGHT_EDGE_MOST ? s->top - SIGHT_EDGE_MOST : 0;
-    a->width = (right < s->width ? right + 1 : s->width) - a->left;
-    a->height = (bottom < s->height ? bottom + 1 : s->height) - a->top;
-    struct witness *w = a->volume->witnesses;
-    a->witnesses = w;
-    for (int y = a->top; y < a->top + a->height; y++)
-        for (int i = y * s->width + a->left; i < y * s->width + a->left + a->width; i++)
-            *w++ = (struct witness){s->depth[i], s->part[i], s->edge[i], s->half[i]};
-}
-
-void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture)
-{
-    struct addition a = {.volume = v, .cells = v->heeding ? v->heeding : v->cells};
-    if (sight->right < sight->left)
-        return;
-    a.cell_count = v->heeding ? v->heeding_count : v->cell_count;
-    a.lens = &v->calibration.depth;
-    a.ideal = lens_is_ideal(a.lens);
-    a.fx = (float)a.lens->fx, a.fy = (float)a.lens->fy, a.cx = (float)a.lens->cx, a.cy = (float)a.lens->cy;
-    for (int p = 0; p < BONE_COUNT; p++) {
-        struct part_map map = part_map_of(pose_multiply(v->depth_from_color, posture->bone[p]));
-        for (int k = 0; k < 4; k++)
-            a.maps[p][k] = (four){map.row[0][k], map.row[1][k], map.row[2][k], 0};
-        a.thick[p] = (float)v->rest.radius[p];
-        for (int q = 0; q < PART_COUNT; q++)
-            a.meeting[p] |= (uint16_t)(bones_meet((int)bone_part(p), q) << q);
-    }
-    call_witnesses(&a, sight);
-    // Each cell is one thread's, so it does not matter how many there are.
-    parallel(THREADS, (a.cell_count + STRETCH - 1) / STRETCH, add_stretch, &a);
 }
 
 // Both grids begin at the same corner.
@@ -366,7 +189,7 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
         return fail(ERR_MEMORY, "out of memory");
     for (int c = 0; c < count; c++) {
         const struct point *point = nearest_known(v, known, &cells[c]);
-        if (point->trust > CYLINDER_TRUST && point->distance >= NOWHERE_NEAR * OUTSIDE_M) {
+        if (point->trust > CYLINDER_TRUST && point->distance >= NOWHERE_NEAR * VOLUME_OUTSIDE_M) {
             v->points[cells[c].at].distance = point->distance;
             v->points[cells[c].at].trust = point->trust;
         } else {
@@ -374,6 +197,8 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
         }
     }
     free(v->heeding);
+    free(v->blocks);
+    v->blocks = NULL;
     v->heeding = still;
     v->heeding_count = left;
     return OK;
@@ -382,6 +207,8 @@ enum status volume_leave_empty(struct volume *v, const struct volume *known)
 // ---------------------------------------------------------------- looking up
 
 const struct rest *volume_rest(const struct volume *v) { return &v->rest; }
+
+const struct calibration *volume_calibration(const struct volume *v) { return &v->calibration; }
 
 bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen)
 {
@@ -397,7 +224,7 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
         if (!(p->trust > 0))
             return false;
         f[i >> 2][i >> 1 & 1][i & 1] = (double)p->distance;
-        least_seen = least(least_seen, p->seen);
+        least_seen = p->seen < least_seen ? p->seen : least_seen;
     }
     *seen = (double)least_seen;
     double c[2][2], cx[2][2];
@@ -412,7 +239,7 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
     gradient->y = (c[0][1] - c[0][0]) * (1 - t) + (c[1][1] - c[1][0]) * t;
     gradient->z = high - low;
     *gradient = v3_scale(*gradient, 1 / v->step);
-    return fabs(*distance) < (double)OUTSIDE_M * 0.98;
+    return fabs(*distance) < (double)VOLUME_OUTSIDE_M * 0.98;
 }
 
 enum status volume_smooth(struct volume *v, int passes)

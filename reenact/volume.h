@@ -18,14 +18,15 @@ MUST_CHECK enum status volume_open(struct volume **out, const struct rest *rest,
                                    double step_m);
 void volume_close(struct volume **v);
 
-// Adds what one frame saw, the person being in `posture` (colour camera's axes).
-void volume_add(struct volume *v, const struct sight *sight, const struct posture *posture);
+// Adds what one frame saw, the person being in `posture` (colour camera's axes). ERR_MEMORY.
+MUST_CHECK enum status volume_add(struct volume *v, const struct sight *sight, const struct posture *posture);
 
 // From here on leaves alone what `known`, another of the same rest pose, perhaps of a coarser grid, has
 // found to be empty, well away from the surface: there v is as `known`. For speed. ERR_MEMORY.
 MUST_CHECK enum status volume_leave_empty(struct volume *v, const struct volume *known);
 
 const struct rest *volume_rest(const struct volume *v);
+const struct calibration *volume_calibration(const struct volume *v);
 
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);

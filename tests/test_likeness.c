@@ -143,6 +143,57 @@ static void a_foot_turns_by_itself(void **state)
     painted_take_close(&stage);
 }
 
+static double aside_of(const struct skeleton *a, const struct skeleton *b)
+{
+    static const enum joint ends[] = {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND,
+                                      JOINT_LEFT_KNEE,  JOINT_LEFT_FOOT, JOINT_RIGHT_KNEE,  JOINT_RIGHT_FOOT};
+    double sum = 0;
+    for (size_t i = 0; i < COUNT_OF(ends); i++)
+        sum += hypot(a->joint[ends[i]].x - b->joint[ends[i]].x, a->joint[ends[i]].y - b->joint[ends[i]].y);
+    return sum / COUNT_OF(ends);
+}
+
+// Of one frame's likeness, laid on one in which depth comes in steps of 6 cm: it hardly tells where a limb is sideways,
+// but the outline does.
+static void limbs_lie_within_their_outline(void **state)
+{
+    (void)state;
+    enum { STEP_MM = 60 };
+    static struct painted films[2];
+    struct skeleton s = whole_body(0), wrong = s;
+    struct one_frame frames[2];
+    for (int i = 0; i < 2; i++) {
+        paint_person(&films[i], &ideal, &s, &whole_measures);
+        frames[i] = (struct one_frame){s, films[i].rgb, films[i].depth, films[i].mask};
+    }
+    for (int i = 0; i < PIXELS; i++)
+        films[1].depth[i] = (uint16_t)((films[1].depth[i] + STEP_MM / 2) / STEP_MM * STEP_MM);
+    struct painted_take stage;
+    painted_take_open(&stage, &ideal, frames, 2, &whole_measures);
+    struct source_rays *rays;
+    struct likeness figure;
+    struct sight sight;
+    struct posture joints;
+    const struct adjustment none = adjustment_none();
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, 1, NULL), OK);
+    EXPECT_TRUE(figure.frames[0] == 0);
+    EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
+    EXPECT_STATUS(sight_read(&sight, stage.take, 1), OK);
+    for (int j = 0; j < JOINT_COUNT; j++)
+        wrong.joint[j] = v3_add(s.joint[j], v3(0.03, 0, 0));
+    EXPECT_STATUS(posture_of(&figure.rest, &wrong, &joints), OK);
+    const struct adjustment found = align(figure.volume, &figure.rest, &sight, &joints, &none, false);
+    joints = posture_adjusted(&joints, &found);
+    const struct skeleton back = posture_skeleton(&figure.rest, &joints);
+    print_message("%.1f mm aside, then %.1f mm\n", 1000 * aside_of(&wrong, &s), 1000 * aside_of(&back, &s));
+    EXPECT_AT_MOST(aside_of(&back, &s), 0.009); // 18 mm by depth alone
+    sight_close(&sight);
+    likeness_free(&figure);
+    source_rays_close(&rays);
+    painted_take_close(&stage);
+}
+
 struct patience {
     int told, most;
     double share;
@@ -210,6 +261,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_figure_lies_on_what_was_seen),
         cmocka_unit_test(a_foot_turns_by_itself),
+        cmocka_unit_test(limbs_lie_within_their_outline),
         cmocka_unit_test(the_likeness_may_come_later),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
