@@ -379,6 +379,10 @@ int reenact_render(int argc, char **argv)
     if (status == OK && !arguments.json)
         printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.pictures, run.placed,
                run.with_actor);
+    if (status == OK) {
+        int32_t first_moved, tags_moved = camera_track_moved_tags(run.track, &first_moved);
+        command_warn_moved_tags(argv[0], tags_moved, first_moved);
+    }
     close_run(&run);
     return status == OK ? 0 : command_failed(argv[0]);
 }

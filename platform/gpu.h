@@ -100,8 +100,12 @@ MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, i
 MUST_CHECK enum status gpu_target_open_flat(struct gpu_target **out, struct gpu *g, int width, int height);
 MUST_CHECK enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height);
 void gpu_target_close(struct gpu_target **t);
-int gpu_target_width(const struct gpu_target *t);
-void gpu_target_clear(struct gpu_target *t); // transparent black, the farthest depth
+// From here on pictures of that size are drawn into it, no larger than what it was opened for; if that is another size
+// it is cleared, but nothing is made. They take up its texture's top left, which is what is shown of it (gpu_flat.h),
+// the last row and column fading over half a pixel.
+void gpu_target_use(struct gpu_target *t, int width, int height);
+int gpu_target_width(const struct gpu_target *t); // as it is used
+void gpu_target_clear(struct gpu_target *t);      // transparent black, the farthest depth
 
 // The picture so far as a texture, for a later job; belongs to the target.
 const struct gpu_texture *gpu_target_texture(const struct gpu_target *t);

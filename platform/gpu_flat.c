@@ -8,6 +8,7 @@ struct gpu_flat {
     struct gpu_program *program;
     GLuint array, vertices, indices, sampler;
     struct gpu_flat_view view; // of the picture being drawn
+    float map[8];              // of it, as the shader has it
 };
 
 enum status gpu_flat_open(struct gpu_flat **out, struct gpu *g, const struct gpu_flat_texts *texts)
@@ -97,7 +98,8 @@ static void glass_size(const struct gpu_flat_view *v, int *width, int *height)
 static void set_map(struct gpu_flat *f)
 {
     int width, height;
-    float origin[2], along_x[2], along_y[2], map[8] = {0};
+    float origin[2], along_x[2], along_y[2];
+    f->map[3] = f->map[7] = 0; // nothing can be drawn so: set_map_for
     glass_size(&f->view, &width, &height);
     turned(&f->view, 0, 0, &origin[0], &origin[1]);
     turned(&f->view, 1, 0, &along_x[0], &along_x[1]);
@@ -105,11 +107,22 @@ static void set_map(struct gpu_flat *f)
     const float sx = 2 / (float)width, sy = (f->view.target ? 2 : -2) / (float)height;
     for (int row = 0; row < 2; row++) {
         float s = row ? sy : sx;
-        map[4 * row] = s * (along_x[row] - origin[row]);
-        map[4 * row + 1] = s * (along_y[row] - origin[row]);
-        map[4 * row + 2] = s * origin[row] + (row == 1 && !f->view.target ? 1 : -1);
+        f->map[4 * row] = s * (along_x[row] - origin[row]);
+        f->map[4 * row + 1] = s * (along_y[row] - origin[row]);
+        f->map[4 * row + 2] = s * origin[row] + (row == 1 && !f->view.target ? 1 : -1);
     }
-    gpu_program_set(f->program, 0, map, 2);
+}
+
+// The last of either row is how much of the texture is used.
+static void set_map_for(struct gpu_flat *f, const struct gpu_texture *t)
+{
+    const float across = t->used_width ? (float)t->used_width / (float)t->width : 1;
+    const float down = t->used_height ? (float)t->used_height / (float)t->height : 1;
+    if (f->map[3] == across && f->map[7] == down)
+        return;
+    f->map[3] = across;
+    f->map[7] = down;
+    gpu_program_set(f->program, 0, f->map, 2);
 }
 
 static void set_clip(const struct gpu_flat *f, const struct gpu_flat_run *run)
@@ -173,6 +186,7 @@ void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, i
                                   base + offsetof(struct gpu_flat_vertex, rgba));
         }
         set_clip(f, &runs[i]);
+        set_map_for(f, runs[i].texture);
         glBindTexture(GL_TEXTURE_2D, runs[i].texture->id);
         glDrawElements(GL_TRIANGLES, runs[i].index_count, GL_UNSIGNED_SHORT,
                        (const void *)((size_t)runs[i].first_index * sizeof *indices));

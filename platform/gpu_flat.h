@@ -11,8 +11,8 @@ extern "C" {
 struct gpu_flat;
 
 // The shaders: vec2 position at location 0, vec2 uv at 1, vec4 color at 2; one
-// uniform vec4 map[2], the rows of the affine map from pixels to clip space; one
-// sampler, picture. Colours are written with alpha multiplied in.
+// uniform vec4 map[2], the rows of the affine map from pixels to clip space, and last
+// in either what share of the texture uv spans; one sampler, picture. Colours are written with alpha multiplied in.
 struct gpu_flat_texts {
     const char *vertex, *fragment;
 };

@@ -31,7 +31,8 @@ struct gpu_texture {
     unsigned id;
     enum gpu_format format;
     int width, height;
-    bool borrowed; // somebody else's memory
+    int used_width, used_height; // of a target's, which may be used in part; else 0: all of it
+    bool borrowed;               // somebody else's memory
 };
 
 struct gpu_mesh {
@@ -46,7 +47,7 @@ enum gpu_target_kind { GPU_TARGET_WHOLE, GPU_TARGET_FLAT, GPU_TARGET_DEPTH };
 struct gpu_target {
     struct gpu *g;
     enum gpu_target_kind kind;
-    int width, height;
+    int width, height; // as it is used; its texture keeps what it was opened for
     size_t bytes;
     unsigned drawn, depth; // framebuffer around `texture`, and its renderbuffer, of a whole one
     struct gpu_texture texture;

@@ -132,6 +132,16 @@ void gpu_target_clear(struct gpu_target *t)
     t->left = t->top = t->right = t->bottom = 0;
 }
 
+void gpu_target_use(struct gpu_target *t, int width, int height)
+{
+    assert(width > 0 && height > 0 && width <= t->texture.width && height <= t->texture.height);
+    if (width == t->width && height == t->height)
+        return;
+    gpu_target_clear(t); // what was drawn before may reach farther
+    t->width = t->texture.used_width = width;
+    t->height = t->texture.used_height = height;
+}
+
 int gpu_target_width(const struct gpu_target *t) { return t->width; }
 
 const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { return &t->texture; }

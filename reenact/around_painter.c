@@ -195,6 +195,17 @@ bool around_painter_room(struct around_painter *a, struct gpu_target *target, co
     return count > 0;
 }
 
+void around_painter_rehearse(struct around_painter *a, struct gpu_target *target)
+{
+    gpu_draw(&(struct gpu_job){.target = target,
+                               .program = a->program,
+                               .mesh = a->mesh,
+                               .depth_test = true,
+                               .first = a->room.corner_count, // of the patch
+                               .count = 3,
+                               .within = {-1, -1, 1, 1}});
+}
+
 static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double radius)
 {
     const struct vec3 ends[2] = {from, to};

@@ -22,6 +22,9 @@ MUST_CHECK enum status around_painter_give(struct around_painter *a, struct room
 bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
                          const struct room_hidden *hidden);
 
+// Draws nothing into such a target, so that nothing has to be compiled when the room comes to hide him.
+void around_painter_rehearse(struct around_painter *a, struct gpu_target *target);
+
 // Where a body and its shadow are.
 struct around_view {
     struct pose world_from_viewer;

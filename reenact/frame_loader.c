@@ -79,22 +79,31 @@ static enum status make_picture(struct loaded_picture *p, int width, int height,
     return p->pixels ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
+// A side no smaller than that and no power of two: where no graphics chip draws, Mesa compiles a program once more for
+// a texture with such a side, and one frame of some would then take ten times as long to draw as the others.
+static int uneven(int side)
+{
+    while (!(side & (side - 1)))
+        side++;
+    return side;
+}
+
 static void set_window(float window[4], int left, int top, const struct loaded_picture *p)
 {
     window[0] = (float)left, window[1] = (float)top, window[2] = (float)p->width, window[3] = (float)p->height;
 }
 
-// The person's pixels and one more on every side, which is nobody's.
+// The person's pixels and at least one more on every side, which is nobody's.
 static enum status cut_depth(const struct sight *s, struct loaded_frame *out)
 {
     struct loaded_picture *p = &out->depth;
     int left = s->left - 1, top = s->top - 1;
-    enum status status = make_picture(p, s->right - left + 2, s->bottom - top + 2, 4);
+    enum status status = make_picture(p, uneven(s->right - left + 2), uneven(s->bottom - top + 2), 4);
     set_window(out->windows[1], left, top, p);
-    for (int y = 1; y < p->height - 1 && status == OK; y++)
-        for (int x = 1; x < p->width - 1; x++) {
-            int at = (top + y) * s->width + left + x;
-            uint8_t *texel = p->pixels + 4 * ((size_t)y * (size_t)p->width + (size_t)x);
+    for (int y = s->top; y <= s->bottom && status == OK; y++)
+        for (int x = s->left; x <= s->right; x++) {
+            int at = y * s->width + x;
+            uint8_t *texel = p->pixels + 4 * ((size_t)(y - top) * (size_t)p->width + (size_t)(x - left));
             int inner = s->part[at] < PART_COUNT ? s->edge[at] : 0;
             inner = inner > INNER_PX ? INNER_PX : inner;
             texel[0] = (uint8_t)(s->depth[at] >> 8);
@@ -104,6 +113,14 @@ static enum status cut_depth(const struct sight *s, struct loaded_frame *out)
     return status;
 }
 
+// From `first` to `last`, or one more where there is one of `all`, for the side's sake.
+static void cut_side(int first, int last, int all, int *start, int *length)
+{
+    *length = uneven(last + 1 - first);
+    *length = *length < all ? *length : all;
+    *start = first + *length <= all ? first : all - *length;
+}
+
 static enum status cut_color(const struct frame_loader *l, struct loaded_frame *out)
 {
     const struct calibration *c = take_calibration(l->take);
@@ -111,8 +128,8 @@ static enum status cut_color(const struct frame_loader *l, struct loaded_frame *
     struct loaded_picture *p = &out->color;
     int left = 0, top = 0, width = c->color.width, height = c->color.height;
     if (c->registered && width == s->width && height == s->height) {
-        left = s->left, top = s->top;
-        width = s->right + 1 - left, height = s->bottom + 1 - top;
+        cut_side(s->left, s->right, s->width, &left, &width);
+        cut_side(s->top, s->bottom, s->height, &top, &height);
     }
     enum status status = make_picture(p, width, height, 3);
     set_window(out->windows[0], left, top, p);
@@ -124,9 +141,9 @@ static enum status cut_color(const struct frame_loader *l, struct loaded_frame *
 
 static enum status cut_nobody(struct loaded_frame *out)
 {
-    enum status status = make_picture(&out->color, 1, 1, 3);
+    enum status status = make_picture(&out->color, uneven(1), uneven(1), 3);
     if (status == OK)
-        status = make_picture(&out->depth, 1, 1, 4);
+        status = make_picture(&out->depth, uneven(1), uneven(1), 4);
     set_window(out->windows[0], 0, 0, &out->color);
     set_window(out->windows[1], 0, 0, &out->depth);
     return status;

@@ -24,7 +24,7 @@ struct loaded_picture {
 
 struct loaded_frame {
     int64_t frame;
-    bool seen;                    // it has colours and depth; else these are of one pixel, of nobody
+    bool seen;                    // it has colours and depth; else these are of few pixels, of nobody
     struct loaded_picture color;  // RGB, the person's alone: others' colours are replaced by the nearest of theirs
     struct loaded_picture depth;  // RGBA: millimetres (red high, green low byte); blue: how deep within one surface of
                                   // the person it lies, 1 well within, 0 at an edge and elsewhere, and along the rim

@@ -61,6 +61,7 @@ struct likeness_painter {
     struct shown_mesh shown;
     struct silhouette *silhouette;
     struct shown_frames *frames;
+    int rehearsed; // ways in which he is drawn
 };
 
 void lens_uniform(const struct lens *l, float out[12])
@@ -84,6 +85,7 @@ static void drop_likeness(struct likeness_painter *p)
     gpu_texture_close(&p->brought.color);
     gpu_texture_close(&p->brought.when);
     p->brought = (struct brought){0};
+    p->rehearsed = 0;
     gpu_mesh_close(&p->shown.mesh);
     free(p->shown.vertices);
     free(p->shown.corners);
@@ -295,33 +297,63 @@ static void bring_shown(struct likeness_painter *p, const struct shown_frame *no
     gpu_mesh_write_indices(m->mesh, 0, m->corners, count);
 }
 
+// What he is drawn of, in this order: triangles that may have the shown frame's own colours, the others, the ribbon.
+enum layer { OWN, OTHERS, RIBBON, LAYERS };
+
+static void draw_layer(struct likeness_painter *p, enum layer layer, const struct gpu_job *of)
+{
+    const struct gpu_texture *room = of->textures[3];
+    struct gpu_job job = *of;
+    job.mesh = p->shown.mesh;
+    job.textures[0] = p->brought.color;
+    job.program = p->programs[room ? FIGURE_IN_ROOM : FIGURE];
+    job.closed = layer != RIBBON; // its triangles run either way
+    job.depth_test = true;
+    job.blend = layer == RIBBON;
+    job.hides_nothing = layer == RIBBON; // where two of it cross, the depth's last bit would decide which is seen
+    if (layer != OWN) {
+        job.program = p->programs[room ? GATHERED_IN_ROOM : GATHERED];
+        job.textures[1] = room;
+    }
+    gpu_draw(&job);
+}
+
 static void draw_colors(struct likeness_painter *p, const struct likeness_view *view, const struct shown_frame *now,
                         const struct silhouette_corners *corners, struct gpu_box box)
 {
-    const struct gpu_texture *room = view->room;
-    struct gpu_job job = {.target = view->actor,
-                          .program = p->programs[room ? FIGURE_IN_ROOM : FIGURE],
-                          .mesh = p->shown.mesh,
-                          .textures = {p->brought.color, now->color, now->depth, room},
-                          .closed = true,
-                          .depth_test = true,
-                          .count = corners->own,
-                          .within = box};
-    if (job.count)
-        gpu_draw(&job);
-    job.program = p->programs[room ? GATHERED_IN_ROOM : GATHERED];
-    job.textures[1] = room;
-    job.first = corners->own;
-    job.count = corners->front - corners->own;
-    if (job.count)
-        gpu_draw(&job);
-    job.closed = false; // its triangles run either way
-    job.blend = true;
-    job.hides_nothing = true; // where two of it cross, the depth's last bit would decide which is seen
-    job.first = corners->front;
-    job.count = corners->ribbon;
-    if (job.count)
-        gpu_draw(&job);
+    const int ends[LAYERS] = {corners->own, corners->front, corners->front + corners->ribbon};
+    struct gpu_job job = {.target = view->actor, .textures = {NULL, now->color, now->depth, view->room}, .within = box};
+    for (int layer = 0; layer < LAYERS; layer++) {
+        job.count = ends[layer] - job.first;
+        if (job.count)
+            draw_layer(p, (enum layer)layer, &job);
+        job.first = ends[layer];
+    }
+}
+
+enum status likeness_painter_rehearse(struct likeness_painter *p, struct gpu_target *actor,
+                                      const struct gpu_texture *room, bool *done)
+{
+    enum { SIDE = 3 }; // of pictures as shown frames' are: their sides are no powers of two (frame_loader.c)
+    const float nothing[3 * VERTEX] = {0};
+    const uint16_t corners[3] = {0, 1, 2};
+    struct gpu_texture *color = NULL, *depth = NULL;
+    enum status status = gpu_texture_open(&color, p->gpu, GPU_RGB8, SIDE, SIDE, GPU_LINEAR, NULL);
+    if (status == OK)
+        status = gpu_texture_open(&depth, p->gpu, GPU_RGBA8, SIDE, SIDE, GPU_NEAREST, NULL);
+    if (status == OK) {
+        const struct gpu_job job = {.target = actor,
+                                    .textures = {NULL, color, depth, p->rehearsed < LAYERS ? NULL : room},
+                                    .count = 3,
+                                    .within = {-1, -1, 1, 1}};
+        gpu_mesh_write_vertices(p->shown.mesh, 0, nothing, 3 * VERTEX);
+        gpu_mesh_write_indices(p->shown.mesh, 0, corners, 3);
+        draw_layer(p, (enum layer)(p->rehearsed++ % LAYERS), &job);
+    }
+    gpu_texture_close(&color);
+    gpu_texture_close(&depth);
+    *done = p->rehearsed >= (room ? 2 : 1) * LAYERS;
+    return status == OK ? gpu_check(p->gpu) : status;
 }
 
 enum status likeness_painter_draw(struct likeness_painter *p, const struct likeness_view *view, int *parts,

@@ -22,6 +22,12 @@ bool likeness_painter_given(const struct likeness_painter *p);
 // Brings at most `bytes` more of it to the GPU. True: all is there, and it can be drawn.
 bool likeness_painter_bring(struct likeness_painter *p, size_t bytes);
 
+// Draws nothing, in one more of the ways in which a picture may be drawn, into `actor` and with `room` as those of
+// likeness_view: where no graphics chip draws, a program is compiled when it is first drawn with, and not the same for
+// each way. True: they all were. Of a likeness that was brought. ERR_DEVICE.
+MUST_CHECK enum status likeness_painter_rehearse(struct likeness_painter *p, struct gpu_target *actor,
+                                                 const struct gpu_texture *room, bool *done);
+
 // The one that was given, which nothing changes any more; NULL: none.
 const struct likeness *likeness_painter_likeness(const struct likeness_painter *p);
 

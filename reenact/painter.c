@@ -19,7 +19,8 @@ static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
 struct painter {
     struct gpu *gpu;
     struct take *take;
-    struct lens lens;
+    struct lens lens, drawn; // the tablet's; the one that is drawn for, with `fineness` of its pixels along a side
+    double fineness;
     enum detail detail;
     struct motion *motion;
     struct cylinder_painter *cylinders;
@@ -53,10 +54,10 @@ struct painter_options painter_default_options(void)
 
 static void set_view_lens(struct painter *p)
 {
-    cylinder_painter_set_lens(p->cylinders, &p->lens);
+    cylinder_painter_set_lens(p->cylinders, &p->drawn);
     if (p->likeness)
-        likeness_painter_set_lens(p->likeness, &p->lens);
-    around_painter_set_lens(p->around, &p->lens);
+        likeness_painter_set_lens(p->likeness, &p->drawn);
+    around_painter_set_lens(p->around, &p->drawn);
 }
 
 static enum status open_programs(struct painter *p)
@@ -117,6 +118,33 @@ static void close_targets(struct painter *p)
     gpu_texture_close(&p->camera);
 }
 
+static void use(struct gpu_target *t, int width, int height)
+{
+    if (t)
+        gpu_target_use(t, width, height);
+}
+
+// As finely as is wanted, in the top left of targets of the lens's size: so nothing has to be made when that changes.
+static void use_targets(struct painter *p)
+{
+    p->drawn = lens_coarser(&p->lens, p->fineness);
+    const int w = p->drawn.width, h = p->drawn.height;
+    set_view_lens(p);
+    use(p->plain, w, h);
+    use(p->smooth, w, h);
+    use(p->source, w, h);
+    use(p->hidden, ROOM_FINER * w, ROOM_FINER * h);
+    use(p->shadow, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
+}
+
+void painter_set_fineness(struct painter *p, double fineness)
+{
+    if (fineness == p->fineness)
+        return;
+    p->fineness = fineness;
+    use_targets(p);
+}
+
 enum status painter_set_lens(struct painter *p, const struct lens *lens)
 {
     enum status status = lens_check(lens, "tablet's");
@@ -125,13 +153,15 @@ enum status painter_set_lens(struct painter *p, const struct lens *lens)
     bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
          shadow = p->shadow, hidden = p->hidden, coding = p->coding;
     p->lens = *lens;
-    set_view_lens(p);
-    if (!resized)
-        return OK;
-    close_targets(p);
-    enum status opened = open_targets(p, sources, shadow);
-    p->coding = coding;
-    return opened == OK && hidden ? open_hidden(p) : opened;
+    if (resized) {
+        close_targets(p);
+        status = open_targets(p, sources, shadow);
+        p->coding = coding;
+    }
+    if (resized && status == OK && hidden)
+        status = open_hidden(p);
+    use_targets(p);
+    return status;
 }
 
 enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
@@ -173,7 +203,10 @@ enum status painter_give_room(struct painter *p, struct room *room)
 {
     const bool any = room->corner_count > 0;
     enum status status = around_painter_give(p->around, room);
-    return status == OK && any && p->smooth && !p->hidden ? open_hidden(p) : status;
+    if (status == OK && any && p->smooth && !p->hidden)
+        status = open_hidden(p);
+    use_targets(p);
+    return status;
 }
 
 bool painter_settled(const struct painter *p) { return !p->waiting || !likeness_painter_given(p->likeness); }
@@ -223,7 +256,8 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
         return fail(ERR_MEMORY, "out of memory");
     p->gpu = gpu;
     p->take = take;
-    p->lens = *lens;
+    p->lens = p->drawn = *lens;
+    p->fineness = 1;
     p->detail = options->detail;
     p->error_px = options->error_px;
     p->cylinders_off_m = CYLINDERS_OFF_M;
@@ -305,18 +339,33 @@ static void draw_shadow(struct painter *p, const struct painter_view *view, cons
     p->shaded = true;
 }
 
+// A little more of the likeness comes to the GPU, and then what it is drawn with is tried out, with nobody to be seen.
+static enum status wait_less(struct painter *p)
+{
+    if (!likeness_painter_given(p->likeness) || !likeness_painter_bring(p->likeness, BROUGHT_BYTES))
+        return OK;
+    bool done;
+    enum status status =
+        likeness_painter_rehearse(p->likeness, p->smooth, p->hidden ? gpu_target_texture(p->hidden) : NULL, &done);
+    if (status == OK && done && p->hidden)
+        around_painter_rehearse(p->around, p->hidden);
+    p->waiting = !(status == OK && done);
+    return status;
+}
+
 // The level that is drawn now, and how wrong it will be.
 static enum status choose_level(struct painter *p, struct scene *scene, struct painter_result *result)
 {
-    if (p->waiting)
-        p->waiting = !likeness_painter_given(p->likeness) || !likeness_painter_bring(p->likeness, BROUGHT_BYTES);
-    double px_a_m = level_pixels_a_metre(&p->lens, &scene->in_viewer);
+    enum status status = p->waiting ? wait_less(p) : OK;
+    if (status != OK)
+        return status;
+    double px_a_m = level_pixels_a_metre(&p->drawn, &scene->in_viewer);
     double full_m = p->likeness ? level_full_error_m() : p->cylinders_off_m;
     result->level = p->waiting ? DETAIL_PAPER : p->detail;
     result->error_px = px_a_m * full_m;
     if (result->level == DETAIL_FULL)
         return OK;
-    enum status status = cylinder_painter_select(p->cylinders, &scene->in_viewer, &scene->whole);
+    status = cylinder_painter_select(p->cylinders, &scene->in_viewer, &scene->whole);
     double paper_px = px_a_m * level_paper_error_m(p->cylinders_off_m, scene->whole.cost_m);
     if (status < 0)
         return status;
@@ -390,6 +439,7 @@ static enum status draw_actor(struct painter *p, const struct painter_view *view
 
 static enum status compose(struct painter *p, const uint8_t *color)
 {
+    assert(p->drawn.width == p->lens.width && p->drawn.height == p->lens.height);
     gpu_texture_write(p->camera, color);
     gpu_draw(&(struct gpu_job){.target = p->composed,
                                .program = p->compose_program,
@@ -408,7 +458,8 @@ enum status painter_draw_nobody(struct painter *p, const uint8_t *color)
 
 enum status painter_draw(struct painter *p, const struct painter_view *view, struct painter_result *result)
 {
-    *result = (struct painter_result){.level = p->detail, .shown = -1, .source = -1};
+    *result = (struct painter_result){
+        .level = p->detail, .shown = -1, .source = -1, .width = p->drawn.width, .height = p->drawn.height};
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
     p->shaded = false;
@@ -420,7 +471,7 @@ enum status painter_draw(struct painter *p, const struct painter_view *view, str
 
 static enum status read_rgb(const struct painter *p, struct gpu_target *from, uint8_t *rgb)
 {
-    size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
+    size_t pixels = (size_t)p->drawn.width * (size_t)p->drawn.height;
     uint8_t *rgba = malloc(pixels * 4);
     if (!rgba)
         return fail(ERR_MEMORY, "out of memory");
@@ -438,7 +489,7 @@ enum status painter_read_actor(struct painter *p, uint8_t *rgba)
     enum status status = gpu_target_read(p->actor, rgba);
     if (status != OK)
         return status;
-    size_t pixels = (size_t)p->lens.width * (size_t)p->lens.height;
+    size_t pixels = (size_t)p->drawn.width * (size_t)p->drawn.height;
     for (size_t i = 0; i < pixels; i++) { // premultiplied to straight
         uint8_t *at = rgba + 4 * i;
         for (int c = 0; c < 3 && at[3] && at[3] < 255; c++) {

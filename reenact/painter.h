@@ -84,7 +84,8 @@ struct painter_result {
     int64_t shown;         // the recorded frame whose instant is shown; -1: nobody
     int64_t source;        // at paper: the frame the colours came from; else -1
     int parts;             // drawn
-    struct gpu_box within; // of the picture: outside nothing of him was drawn at full
+    int width, height;     // of the picture he was drawn in, pixels: the lens's, or less (painter_set_fineness)
+    struct gpu_box within; // of that: outside nothing of him was drawn at full
     double error_px;       // predicted (reenact/level.h), of the level that was drawn
 };
 
@@ -117,7 +118,12 @@ const struct gpu_texture *painter_shadow_texture(struct painter *p);
 // The actor at paper where view.also_paper asked for it, likewise.
 const struct gpu_texture *painter_paper_texture(struct painter *p);
 
-// From now on for this lens. Cheap as long as pictures keep their size.
+// From now on he is drawn with that share of the lens's pixels along either side, 0 to 1: his textures show him as
+// large as ever, and what is read of them is so small. Costs nothing, and what is composed (view.color) is not to be
+// had.
+void painter_set_fineness(struct painter *p, double fineness);
+
+// From now on for this lens, as finely as before. Cheap as long as pictures keep their size.
 // ERR_INPUT; ERR_DEVICE, ERR_MEMORY: nothing more can be drawn.
 MUST_CHECK enum status painter_set_lens(struct painter *p, const struct lens *lens);
 

@@ -2,14 +2,11 @@
 // does not show are drawn as dark.
 #include "tests/test.h"
 
-#include "platform/jpeg.h"
 #include "reenact/frame_loader.h"
 #include "tests/support/rehearsed.h"
+#include "tests/support/retake.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-enum { FRAME = 2, JPEG_QUALITY = 98 };
+enum { FRAME = 2 };
 
 static struct rehearsed rehearsed;
 
@@ -41,39 +38,25 @@ struct changed {
     struct take *take;
 };
 
+static void change_frame(void *self, struct retaken *f)
+{
+    changing *const *change = self;
+    const int pixels = f->width * f->height;
+    int left = f->width, right = -1;
+    for (int p = 0; p < pixels; p++)
+        if (f->mask[p]) {
+            const int x = p % f->width;
+            left = x < left ? x : left, right = x > right ? x : right;
+        }
+    for (int p = 0; p < 3 * pixels && f->number == FRAME; p++)
+        f->rgb[p] = (uint8_t)(*change)(f->rgb[p], (p / 3 % f->width - left) / (double)(right - left));
+}
+
 // The take once more, FRAME changed.
 static struct changed change_take(const char *name, changing *change)
 {
-    const struct lens *lens = &take_calibration(rehearsed.take)->color;
-    struct recording_writer *writer;
-    EXPECT_STATUS(recording_append(&writer, rehearsed.rehearsal.file), OK);
-    EXPECT_STATUS(recording_begin_take(writer, name, take_calibration(rehearsed.take)), OK);
-    for (int64_t i = 0; i < take_frame_count(rehearsed.take); i++) {
-        const struct take_entry *e = take_entry(rehearsed.take, i);
-        struct take_pictures seen;
-        EXPECT_STATUS(take_read(rehearsed.take, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &seen), OK);
-        uint8_t *rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height), *jpeg;
-        size_t bytes;
-        memcpy(rgb, seen.color, 3 * (size_t)lens->width * (size_t)lens->height);
-        int left = lens->width, right = -1;
-        for (int p = 0; p < lens->width * lens->height; p++)
-            if (seen.mask[p]) {
-                const int x = p % lens->width;
-                left = x < left ? x : left, right = x > right ? x : right;
-            }
-        for (int p = 0; p < 3 * lens->width * lens->height && i == FRAME; p++)
-            rgb[p] = (uint8_t)change(rgb[p], (p / 3 % lens->width - left) / (double)(right - left));
-        EXPECT_STATUS(jpeg_encode(rgb, lens->width, lens->height, JPEG_QUALITY, &jpeg, &bytes), OK);
-        const struct take_frame frame = {e->time_ns, e->world_from_camera, e->located, jpeg, bytes, seen.depth,
-                                         seen.mask,  e->has_skeleton,      e->skeleton};
-        EXPECT_STATUS(recording_add_frame(writer, &frame), OK);
-        free(jpeg);
-        free(rgb);
-    }
-    EXPECT_STATUS(recording_put_body(writer, take_body(rehearsed.take)), OK);
-    EXPECT_STATUS(recording_end_take(writer), OK);
-    EXPECT_STATUS(recording_close(&writer), OK);
     struct changed out;
+    retake(rehearsed.rehearsal.file, "turn", name, change_frame, &change);
     EXPECT_STATUS(recording_open(&out.recording, rehearsed.rehearsal.file), OK);
     EXPECT_STATUS(take_open(&out.take, out.recording, name), OK);
     return out;

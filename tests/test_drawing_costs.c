@@ -3,8 +3,11 @@
 #include "tests/test.h"
 
 #include "reenact/painter.h"
+#include "tests/support/compiled.h"
 #include "tests/support/rehearsed.h"
+#include "tests/support/retake.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -118,6 +121,52 @@ static void loaded_ahead_is_the_same_picture(void **state)
     free(theirs);
 }
 
+// Of the person only what is in so many columns in the middle.
+static void narrow(void *self, struct retaken *f)
+{
+    const int *columns = self;
+    int left = f->width, right = -1;
+    for (int p = 0; p < f->width * f->height; p++)
+        if (f->mask[p])
+            left = p % f->width < left ? p % f->width : left, right = p % f->width > right ? p % f->width : right;
+    const int first = (left + right - *columns) / 2;
+    for (int p = 0; p < f->width * f->height; p++)
+        f->mask[p] &= p % f->width >= first && p % f->width < first + *columns;
+}
+
+static bool power_of_two(int side) { return !(side & (side - 1)); }
+
+// For a texture with such a side programs would be compiled once more, while somebody watches.
+static void no_side_is_a_power_of_two(void **state)
+{
+    (void)state;
+    bool met = false;
+    for (int columns = 14; columns <= 20; columns++) {
+        char name[32];
+        struct recording *recording;
+        struct take *of;
+        struct frame_loader *loader;
+        struct loaded_frame f;
+        snprintf(name, sizeof name, "%d columns", columns);
+        retake(rehearsed.rehearsal.file, "turn", name, narrow, &columns);
+        EXPECT_STATUS(recording_open(&recording, rehearsed.rehearsal.file), OK);
+        EXPECT_STATUS(take_open(&of, recording, name), OK);
+        EXPECT_STATUS(frame_loader_open(&loader, of, rehearsed.rays, painter_likeness(of_one_frame)), OK);
+        EXPECT_STATUS(frame_loader_load(loader, 3, &f), OK);
+        EXPECT_TRUE(f.seen);
+        print_message("%d columns: colours %d x %d, depth %d x %d\n", columns, f.color.width, f.color.height,
+                      f.depth.width, f.depth.height);
+        EXPECT_TRUE(!power_of_two(f.color.width) && !power_of_two(f.color.height));
+        EXPECT_TRUE(!power_of_two(f.depth.width) && !power_of_two(f.depth.height));
+        met |= f.color.width == 17;
+        loaded_frame_free(&f);
+        frame_loader_close(&loader);
+        take_close(&of);
+        recording_free(&recording);
+    }
+    EXPECT_TRUE(met); // where it would have been 16
+}
+
 static int pixels_of(const uint8_t *rgba, struct gpu_box within)
 {
     int count = 0;
@@ -189,6 +238,73 @@ static void memory_is_bounded(void **state)
     }
 }
 
+// A wall before him, as high as his waist.
+static struct room wall_before(struct pose viewer, struct vec3 waist)
+{
+    static const uint16_t corners[6] = {0, 1, 2, 1, 2, 3};
+    const struct vec3 middle = v3_mix(viewer.translation, waist, 0.5);
+    const struct vec3 aside = v3_unit(v3_cross(v3_sub(waist, viewer.translation), v3(0, 0, 1)));
+    struct room r = {.points = malloc(4 * sizeof *r.points),
+                     .corners = malloc(sizeof corners),
+                     .balls = malloc(sizeof *r.balls),
+                     .point_count = 4,
+                     .corner_count = 6,
+                     .ball_count = 1};
+    assert_true(r.points && r.corners && r.balls);
+    for (int i = 0; i < 4; i++) {
+        const struct vec3 p = v3_add(middle, v3_scale(aside, i & 1 ? 1 : -1));
+        r.points[i][0] = (float)p.x, r.points[i][1] = (float)p.y, r.points[i][2] = i & 2 ? (float)middle.z : 0;
+    }
+    memcpy(r.corners, corners, sizeof corners);
+    r.balls[0] = (struct room_ball){middle, 3, 0, 6};
+    return r;
+}
+
+static int opaque(struct painter *p, uint8_t *rgba)
+{
+    const struct gpu_box all = {0, 0, lens.width, lens.height};
+    EXPECT_STATUS(painter_read_actor(p, rgba), OK);
+    return pixels_of(rgba, all);
+}
+
+// As an app draws him: once he has been prepared, nothing is made or compiled when first something hides him.
+static void the_room_comes_to_hide_him_at_no_cost(void **state)
+{
+    (void)state;
+    const struct pose viewer = round_him(0.3);
+    const struct take_entry *first = take_entry(take, 0);
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    uint8_t *rgba = malloc((size_t)lens.width * (size_t)lens.height * 4);
+    struct likeness likeness;
+    struct painter *p;
+    struct painter_options o = painter_default_options();
+    struct room room = wall_before(viewer, pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]));
+    struct painter_view view = {.world_from_camera = viewer};
+    struct painter_result result;
+    o.likeness_later = o.shadow = true;
+    EXPECT_STATUS(painter_open(&p, gpu, take, &lens, &o), OK);
+    EXPECT_STATUS(likeness_make(&likeness, take, rehearsed.rays, 2, NULL), OK);
+    EXPECT_STATUS(painter_give_likeness(p, &likeness), OK);
+    EXPECT_STATUS(painter_give_room(p, &room), OK);
+    for (int i = 0; i < 200 && (i == 0 || !painter_settled(p)); i++)
+        EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    EXPECT_INT(result.level, DETAIL_FULL);
+    const int all = opaque(p, rgba), compiled = compiled_so_far();
+    const int64_t made = gpu_count(gpu).made;
+    view.viewer_from_room = &viewer_from_room;
+    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    const int left = opaque(p, rgba);
+    print_message("%d pixels of him, %d behind the wall; %d compiled for it\n", all, left,
+                  compiled_so_far() - compiled);
+    EXPECT_AT_LEAST(left, 0.1 * all);
+    EXPECT_AT_MOST(left, 0.9 * all);
+    EXPECT_INT(gpu_count(gpu).made, made);
+    EXPECT_INT(compiled_so_far(), compiled);
+    painter_close(&p);
+    free(rgba);
+}
+
 static struct painter_result draw_from(struct painter *p, double back_m, double error_px)
 {
     struct painter_view view = {.world_from_camera = round_him(0)};
@@ -246,8 +362,12 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(few_calls_and_nothing_anew),    cmocka_unit_test(loaded_ahead_is_the_same_picture),
-        cmocka_unit_test(another_frame_stands_in),       cmocka_unit_test(memory_is_bounded),
+        cmocka_unit_test(few_calls_and_nothing_anew),
+        cmocka_unit_test(loaded_ahead_is_the_same_picture),
+        cmocka_unit_test(another_frame_stands_in),
+        cmocka_unit_test(no_side_is_a_power_of_two),
+        cmocka_unit_test(memory_is_bounded),
+        cmocka_unit_test(the_room_comes_to_hide_him_at_no_cost),
         cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
     };
     return cmocka_run_group_tests(tests, make, end);

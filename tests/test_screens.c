@@ -169,14 +169,6 @@ static void test_a_screen_mounted_turned_shows_the_same(void **state)
     glass_close(&g);
 }
 
-// Draws until the take is prepared and its actor is the better one.
-static void be_prepared(struct glass *g)
-{
-    for (int64_t until = clock_now_ns() + 200000000000; g->tablet.show.freshness < 1 && clock_now_ns() < until;)
-        glass_draw_and_wait(g);
-    EXPECT_NEAR(g->tablet.show.freshness, 1, 0);
-}
-
 static void test_what_a_finger_hits_is_large_enough_on_every_screen(void **state)
 {
     (void)state;
@@ -191,7 +183,7 @@ static void test_what_a_finger_hits_is_large_enough_on_every_screen(void **state
         struct glass g;
         open_glass(&g, (int)(7.9 * dpis[i]), (int)(5.1 * dpis[i]), rehearsal.file, "turn", NULL);
         const struct tablet_glass glass = {g.target, g.width, g.height, 0, scale};
-        be_prepared(&g); // how far that is would be shown, too
+        glass_prepare(&g); // how far that is would be shown, too
         for (int n = 0; n < 2; n++) {
             tablet_update(&g.tablet, clock_now_ns());
             EXPECT_STATUS(tablet_draw(&g.tablet, &glass, clock_now_ns()), OK);
@@ -510,7 +502,7 @@ static void photograph_all(const char *file, const char *take, const char *camer
     g.tablet.show.take_wanted = true;
     glass_settle(&g, true);
     if (folder)
-        be_prepared(&g);
+        glass_prepare(&g);
     for (int n = 0; n < SCREENS - 1; n++)
         photograph_one(&g, n, folder);
     glass_close(&g);

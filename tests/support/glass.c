@@ -46,6 +46,13 @@ void glass_draw_and_wait(struct glass *g)
         clock_sleep_until_ns(clock_now_ns() + 50000000);
 }
 
+void glass_prepare(struct glass *g)
+{
+    for (int64_t until = clock_now_ns() + 200000000000; g->tablet.show.freshness < 1 && clock_now_ns() < until;)
+        glass_draw_and_wait(g);
+    EXPECT_NEAR(g->tablet.show.freshness, 1, 0);
+}
+
 void glass_rest(struct glass *g)
 {
     int drawn = 0;

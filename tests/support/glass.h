@@ -23,6 +23,9 @@ void glass_draw(struct glass *g);
 // Leaves the processors to the preparing of the take, while that lasts.
 void glass_draw_and_wait(struct glass *g);
 
+// Draws until the take is prepared and its actor is the better one.
+void glass_prepare(struct glass *g);
+
 // Draws until the camera's pictures were located (or not), and he has faded in or out.
 void glass_settle(struct glass *g, bool placed);
 

@@ -1,0 +1,20 @@
+#include "tests/support/compiled.h"
+
+#include <dlfcn.h>
+#include <stdatomic.h>
+
+static atomic_int compiled;
+
+int compiled_so_far(void) { return atomic_load(&compiled); }
+
+// LLVM's. llvmpipe makes a module for every variant of every shader, and takes the program's own function of that name
+// before the library's.
+void *LLVMModuleCreateWithNameInContext(const char *name, void *context);
+
+void *LLVMModuleCreateWithNameInContext(const char *name, void *context)
+{
+    void *(*real)(const char *, void *);
+    *(void **)&real = dlsym(RTLD_NEXT, "LLVMModuleCreateWithNameInContext");
+    atomic_fetch_add(&compiled, 1);
+    return real(name, context);
+}
