@@ -45,43 +45,59 @@ static enum status find(struct finder *f, int i, int64_t time_ns, double *cpu_ms
     return status;
 }
 
-// Pictures of there go on, each a picture's time after the last, until one of them has a place; how many had none.
-// *least_ms: of these.
-static int go_on_until_found(struct finder *f, int64_t time_ns, double at_most_ms, double *least_ms)
+// What pictures cost this thread, the least, ms; and of how many.
+struct costs {
+    double least_ms;
+    int count;
+};
+
+static void count_cost(struct costs *c, double cpu_ms)
 {
-    *least_ms = INFINITY;
+    c->least_ms = c->count++ ? fmin(c->least_ms, cpu_ms) : cpu_ms;
+}
+
+// Pictures of there go on, each a picture's time after the last, until one of them has a place; how many had none.
+static int go_on_until_found(struct finder *f, int64_t time_ns, struct costs *costs)
+{
     for (int without = 0; without < 2000; without++) {
         double cpu_ms;
         const int i = HERE + (without < THERE ? without : THERE - 1); // the visitor stands at last
         if (find(f, i, time_ns + without * EACH_NS, &cpu_ms) != NOTHING)
             return without;
-        EXPECT_AT_MOST(cpu_ms, at_most_ms);
-        *least_ms = fmin(*least_ms, cpu_ms);
+        count_cost(costs, cpu_ms);
         clock_sleep_until_ns(clock_now_ns() + EACH_NS);
     }
     return -1;
 }
 
+// A camera that is not followed waits for its place and has it, and so would a picture that waited for the search: that
+// some have none is what shows that nobody waits. What they cost is judged by the least, for beside other programs one
+// picture takes twice the processor time of another.
 static void nobody_waits_for_a_camera_that_jumped(void **state)
 {
     (void)state;
+    struct costs first = {0}, followed = {0}, without = {0};
     for (int back = FIRST_JUMP; back < 2; back++) { // a folder that begins anew has a clock that does, too
         struct lull *lull;                          // in one of them, and nothing is ever shown
         EXPECT_STATUS(lull_open(&lull), OK);
         struct finder *f = open_finder(back ? lull : NULL);
-        double first_ms, cpu_ms, least_ms;
-        EXPECT_STATUS(find(f, 0, 0, &first_ms), OK); // nothing was followed before: it waits
-        for (int i = 1; i < HERE; i++)
+        double cpu_ms;
+        EXPECT_STATUS(find(f, 0, 0, &cpu_ms), OK); // nothing was followed before: it waits
+        count_cost(&first, cpu_ms);
+        for (int i = 1; i < HERE; i++) {
             EXPECT_STATUS(find(f, i, i * EACH_NS, &cpu_ms), OK);
-        EXPECT_AT_MOST(cpu_ms, 0.4 * first_ms); // it is followed
-        // One that waited would be followed in vain and then found, which takes longer than the first did, and would
-        // have its place. To be followed in vain alone takes up to 0.45 of that under the thread sanitizer, and on a
-        // busy machine 0.76 was seen; one that only waits for the search takes next to nothing.
-        EXPECT_AT_LEAST(go_on_until_found(f, (back ? -10000 : HERE) * EACH_NS, first_ms, &least_ms), 1);
-        EXPECT_AT_MOST(least_ms, 0.7 * first_ms);
+            count_cost(&followed, cpu_ms);
+        }
+        EXPECT_AT_LEAST(go_on_until_found(f, (back ? -10000 : HERE) * EACH_NS, &without), 1);
         finder_close(&f);
         lull_close(&lull);
     }
+    print_message("at least %.1f ms found, %.1f of %d followed, %.1f of %d without a place\n", first.least_ms,
+                  followed.least_ms, followed.count, without.least_ms, without.count);
+    EXPECT_AT_MOST(followed.least_ms, 0.4 * first.least_ms);
+    // The first of each is followed in vain, which takes 0.45 of that under the thread sanitizer; others hand over
+    // their picture.
+    EXPECT_AT_MOST(without.least_ms, 0.7 * first.least_ms);
 }
 
 // Of one that jumps with every picture none would have a place: each waits for its own.
