@@ -238,6 +238,7 @@ static enum status find_in(struct eyes *e, struct finder *finder, struct picture
 {
     enum status status = finder_find(finder, p->rgb, p->time_ns, &p->sight.world_from_camera);
     p->sight.lens = *finder_lens(finder);
+    p->sight.moved_tags = finder_moved_tags(finder, &p->sight.first_moved);
     pthread_mutex_lock(&e->lock);
     e->lens = p->sight.lens;
     pthread_mutex_unlock(&e->lock);

@@ -28,7 +28,8 @@ struct sight {
     struct lens lens;
     bool placed; // world_from_camera is known
     struct pose world_from_camera;
-    int64_t number; // 1, 2, … of all pictures that came
+    int32_t moved_tags, first_moved; // that hang elsewhere than the place has them, see finder_moved_tags
+    int64_t number;                  // 1, 2, … of all pictures that came
     // The clock (clock_now_ns) when the camera gave it, and when locating began and ended.
     int64_t came_ns, locating_ns, located_ns;
 };

@@ -12,9 +12,10 @@ struct finder {
     struct search *search;
     struct lens lens; // the track's, which may be lent
     int64_t last_ns;
-    bool searching; // the track is lent to the search
-    int finds;      // pictures in which it was found since one was followed
-    bool restarted; // the camera's clock began anew meanwhile
+    bool searching;                  // the track is lent to the search
+    int finds;                       // pictures in which it was found since one was followed
+    bool restarted;                  // the camera's clock began anew meanwhile
+    int32_t moved_tags, first_moved; // the track's, which may be lent
 };
 
 enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens, struct lull *lull)
@@ -23,7 +24,7 @@ enum status finder_open(struct finder **out, const struct place *place, const st
     struct finder *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    *f = (struct finder){.lens = *lens, .last_ns = INT64_MIN, .finds = MOST_FINDS};
+    *f = (struct finder){.lens = *lens, .last_ns = INT64_MIN, .finds = MOST_FINDS, .first_moved = -1};
     enum status status = camera_track_open(&f->track, place, lens, NULL);
     if (status == OK)
         status = search_open(&f->search, lens->width, lens->height, lull);
@@ -36,6 +37,12 @@ enum status finder_open(struct finder **out, const struct place *place, const st
 }
 
 const struct lens *finder_lens(const struct finder *f) { return &f->lens; }
+
+int32_t finder_moved_tags(const struct finder *f, int32_t *first)
+{
+    *first = f->first_moved;
+    return f->moved_tags;
+}
 
 void finder_close(struct finder **f)
 {
@@ -65,6 +72,7 @@ static enum status look(struct finder *f, const uint8_t *color, int64_t time_ns,
     else if (status == NOTHING)
         return search_meanwhile(f, color, time_ns);
     f->lens = *camera_track_lens(f->track);
+    f->moved_tags = camera_track_moved_tags(f->track, &f->first_moved);
     return status;
 }
 

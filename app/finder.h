@@ -19,6 +19,10 @@ void finder_close(struct finder **f); // NULL is fine
 // The lens by which the camera was last looked for, see locator_lens.
 const struct lens *finder_lens(const struct finder *f);
 
+// How many tags hang elsewhere than the place has them, by the last picture that was looked at; *first: the lowest
+// number of them, -1 for none. See locator_moved_tags.
+int32_t finder_moved_tags(const struct finder *f, int32_t *first);
+
 // color: RGB of the lens's size; time_ns: when it was taken, by the camera's clock.
 // OK and AMBIGUOUS: *world_from_camera is filled. NOTHING: it does not know. Errors as locator_find.
 MUST_CHECK enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns,

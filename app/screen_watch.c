@@ -227,12 +227,10 @@ void screen_words(const struct brush *b, const struct show *s)
     ui_layer(b->ui, 2);
     ui_shadow(b->ui, box, h / 2, 16, t->shadow);
     ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
-    uint32_t color = is_notice ? t->accent : tag ? t->accent : t->warn;
-    icon_draw(b->ui,
-              is_notice ? ICON_CHECK
-              : tag     ? ICON_TAG
-                        : ICON_WARNING,
-              (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
+    const bool done = is_notice && !s->notice_warns;
+    const uint32_t color = done || tag ? t->accent : t->warn;
+    const enum icon icon = done ? ICON_CHECK : tag ? ICON_TAG : ICON_WARNING;
+    icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
     ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, room + 1, t->text, text);
     ui_layer(b->ui, 0);
 }

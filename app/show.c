@@ -5,7 +5,8 @@
 #include <string.h>
 
 static const double PI = 3.14159265358979323846;
-static const int64_t NOTICE_NS = 3000000000, CONTROLS_NS = 4000000000, FROZEN_NS = 1500000000;
+static const int64_t NOTICE_NS = 3000000000, WARNING_NS = 8000000000, CONTROLS_NS = 4000000000, FROZEN_NS = 1500000000;
+static const int64_t MOVED_NS = 2000000000; // a tag is moved for so long before it is told of
 static const double APPEAR_S = 0.2, FADE_S = 0.7, FRESHEN_S = 0.5;
 static const double speeds[] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
 
@@ -18,6 +19,7 @@ struct show show_start(int take_count, bool dark, int64_t now_ns)
                          .orbiting = true,
                          .prepared = 1,
                          .error_px = 1,
+                         .tag_moved_said = -1,
                          .dark = dark,
                          .stirred_ns = now_ns,
                          .now_ns = now_ns,
@@ -60,7 +62,15 @@ void show_say(struct show *s, const char *notice, int64_t now_ns)
 {
     snprintf(s->notice, sizeof s->notice, "%s", notice);
     s->notice_until_ns = now_ns + NOTICE_NS;
+    s->notice_warns = false;
     s->changed = true;
+}
+
+void show_warn(struct show *s, const char *notice, int64_t now_ns)
+{
+    show_say(s, notice, now_ns);
+    s->notice_until_ns = now_ns + WARNING_NS;
+    s->notice_warns = true;
 }
 
 // ---------------------------------------------------------------- actions
@@ -259,6 +269,25 @@ void show_wheel(struct show *s, double notches, int64_t now_ns)
 
 // ---------------------------------------------------------------- the camera, and time
 
+// Once for each tag, and only of one that stays so: a single picture may show it half hidden.
+static void hear_of_moved_tags(struct show *s, int64_t now_ns)
+{
+    const struct show_camera *camera = &s->camera;
+    if (!camera->moved_tags)
+        s->tag_moved_ns = 0;
+    else if (!s->tag_moved_ns)
+        s->tag_moved_ns = now_ns;
+    if (!camera->moved_tags || camera->first_moved == s->tag_moved_said || now_ns - s->tag_moved_ns < MOVED_NS)
+        return;
+    s->tag_moved_said = camera->first_moved;
+    const bool more = camera->moved_tags > 1;
+    char notice[sizeof s->notice];
+    snprintf(notice, sizeof notice,
+             "Tag %d%s not where the place has %s, and left out of account. Put %s back, or sweep again",
+             (int)camera->first_moved, more ? " and others are" : " is", more ? "them" : "it", more ? "them" : "it");
+    show_warn(s, notice, now_ns);
+}
+
 void show_hear(struct show *s, const struct show_camera *camera, int64_t now_ns)
 {
     const bool sight_is_new = camera->sight != s->camera.sight;
@@ -271,6 +300,7 @@ void show_hear(struct show *s, const struct show_camera *camera, int64_t now_ns)
         s->placed_ns = now_ns;
         s->ever_placed = true;
     }
+    hear_of_moved_tags(s, now_ns);
     // Without a camera's picture, or a place to find it in, one walks round with a finger.
     s->orbiting = s->orbit_wished || !camera->there || !camera->knows_place || (!camera->seeing && !camera->sight);
 }

@@ -58,6 +58,8 @@ struct show_camera {
     int64_t sight;       // number of the newest located picture; 0: none
     bool placed;         // it was located
     const char *trouble; // the camera's own sentence; "" none; borrowed for the call
+    int32_t moved_tags;  // that hang elsewhere than the place has them
+    int32_t first_moved; // the lowest number of them
 };
 
 // Where the actor stands: moved over the floor from where he was filmed, and turned about himself.
@@ -97,9 +99,12 @@ struct show {
     int64_t placed_ns;  // last time it was known
     int64_t stirred_ns; // last touch, for hiding the controls while playing
     char notice[160];   // passes after a while
+    bool notice_warns;
     int64_t notice_until_ns;
-    int64_t now_ns; // of the last show_tick
-    bool changed;   // there is something new to draw; the drawer clears it
+    int64_t tag_moved_ns;   // since when the camera has known tags to be moved; 0: it does not
+    int32_t tag_moved_said; // the first of those last told of; -1: none was
+    int64_t now_ns;         // of the last show_tick
+    bool changed;           // there is something new to draw; the drawer clears it
 };
 
 struct show show_start(int take_count, bool dark, int64_t now_ns);
@@ -130,7 +135,8 @@ void show_ail(struct show *s, const char *sentence); // NULL: all is well again
 void show_prepare(struct show *s, double share);     // of the take's preparing
 void show_model(struct show *s, bool shown);         // the actor drawn last is the prepared one
 void show_say(struct show *s, const char *notice, int64_t now_ns);
-void show_stir(struct show *s, int64_t now_ns); // somebody touched the screen
+void show_warn(struct show *s, const char *notice, int64_t now_ns); // the same, of what went wrong; stays longer
+void show_stir(struct show *s, int64_t now_ns);                     // somebody touched the screen
 
 // Time goes by. Returns until when nothing changes by itself: INT64_MAX, or now_ns while something moves.
 int64_t show_tick(struct show *s, int64_t now_ns);

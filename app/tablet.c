@@ -112,6 +112,8 @@ static void hear_eyes(struct tablet *t, int64_t now_ns)
         camera.came_ns = t->eyes_now.came_ns;
         camera.sight = sight ? sight->number : 0;
         camera.placed = sight && sight->placed;
+        camera.moved_tags = sight ? sight->moved_tags : 0;
+        camera.first_moved = sight ? sight->first_moved : -1;
         camera.trouble = t->eyes_now.trouble;
     }
     show_hear(&t->show, &camera, now_ns);
@@ -340,7 +342,10 @@ static enum status photograph(struct tablet *t, int64_t now_ns)
     const char *name = strrchr(path, '/');
     snprintf(notice, sizeof notice, "%s%.120s", status == OK ? "Photographed: " : "",
              status == OK ? name + 1 : status_sentence());
-    show_say(&t->show, notice, now_ns);
+    if (status == OK)
+        show_say(&t->show, notice, now_ns);
+    else
+        show_warn(&t->show, notice, now_ns);
     return OK;
 }
 

@@ -119,7 +119,7 @@ static struct show watching(void)
 
 static struct show_camera seeing(int64_t sight, bool placed, int64_t came_ns)
 {
-    return (struct show_camera){true, true, true, true, came_ns, sight, placed, ""};
+    return (struct show_camera){true, true, true, true, came_ns, sight, placed, "", 0, -1};
 }
 
 static void hear(struct show *s, struct show_camera camera, int64_t now_ns)
@@ -223,6 +223,39 @@ static void test_a_camera_that_freezes_or_goes_is_named(void **state)
     EXPECT_TRUE(!show_hint(&s)); // who orbits needs no tag
 }
 
+static struct show_camera seeing_moved(int64_t sight, int32_t count, int32_t first)
+{
+    struct show_camera camera = seeing(sight, true, sight * S);
+    camera.moved_tags = count;
+    camera.first_moved = first;
+    return camera;
+}
+
+static void test_a_tag_that_was_moved_is_named_once(void **state)
+{
+    (void)state;
+    struct show s = watching();
+    hear(&s, seeing_moved(1, 1, 0), S);
+    hear(&s, seeing(2, true, 2 * S), 2 * S); // one picture showed it so, no more
+    hear(&s, seeing_moved(3, 1, 0), 3 * S);
+    hear(&s, seeing_moved(4, 1, 0), 4 * S);
+    EXPECT_TRUE(!s.notice[0]);
+    hear(&s, seeing_moved(5, 1, 0), 5 * S);
+    EXPECT_TRUE(strstr(s.notice, "Tag 0 is not where") && s.notice_warns);
+    hear(&s, seeing_moved(12, 1, 0), 12 * S);
+    EXPECT_TRUE(s.notice[0]); // there is time to read it
+    hear(&s, seeing_moved(14, 1, 0), 14 * S);
+    EXPECT_TRUE(!s.notice[0]);
+    hear(&s, seeing(20, true, 20 * S), 20 * S);
+    hear(&s, seeing_moved(21, 1, 0), 21 * S);
+    hear(&s, seeing_moved(24, 1, 0), 24 * S);
+    EXPECT_TRUE(!s.notice[0]); // that was said
+    hear(&s, seeing_moved(25, 2, 7), 25 * S);
+    EXPECT_TRUE(strstr(s.notice, "Tag 7 and others are not where") && strstr(s.notice, "sweep again"));
+    show_say(&s, "Photographed", 26 * S);
+    EXPECT_TRUE(!s.notice_warns);
+}
+
 static void test_moving_follows_the_finger_over_the_floor(void **state)
 {
     (void)state;
@@ -323,6 +356,7 @@ int main(void)
         cmocka_unit_test(test_scrubbing_goes_on_as_it_was),
         cmocka_unit_test(test_he_fades_when_the_camera_is_lost_and_the_screen_says_so),
         cmocka_unit_test(test_a_camera_that_freezes_or_goes_is_named),
+        cmocka_unit_test(test_a_tag_that_was_moved_is_named_once),
         cmocka_unit_test(test_moving_follows_the_finger_over_the_floor),
         cmocka_unit_test(test_controls_go_while_it_plays_and_come_with_a_touch),
         cmocka_unit_test(test_the_governor_falls_and_rises_and_does_not_swing),
