@@ -43,9 +43,9 @@ struct tracker {
     struct body_pose taught; // the last one that taught much of the shape
     int64_t lost_since_ns;   // 0: in sight
     int poor_frames, frames, empty_frames;
-    int sides_cut;          // how many of the picture's edges cut the person when they were found, or last thought over
-    double turned_evidence; // that the person looks the other way, as a logarithm of odds
-    double swapped_evidence;               // the same for their legs
+    unsigned cut;            // which of the picture's edges cut the person when they were found, or last thought over
+    double turned_evidence;  // that the person looks the other way, as a logarithm of odds
+    double swapped_evidence; // the same for their legs
     double elsewhere_evidence[LIMB_COUNT]; // and that a limb is elsewhere
     bool found_elsewhere[LIMB_COUNT];      // in this frame it turned out to
     bool turned;                           // in this frame they turned out to
@@ -252,8 +252,6 @@ static unsigned cuts(const struct body_evidence *e)
 
 static bool is_whole(const struct body_evidence *e) { return !(cuts(e) & (CUT_LEFT | CUT_RIGHT | CUT_BELOW)); }
 
-static int sides_cut(const struct body_evidence *e) { return __builtin_popcount(cuts(e)); }
-
 // Sums up what pictures gain by another pose, as a logarithm of odds. One picture alone says
 // little: while something is lost, anything is better.
 static bool is_likelier(double *evidence, double gain, double enough)
@@ -407,7 +405,7 @@ static bool start(struct tracker *t, struct fit_task *task)
     if (!found)
         return false;
     t->found_count++;
-    t->sides_cut = sides_cut(t->evidence);
+    t->cut = cuts(t->evidence);
     believe(t, task);
     return true;
 }
@@ -416,11 +414,11 @@ static bool start(struct tracker *t, struct fit_task *task)
 // follows holds on to that. When less of them is cut they are looked for once more, as if nothing was known.
 static void think_start_over(struct tracker *t, struct fit_task *task)
 {
-    int cut = sides_cut(t->evidence);
-    if (t->back || cut >= t->sides_cut)
+    unsigned before = t->cut, now = cuts(t->evidence);
+    if (t->back || __builtin_popcount(now) >= __builtin_popcount(before))
         return;
-    t->sides_cut = cut;
-    if (start_over(task, &t->room->best.pose, t->room)) {
+    t->cut = now;
+    if (start_over(task, &t->room->best.pose, before & ~now & CUT_BELOW, t->room)) {
         believe(t, task);
         t->turned = true; // this was no motion
         t->turned_evidence = t->swapped_evidence = 0;

@@ -50,10 +50,41 @@ static void shoulders_are_as_broad_as_they_are(void **state)
     EXPECT_AT_MOST(sum, 0.007);
 }
 
+// Of who stands so near that no feet are in sight, the level of the crown says how tall they are, and a hem above the
+// picture's lower edge that they wear a skirt: the trunk does not grow to be all that is seen.
+static void who_is_near_is_no_giant(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *figure, *motion;
+        double nearer_m, most_m;
+    } cases[] = {{"child", "kata", 1.75, 0.032}, {"skirt", "bend", 1.4, 0.045}};
+    enum { LAST = 45 };
+    for (size_t i = 0; i < COUNT_OF(cases); i++) {
+        struct tracked_film f;
+        struct skeleton told;
+        double sum = 0;
+        tracked_film_open(&f, cases[i].figure, cases[i].motion);
+        struct pose from = moved(world_sensor_pose(f.world), v3(0, 0, cases[i].nearer_m));
+        for (int k = 0; k < LAST; k++) {
+            double t = (double)k / FPS;
+            tracked_film_shoot(&f, from, t, (uint64_t)k);
+            EXPECT_STATUS(tracker_next(f.tracker, nanoseconds(t), f.depth, &told, NULL), OK);
+            struct skeleton truth = world_joints_in_camera(f.world, t, from);
+            sum += error_of(&told, &truth) / LAST;
+        }
+        tracked_film_close(&f);
+        print_message("%s, %s, %g m nearer: %.0f mm off\n", cases[i].figure, cases[i].motion, cases[i].nearer_m,
+                      1000 * sum);
+        EXPECT_AT_MOST(sum, cases[i].most_m);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(shoulders_are_as_broad_as_they_are),
+        cmocka_unit_test(who_is_near_is_no_giant),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
