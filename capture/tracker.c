@@ -174,12 +174,15 @@ static int add_balls(const struct body_build *build, struct ball balls[BALLS_MAX
     return count;
 }
 
-// Seen: some pixel about the joint shows the person's surface where the body has it.
-static bool joint_seen(const struct tracker *t, struct vec3 c, double radius, bool *outside)
+enum { ABOUT = 5, MOST_OF_THEM = 3 };
+
+// Of so many pixels about the joint, this many show the person's surface where the body has it.
+static int pixels_shown(const struct tracker *t, struct vec3 c, double radius, bool *outside)
 {
     const struct lens *l = &t->calibration.depth;
+    int shown = 0;
     *outside = true;
-    for (int k = 0; k < 5; k++) {
+    for (int k = 0; k < ABOUT; k++) {
         struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
                                      (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
         if (p.z < 0.1)
@@ -189,9 +192,9 @@ static bool joint_seen(const struct tracker *t, struct vec3 c, double radius, bo
         *outside = *outside && kind == EVIDENCE_OUTSIDE;
         if (kind == EVIDENCE_PERSON && measured > 0 &&
             fabs(measured - (p.z - radius)) < 0.05 + radius + 2 * depth_sigma_m(measured))
-            return true;
+            shown++;
     }
-    return false;
+    return shown;
 }
 
 static void report(struct tracker *t, const struct fit_result *fit, double passed_s, struct skeleton *out)
@@ -209,11 +212,12 @@ static void report(struct tracker *t, const struct fit_result *fit, double passe
     };
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = build.joint[j];
-        bool outside, seen = joint_seen(t, p, radius[j] * size, &outside);
-        t->seen_ever[j] |= seen;
+        bool outside;
+        int shown = pixels_shown(t, p, radius[j] * size, &outside);
+        t->seen_ever[j] |= shown > 0;
         t->out_of_picture_s[j] = outside ? t->out_of_picture_s[j] + (float)passed_s : 0;
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] = seen ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
+        out->confidence[j] = shown >= MOST_OF_THEM ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
     }
 }
 
