@@ -13,6 +13,7 @@
 // is beside its place in the picture would rather stay there than cross the gap.
 #define FREE_SIGMA_M  0.030
 #define BESIDE_RATE   0.4 // of that weight beside the person: the mask ends where readings do, a little short of the rim
+#define THROUGH_RATE  0.8 // the same where something well behind was measured: nothing is there
 #define CROWN_RATE    4.0 // of that weight, a crown beside the person: hair and noise take a centimetre or two
 #define CROWN_SLACK_M 0.010
 #define FREE_REACH_M  0.25 // beyond this a sample's pull fades
@@ -254,10 +255,14 @@ static double add_points(const struct fit_task *task, const struct body_build *b
     return energy;
 }
 
+// How far each factor of the shape moves a place along x, y and z.
+typedef double shape_rows[3][SHAPE_COUNT];
+
 // One sample of the model: it must not stand beside the person, nor in front of
-// what was measured.
+// what was measured. grows: how its surface moves with the shape, or NULL: it teaches nothing of that.
 static double add_free_sample(const struct fit_task *task, const struct body_build *build, enum segment segment,
-                              struct vec3 c, double radius, double rate, struct fit_system *system)
+                              struct vec3 c, double radius, double rate, const shape_rows *grows,
+                              struct fit_system *system)
 {
     const struct body_evidence *e = task->evidence;
     if (c.z < 0.2)
@@ -273,9 +278,8 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     double measured, dx, dy, front = c.z - radius;
     enum evidence_kind kind = evidence_at(e, px, c.z, &measured, &dx, &dy);
     double off[3] = {0, 0, 0};
-    if (kind == EVIDENCE_BESIDE)
-        rate *= BESIDE_RATE;
-    if (kind == EVIDENCE_BESIDE) {
+    if (kind == EVIDENCE_BESIDE || kind == EVIDENCE_THROUGH) {
+        rate *= kind == EVIDENCE_THROUGH ? THROUGH_RATE : BESIDE_RATE;
         double slack = 0.5 * e->step;
         double length = hypot(dx, dy), rest = length > slack ? (length - slack) / length : 0;
         off[0] = dx * rest * c.z / e->lens.fx;
@@ -292,7 +296,8 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     double fade = c2 / (c2 + e2), weight = rate / (FREE_SIGMA_M * FREE_SIGMA_M);
     for (int k = 0; k < 3; k++)
         if (off[k] != 0)
-            fit_system_pull(system, build, segment, c, v3(k == 0, k == 1, k == 2), off[k], weight * fade * fade, NULL);
+            fit_system_pull(system, build, segment, c, v3(k == 0, k == 1, k == 2), off[k], weight * fade * fade,
+                            grows ? (*grows)[k] : NULL);
     return 0.5 * weight * e2 * fade;
 }
 
@@ -302,11 +307,30 @@ static double add_crown(const struct fit_task *task, const struct body_build *bu
 {
     struct vec3 up = v3_unit(v3_sub(skull->b, skull->a));
     struct vec3 c = v3_add(skull->b, v3_scale(up, skull->radius_b - CROWN_SLACK_M));
-    return add_free_sample(task, build, skull->segment, c, 0, CROWN_RATE, system);
+    return add_free_sample(task, build, skull->segment, c, 0, CROWN_RATE, NULL, system);
 }
 
+#define ASIDE_RATE 0.75 // of the radius, so far to the side samples lie
+#define ASIDE_DEEP 0.66 // and so far before the middle the round front is there: sqrt(1 - 0.75^2)
+
+// The same of a sample of solid i. aside: from its middle to there, 0 or of length 1.
+static void find_rows(const struct shape_slope slope[SHAPE_COUNT], int i, double t, struct vec3 aside, double deep,
+                      shape_rows out)
+{
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        const struct shape_slope *s = &slope[k];
+        double radius = s->radius_a[i] + (s->radius_b[i] - s->radius_a[i]) * t,
+               width = s->width_a[i] + (s->width_b[i] - s->width_a[i]) * t;
+        struct vec3 by = v3_add(v3_mix(s->a[i], s->b[i], t), v3_scale(aside, width + ASIDE_RATE * radius));
+        out[0][k] = by.x;
+        out[1][k] = by.y;
+        out[2][k] = by.z - deep * radius;
+    }
+}
+
+// slope: it teaches the shape, or NULL.
 static double add_free_solid(const struct fit_task *task, const struct body_build *build, int i,
-                             struct fit_system *system)
+                             const struct shape_slope *slope, struct fit_system *system)
 {
     const struct body_solid *s = &build->solid[i];
     struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
@@ -318,10 +342,13 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
                width = s->width_a + (s->width_b - s->width_a) * t;
         struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
         for (int side = -1; side <= 1; side++) {
-            double beside = side * (width + 0.75 * radius);
-            double deep = side ? 0.66 * radius : radius; // the round front falls back to the sides
+            double beside = side * (width + ASIDE_RATE * radius), deep = side ? ASIDE_DEEP : 1;
             struct vec3 c = v3_add(middle, v3_scale(across, beside));
-            energy += add_free_sample(task, build, s->segment, c, deep, side ? 0.15 : 0.3, system);
+            shape_rows rows;
+            if (slope)
+                find_rows(slope, i, t, v3_scale(across, side), deep, rows);
+            energy += add_free_sample(task, build, s->segment, c, deep * radius, side ? 0.15 : 0.3,
+                                      slope ? (const shape_rows *)&rows : NULL, system);
         }
     }
     if (i == SOLID_SKULL)
@@ -329,13 +356,13 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
     return energy;
 }
 
-static double add_free_space(const struct fit_task *task, const struct body_build *build, struct fit_result *out,
-                             struct fit_system *system)
+static double add_free_space(const struct fit_task *task, const struct body_build *build,
+                             const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
 {
     double energy = 0;
     memset(out->limb_energy, 0, sizeof out->limb_energy);
     for (int i = 0; i < build->solids; i++) {
-        double cost = add_free_solid(task, build, i, system);
+        double cost = add_free_solid(task, build, i, slope, system);
         out->limb_energy[build->solid[i].segment] += cost;
         energy += cost;
     }
@@ -377,7 +404,7 @@ static void judge(const struct fit_task *task, const struct body_pose *pose, con
     out->pose = *pose;
     out->shape = *shape;
     body_build(shape, pose, &out->build);
-    out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, out, NULL) +
+    out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, NULL, out, NULL) +
                   body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) +
                   body_prior_limits(shape, pose, NULL, NULL);
 }
@@ -406,7 +433,7 @@ double body_judge_limb(const struct fit_task *task, const struct body_build *bui
     }
     energy *= point_share(task->evidence);
     for (int k = first; k < first + count; k++)
-        energy += add_free_solid(task, build, k, NULL);
+        energy += add_free_solid(task, build, k, NULL, NULL);
     return energy;
 }
 
@@ -425,7 +452,7 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
             add_shape_belief(task, &shape, &system);
         }
         add_points(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
-        add_free_space(task, &out->build, out, &system);
+        add_free_space(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
         body_floor(task, &out->build, &system);
         body_collisions(&out->build, out->limb_energy, &system);
         fit_system_gather(&system, &out->build);

@@ -27,6 +27,22 @@ static void find_widths(const struct fit_task *task, double width[BINS])
         }
 }
 
+// The lowest bin that is all in sight: 0, or over where the picture's lower edge cuts the person off.
+static int lowest_bin(const struct fit_task *task)
+{
+    const struct body_evidence *e = task->evidence;
+    double high = 0;
+    for (int y = e->picture.bottom - 2; y <= e->bottom; y++)
+        for (int x = e->left; x <= e->right; x++) {
+            int at = y * e->lens.width + x, d = e->depth[at];
+            if (!e->mask[at] || !d)
+                continue;
+            struct vec3 p = v3_scale(lens_ray(&e->lens, (struct pixel){x, y}), d * 0.001);
+            high = fmax(high, v3_dot(task->up, p) + task->floor_m);
+        }
+    return (int)ceil(high / BIN_M);
+}
+
 static double mean_of(const double width[BINS], int from, int to)
 {
     double sum = 0;
@@ -40,11 +56,14 @@ bool hem_find(const struct fit_task *task, double height_m, struct hem *out)
     double width[BINS];
     *out = (struct hem){0};
     const struct body_evidence *e = task->evidence;
-    if (!task->have_floor || e->bottom >= e->picture.bottom - 2 || e->left <= e->picture.left + 2 ||
-        e->right >= e->picture.right - 2)
+    if (!task->have_floor || e->left <= e->picture.left + 2 || e->right >= e->picture.right - 2)
         return false;
     find_widths(task, width);
-    for (int i = (int)(LOWEST * height_m / BIN_M); i < BINS - FAR && i * BIN_M < HIGHEST * height_m; i++) {
+    int lowest = lowest_bin(task), first = (int)(LOWEST * height_m / BIN_M);
+    first = lowest && first < lowest + FAR ? lowest + FAR : first;
+    if (first * BIN_M >= HIGHEST * height_m)
+        return false;
+    for (int i = first; i < BINS - FAR && i * BIN_M < HIGHEST * height_m; i++) {
         double over = mean_of(width, i + NEAR, i + FAR), under = i > FAR ? mean_of(width, i - FAR, i - NEAR) : over;
         double narrow = over > 0.05 ? (over - under) / over : 0;
         if (narrow > out->narrow)

@@ -10,7 +10,8 @@ struct hem {
 };
 
 // The sharpest narrowing between the ankles and the middle of the thighs of somebody of that
-// height. task's evidence, floor and up are in use. False: they are not whole in sight.
+// height. task's evidence, floor and up are in use. Of who is cut off below, only what is in sight counts. False: the
+// picture's sides cut them off, or too little is in sight.
 bool hem_find(const struct fit_task *task, double height_m, struct hem *out);
 
 // What several pictures say.

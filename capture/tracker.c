@@ -43,9 +43,9 @@ struct tracker {
     struct body_pose taught; // the last one that taught much of the shape
     int64_t lost_since_ns;   // 0: in sight
     int poor_frames, frames, empty_frames;
-    int sides_cut;          // how many of the picture's edges cut the person when they were found, or last thought over
-    double turned_evidence; // that the person looks the other way, as a logarithm of odds
-    double swapped_evidence;               // the same for their legs
+    unsigned cut;            // which of the picture's edges cut the person when they were found, or last thought over
+    double turned_evidence;  // that the person looks the other way, as a logarithm of odds
+    double swapped_evidence; // the same for their legs
     double elsewhere_evidence[LIMB_COUNT]; // and that a limb is elsewhere
     bool found_elsewhere[LIMB_COUNT];      // in this frame it turned out to
     bool turned;                           // in this frame they turned out to
@@ -174,12 +174,15 @@ static int add_balls(const struct body_build *build, struct ball balls[BALLS_MAX
     return count;
 }
 
-// Seen: some pixel about the joint shows the person's surface where the body has it.
-static bool joint_seen(const struct tracker *t, struct vec3 c, double radius, bool *outside)
+enum { ABOUT = 5, MOST_OF_THEM = 3 };
+
+// Of so many pixels about the joint, this many show the person's surface where the body has it.
+static int pixels_shown(const struct tracker *t, struct vec3 c, double radius, bool *outside)
 {
     const struct lens *l = &t->calibration.depth;
+    int shown = 0;
     *outside = true;
-    for (int k = 0; k < 5; k++) {
+    for (int k = 0; k < ABOUT; k++) {
         struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
                                      (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
         if (p.z < 0.1)
@@ -189,9 +192,9 @@ static bool joint_seen(const struct tracker *t, struct vec3 c, double radius, bo
         *outside = *outside && kind == EVIDENCE_OUTSIDE;
         if (kind == EVIDENCE_PERSON && measured > 0 &&
             fabs(measured - (p.z - radius)) < 0.05 + radius + 2 * depth_sigma_m(measured))
-            return true;
+            shown++;
     }
-    return false;
+    return shown;
 }
 
 static void report(struct tracker *t, const struct fit_result *fit, double passed_s, struct skeleton *out)
@@ -209,11 +212,12 @@ static void report(struct tracker *t, const struct fit_result *fit, double passe
     };
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = build.joint[j];
-        bool outside, seen = joint_seen(t, p, radius[j] * size, &outside);
-        t->seen_ever[j] |= seen;
+        bool outside;
+        int shown = pixels_shown(t, p, radius[j] * size, &outside);
+        t->seen_ever[j] |= shown > 0;
         t->out_of_picture_s[j] = outside ? t->out_of_picture_s[j] + (float)passed_s : 0;
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] = seen ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
+        out->confidence[j] = shown >= MOST_OF_THEM ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
     }
 }
 
@@ -251,8 +255,6 @@ static unsigned cuts(const struct body_evidence *e)
 }
 
 static bool is_whole(const struct body_evidence *e) { return !(cuts(e) & (CUT_LEFT | CUT_RIGHT | CUT_BELOW)); }
-
-static int sides_cut(const struct body_evidence *e) { return __builtin_popcount(cuts(e)); }
 
 // Sums up what pictures gain by another pose, as a logarithm of odds. One picture alone says
 // little: while something is lost, anything is better.
@@ -407,7 +409,7 @@ static bool start(struct tracker *t, struct fit_task *task)
     if (!found)
         return false;
     t->found_count++;
-    t->sides_cut = sides_cut(t->evidence);
+    t->cut = cuts(t->evidence);
     believe(t, task);
     return true;
 }
@@ -416,11 +418,11 @@ static bool start(struct tracker *t, struct fit_task *task)
 // follows holds on to that. When less of them is cut they are looked for once more, as if nothing was known.
 static void think_start_over(struct tracker *t, struct fit_task *task)
 {
-    int cut = sides_cut(t->evidence);
-    if (t->back || cut >= t->sides_cut)
+    unsigned before = t->cut, now = cuts(t->evidence);
+    if (t->back || __builtin_popcount(now) >= __builtin_popcount(before))
         return;
-    t->sides_cut = cut;
-    if (start_over(task, &t->room->best.pose, t->room)) {
+    t->cut = now;
+    if (start_over(task, &t->room->best.pose, before & ~now & CUT_BELOW, t->room)) {
         believe(t, task);
         t->turned = true; // this was no motion
         t->turned_evidence = t->swapped_evidence = 0;

@@ -7,9 +7,10 @@
 enum { YAWS = 8, WAYS_ROUND = 4 };
 #define POOR             75.0  // a fit's energy when all its points, 150 independent ones, are off by their sigma
 #define AWAY_ODDS        10.0  // against somebody who looks away from the sensor
-#define AWAY_ODDS_UNSURE 30.0  // the same without feet, or without a floor that they stand on: little else tells
+#define AWAY_ODDS_UNSURE 45.0  // the same without feet, or without a floor that they stand on: little else tells
 #define JUDGE_REACH_M    0.20  // a toe that nothing explains has to count
 #define START_OVER_ODDS  20.0  // against the body followed so far having been wrong all along
+#define FEET_SEEN_ODDS   5.0   // the same when feet come into sight: measures learned without them are little sure
 #define ROUGH            1.6   // a rough fit this much worse than another is none the better for being finished
 #define WAIST_RATE       0.571 // the waist joint, of body height over the floor
 #define PI               3.14159265358979323846
@@ -63,6 +64,8 @@ static bool measure(const struct fit_task *task, struct start *out)
     double tall = out->top - out->bottom;
     if (!out->cut && !out->beheaded && tall > 0.9 && tall < 2.4)
         out->height = tall;
+    if (out->cut && !out->beheaded && task->have_floor && out->top > 0.9 && out->top < 2.4)
+        out->height = out->top; // most people stand
     if (!out->cut && out->beheaded)
         out->top = out->bottom + fmax(tall, out->height);
     int count = 0;
@@ -257,7 +260,7 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     return explained_share(task->evidence, &room->best, 0.10) > 0.6;
 }
 
-bool start_over(struct fit_task *task, const struct body_pose *followed, struct fit_room *room)
+bool start_over(struct fit_task *task, const struct body_pose *followed, bool feet_came, struct fit_room *room)
 {
     const struct fit_task before = *task;
     const struct body_pose pose = *followed; // it may lie in the room
@@ -265,7 +268,7 @@ bool start_over(struct fit_task *task, const struct body_pose *followed, struct 
         struct fit_task judged = *task;
         judged.shape = before.shape;
         body_judge(&judged, &pose, &before.shape.mean, &room->trial);
-        if (room->trial.energy - room->best.energy > START_OVER_ODDS)
+        if (room->trial.energy - room->best.energy > (feet_came ? FEET_SEEN_ODDS : START_OVER_ODDS))
             return true;
     }
     *task = before;

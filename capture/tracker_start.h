@@ -7,8 +7,9 @@
 bool start_search(struct fit_task *task, struct fit_room *room);
 
 // The same beside a body that is followed already: true when what is found anew explains the picture so much better
-// that the followed one was wrong. Else room->best is that one again, judged, and the task as it was.
-bool start_over(struct fit_task *task, const struct body_pose *followed, struct fit_room *room);
+// that the followed one was wrong. Else room->best is that one again, judged, and the task as it was. feet_came: until
+// now the picture's lower edge cut them off.
+bool start_over(struct fit_task *task, const struct body_pose *followed, bool feet_came, struct fit_room *room);
 
 // The share of the points within `within_m` of the body.
 double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m);

@@ -6,14 +6,15 @@
 
 #include <string.h>
 
-// What the first pictures of a motion say of a hem.
-static struct hem_belief look(const char *figure, const char *motion, double height_m, double *waist_m, double *knee_m)
+// What the first pictures of a motion say of a hem; filmed from so much nearer than the sensor stands.
+static struct hem_belief look(const char *figure, const char *motion, double height_m, double nearer_m, double *waist_m,
+                              double *knee_m)
 {
     struct tracked_film f;
     struct body_evidence *e;
     struct hem_belief belief = {0};
     tracked_film_open(&f, figure, motion);
-    struct pose from = world_sensor_pose(f.world);
+    struct pose from = moved(world_sensor_pose(f.world), v3(0, 0, nearer_m));
     struct vec3 up = quat_rotate(quat_conjugate(from.rotation), v3(0, 0, 1));
     struct fit_task task = {.have_floor = true, .up = up, .floor_m = from.translation.z};
     assert_int_equal(evidence_open(&e, &f.calibration.depth), OK);
@@ -41,17 +42,22 @@ static void a_hem_is_found_where_one_is(void **state)
     (void)state;
     static const struct {
         const char *figure, *motion;
-        double height_m;
+        double height_m, nearer_m; // at 1.3 m no feet are in sight
         bool tails;
     } who[] = {
-        {"skirt", "pirouette", 1.65, true}, {"coat", "kata", 1.78, true},  {"woman", "pirouette", 1.70, false},
-        {"heavy", "kata", 1.75, false},     {"tall", "bend", 1.95, false}, {"child", "walk", 1.25, false},
+        {"skirt", "pirouette", 1.65, 0, true},  {"coat", "kata", 1.78, 0, true},
+        {"woman", "pirouette", 1.70, 0, false}, {"heavy", "kata", 1.75, 0, false},
+        {"tall", "bend", 1.95, 0, false},       {"child", "walk", 1.25, 0, false},
+        {"skirt", "still", 1.65, 1.3, true},    {"man", "still", 1.82, 1.3, false},
+        {"heavy", "kata", 1.75, 1.3, false},
     };
     for (size_t i = 0; i < COUNT_OF(who); i++) {
         double waist_m, knee_m;
-        struct hem_belief b = look(who[i].figure, who[i].motion, who[i].height_m, &waist_m, &knee_m);
-        print_message("%s, %s: %d pictures, %.2f m below the waist (the knee %.2f), %.2f m wide, narrower by %.2f\n",
-                      who[i].figure, who[i].motion, b.count, b.below_m, waist_m - knee_m, b.wide_m, b.narrow);
+        struct hem_belief b = look(who[i].figure, who[i].motion, who[i].height_m, who[i].nearer_m, &waist_m, &knee_m);
+        print_message("%s, %s, %g m nearer: %d pictures, %.2f m below the waist (the knee %.2f), %.2f m wide, narrower "
+                      "by %.2f\n",
+                      who[i].figure, who[i].motion, who[i].nearer_m, b.count, b.below_m, waist_m - knee_m, b.wide_m,
+                      b.narrow);
         EXPECT_INT(hem_is_worn(b.narrow, b.wide_m, who[i].height_m, false), who[i].tails);
         if (!who[i].tails)
             continue;
