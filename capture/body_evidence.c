@@ -166,8 +166,7 @@ enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, d
         *depth_m = there;
         return EVIDENCE_PERSON;
     }
-    double apart = 0.15 + 3 * depth_sigma_m(z);
-    if (there > 0 && there < z - apart)
+    if (there > 0 && there < z - 0.15 - 3 * depth_sigma_m(z))
         return EVIDENCE_HIDDEN;
     x /= e->step;
     y /= e->step;
@@ -177,5 +176,5 @@ enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, d
         return EVIDENCE_PERSON;
     *dx = (way[0] + at_x - x) * e->step; // beyond the area: by way of its edge
     *dy = (way[1] + at_y - y) * e->step;
-    return there > z + apart ? EVIDENCE_THROUGH : EVIDENCE_BESIDE;
+    return EVIDENCE_BESIDE;
 }

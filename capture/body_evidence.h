@@ -39,12 +39,11 @@ void evidence_close(struct body_evidence **e); // NULL is fine
 // `wanted` points are taken, evenly over the person. False: too few to say anything.
 bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted);
 
-enum evidence_kind { EVIDENCE_OUTSIDE, EVIDENCE_PERSON, EVIDENCE_BESIDE, EVIDENCE_THROUGH, EVIDENCE_HIDDEN };
+enum evidence_kind { EVIDENCE_OUTSIDE, EVIDENCE_PERSON, EVIDENCE_BESIDE, EVIDENCE_HIDDEN };
 
 // What the picture says of a place whose surface would be seen at depth z:
 // OUTSIDE the picture; on the PERSON (*depth_m is what was measured there, 0
 // where the very pixel has no reading); BESIDE the person, *dx, *dy are the
-// pixels to it; the same, and one looks THROUGH the place at something well behind it; HIDDEN behind something nearer
-// that is not the person.
+// pixels to it; HIDDEN behind something nearer that is not the person.
 enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
                                double *dy);

@@ -13,7 +13,6 @@
 // is beside its place in the picture would rather stay there than cross the gap.
 #define FREE_SIGMA_M  0.030
 #define BESIDE_RATE   0.4 // of that weight beside the person: the mask ends where readings do, a little short of the rim
-#define THROUGH_RATE  0.8 // the same where something well behind was measured: nothing is there
 #define CROWN_RATE    4.0 // of that weight, a crown beside the person: hair and noise take a centimetre or two
 #define CROWN_SLACK_M 0.010
 #define FREE_REACH_M  0.25 // beyond this a sample's pull fades
@@ -278,8 +277,8 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     double measured, dx, dy, front = c.z - radius;
     enum evidence_kind kind = evidence_at(e, px, c.z, &measured, &dx, &dy);
     double off[3] = {0, 0, 0};
-    if (kind == EVIDENCE_BESIDE || kind == EVIDENCE_THROUGH) {
-        rate *= kind == EVIDENCE_THROUGH ? THROUGH_RATE : BESIDE_RATE;
+    if (kind == EVIDENCE_BESIDE) {
+        rate *= BESIDE_RATE;
         double slack = 0.5 * e->step;
         double length = hypot(dx, dy), rest = length > slack ? (length - slack) / length : 0;
         off[0] = dx * rest * c.z / e->lens.fx;

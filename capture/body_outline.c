@@ -22,7 +22,7 @@ static double outside_at(const struct fit_task *task, struct vec3 c, double surf
     if (c.z < 0.2 || (task->have_floor && v3_dot(task->up, c) + task->floor_m < UNSEEN_M))
         return 0;
     enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, c), c.z, &measured, &dx, &dy);
-    if (kind == EVIDENCE_BESIDE || kind == EVIDENCE_THROUGH) // pixels to a cell's middle
+    if (kind == EVIDENCE_BESIDE) // pixels to a cell's middle
         return half_at((hypot(dx, dy) - 0.5 * (e->step + 1)) * c.z / e->lens.fx, RIM_M);
     if (kind == EVIDENCE_PERSON && measured > 0)
         return half_at(measured - surface_m - FRONT_M - 2 * depth_sigma_m(measured), DEEP_M);
