@@ -152,7 +152,7 @@ enum status bench_add_row(struct bench *b, const char *name, const double *value
 
 // ------------------------------------------------------------- the program
 
-enum { KEY_MOTIONS = 256, KEY_SEQUENCES, KEY_BODIES, KEY_PLOT };
+enum { KEY_MOTIONS = 256, KEY_SEQUENCES, KEY_BODIES, KEY_JOINTS, KEY_PLOT };
 
 struct arguments {
     const char *stage, *html;
@@ -171,6 +171,7 @@ static error_t parse(int key, char *argument, struct argp_state *state)
     case 'd': a->inputs.data = argument; return 0;
     case KEY_MOTIONS: a->inputs.motions = argument; return 0;
     case KEY_SEQUENCES: a->inputs.sequences = argument; return 0;
+    case KEY_JOINTS: a->inputs.joints = argument; return 0;
     case KEY_BODIES: a->inputs.bodies = true; return 0;
     case KEY_PLOT: a->inputs.plot = argument; return 0;
     case 'r':
@@ -184,11 +185,11 @@ static error_t parse(int key, char *argument, struct argp_state *state)
         a->stage = argument;
         return 0;
     case ARGP_KEY_END: {
-        bool skeleton = a->inputs.motions || a->inputs.sequences || a->inputs.bodies;
-        if (!!a->inputs.data + !!a->inputs.motions + !!a->inputs.sequences + a->inputs.bodies > 1)
-            argp_error(state, "one of --data, --motions, --sequences and --bodies at a time");
+        const int skeleton = !!a->inputs.motions + !!a->inputs.joints + !!a->inputs.sequences + a->inputs.bodies;
+        if (!!a->inputs.data + skeleton > 1)
+            argp_error(state, "one of --data, --motions, --bodies, --joints and --sequences at a time");
         if (skeleton && (!a->stage || strcmp(a->stage, "skeleton")))
-            argp_error(state, "--motions, --sequences and --bodies are the skeleton stage's");
+            argp_error(state, "--motions, --bodies, --joints and --sequences are the skeleton stage's");
         if (a->inputs.plot && (!a->stage || strcmp(a->stage, "levels")))
             argp_error(state, "--plot is the levels stage's");
         return 0;
@@ -253,6 +254,7 @@ int main(int argc, char **argv)
         {"data", 'd', "DIR", 0, "Take the pictures of this folder (TUM layout), not made-up ones", 0},
         {"motions", KEY_MOTIONS, "DIR", 0, "skeleton: follow somebody who moves as this folder's BVH files say", 0},
         {"bodies", KEY_BODIES, NULL, 0, "skeleton: follow people of all sizes and clothes", 0},
+        {"joints", KEY_JOINTS, "DIR", 0, "skeleton: joint by joint, next to this folder's truth", 0},
         {"sequences", KEY_SEQUENCES, "DIR", 0,
          "skeleton: follow the people in this folder's folders, next to Kinect's own joints", 0},
         {"plot", KEY_PLOT, "FILE", 0, "levels: also draw error against time, as an SVG", 0},

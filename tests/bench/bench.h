@@ -63,6 +63,7 @@ double bench_percentile(double *values, int count, double share);
 struct bench_inputs {
     const char *data;      // a folder (TUM layout); NULL: make your own items
     const char *motions;   // skeleton: a folder of BVH files, to be filmed in the small world
+    const char *joints;    // skeleton: a folder as of `data`, to be looked at joint by joint
     const char *sequences; // skeleton: a folder of folders with joints_kinect_sdk.csv in truth/
     bool bodies;           // skeleton: people of all sizes and clothes in the small world
     const char *plot;      // levels: an SVG file to write; NULL: none

@@ -3,8 +3,8 @@
 //
 // Without --data the small world's kata is filmed here. With --data FOLDER, a
 // folder with depth.txt and calibration.json, and joints_truth.csv and
-// sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies or
-// --sequences tables of error alone, see bench_skeleton_trials.h.
+// sensor_truth.txt in FOLDER/truth or FOLDER/../truth. With --motions, --bodies, --joints
+// or --sequences tables of error alone, see bench_skeleton_trials.h.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
@@ -103,6 +103,7 @@ static enum status run(struct bench *b)
 {
     const struct bench_inputs *in = bench_inputs(b);
     return in->motions     ? trial_motions(b, in->motions)
+           : in->joints    ? trial_joints(b, in->joints)
            : in->sequences ? trial_sequences(b, in->sequences)
            : in->bodies    ? trial_bodies(b)
                            : run_settings(b);

@@ -13,3 +13,7 @@ MUST_CHECK enum status trial_bodies(struct bench *b);
 // Real people in the folders of `folder` (TUM layout), next to what Kinect's own
 // tracker made of them: a reference and no truth. ERR_MISSING: no such folder there.
 MUST_CHECK enum status trial_sequences(struct bench *b, const char *folder);
+
+// The person in a folder that has truth (bench_skeleton_data.h), joint by joint, as `record` has them: errors as they
+// are, and less what is constant of each joint's in the axes of trunk or pelvis.
+MUST_CHECK enum status trial_joints(struct bench *b, const char *folder);

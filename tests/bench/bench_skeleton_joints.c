@@ -1,0 +1,124 @@
+// One person joint by joint, next to truth that somebody else's figure carries: how far off each joint is, and how far
+// with what is constant of that taken out. Where a figure's knee lies within its leg is its maker's choice, which no
+// depth shows; how it moves is not.
+#include "tests/bench/bench_settled.h"
+#include "tests/bench/bench_skeleton_data.h"
+#include "tests/bench/bench_skeleton_trials.h"
+
+#include <stdlib.h>
+
+static const char *const columns[] = {"mean_mm",    "p95_mm",    "within_10cm_%", "aside_mm",    "down_mm",
+                                      "forward_mm", "mean_less", "p95_less",      "within_less", "lost"};
+enum { MEAN, P95, WITHIN, ASIDE, DOWN, FORWARD, MEAN_LESS, P95_LESS, WITHIN_LESS, LOST };
+
+// Of one joint over the film, in the axes of the half of the body that it hangs on: x to the person's left, y down, z
+// forward.
+struct errors {
+    struct vec3 *off;
+    int count;
+};
+
+static bool hangs_on_pelvis(int j)
+{
+    return j == JOINT_WAIST || j == JOINT_LEFT_HIP || j == JOINT_RIGHT_HIP || j == JOINT_LEFT_KNEE ||
+           j == JOINT_RIGHT_KNEE || j == JOINT_LEFT_FOOT || j == JOINT_RIGHT_FOOT;
+}
+
+// The true trunk's or pelvis's.
+static struct vec3 in_body(const struct skeleton *truth, int j, struct vec3 v)
+{
+    const bool pelvis = hangs_on_pelvis(j);
+    const struct vec3 *at = truth->joint;
+    struct vec3 x = pelvis ? v3_sub(at[JOINT_LEFT_HIP], at[JOINT_RIGHT_HIP])
+                           : v3_sub(at[JOINT_LEFT_SHOULDER], at[JOINT_RIGHT_SHOULDER]);
+    const struct vec3 down =
+        pelvis ? v3_sub(at[JOINT_WAIST], at[JOINT_TORSO]) : v3_sub(at[JOINT_TORSO], at[JOINT_NECK]);
+    const struct vec3 forward = v3_unit(v3_cross(down, x));
+    x = v3_unit(x);
+    return v3(v3_dot(x, v), v3_dot(v3_cross(x, forward), v), v3_dot(forward, v));
+}
+
+static struct vec3 constant_of(const struct errors *of)
+{
+    struct vec3 mean = v3(0, 0, 0);
+    for (int f = 0; f < of->count; f++)
+        mean = v3_add(mean, v3_scale(of->off[f], 1.0 / of->count));
+    return mean;
+}
+
+// Of `count` joints together; less: what is constant of each taken out.
+static void sum_up(const struct errors *of, int count, bool less, double *mean_mm, double *p95_mm, double *within,
+                   double *scratch)
+{
+    int used = 0, near = 0;
+    double sum = 0;
+    for (int j = 0; j < count; j++) {
+        const struct vec3 constant = less ? constant_of(&of[j]) : v3(0, 0, 0);
+        for (int f = 0; f < of[j].count; f++) {
+            const double e = v3_distance(of[j].off[f], constant);
+            near += e < 0.1;
+            sum += e;
+            scratch[used++] = e;
+        }
+    }
+    *mean_mm = 1000 * sum / used;
+    *p95_mm = 1000 * bench_percentile(scratch, used, 0.95);
+    *within = 100.0 * near / used;
+}
+
+static enum status add_row(struct bench *b, const char *name, const struct errors *of, int count, int frames,
+                           double *scratch)
+{
+    double v[COUNT_OF(columns)];
+    const struct vec3 constant = constant_of(of);
+    const double none = count > 1 ? NAN : 1000; // of different joints, a mean of these says nothing
+    v[ASIDE] = none * constant.x, v[DOWN] = none * constant.y, v[FORWARD] = none * constant.z;
+    sum_up(of, count, false, &v[MEAN], &v[P95], &v[WITHIN], scratch);
+    sum_up(of, count, true, &v[MEAN_LESS], &v[P95_LESS], &v[WITHIN_LESS], scratch);
+    v[LOST] = frames - of->count;
+    return bench_add_row(b, name, v);
+}
+
+static enum status compare(struct bench *b, const struct skeleton_data *data, const struct settled_film *film)
+{
+    struct errors of[JOINT_COUNT] = {{0}};
+    const size_t frames = (size_t)data->count;
+    struct vec3 *off = malloc(frames * JOINT_COUNT * sizeof *off);
+    double *scratch = malloc(frames * JOINT_COUNT * sizeof *scratch);
+    enum status status = off && scratch ? OK : fail(ERR_MEMORY, "no memory for the bench");
+    for (int j = 0; j < JOINT_COUNT && status == OK; j++) {
+        of[j].off = off + (size_t)j * frames;
+        for (int f = 0; f < data->count; f++)
+            if (film->found[f]) {
+                const struct skeleton *truth = &data->frame[f].truth;
+                of[j].off[of[j].count++] = in_body(truth, j, v3_sub(film->settled[f].joint[j], truth->joint[j]));
+            }
+    }
+    if (status == OK && !of[0].count)
+        status = fail(ERR_INPUT, "nobody was found in these pictures");
+    bench_columns(b, columns, COUNT_OF(columns));
+    for (int j = 0; j < JOINT_COUNT && status == OK; j++)
+        status = add_row(b, joint_name((enum joint)j), &of[j], 1, data->count, scratch);
+    if (status == OK)
+        status = add_row(b, "all", of, JOINT_COUNT, data->count, scratch);
+    free(off);
+    free(scratch);
+    return status;
+}
+
+enum status trial_joints(struct bench *b, const char *folder)
+{
+    struct skeleton_data data;
+    struct settled_film film = {0};
+    enum status status = skeleton_data_open(&data, folder);
+    film.calibration = data.calibration;
+    for (int f = 0; f < data.count && status == OK; f++)
+        status = settled_film_add(&film, data.frame[f].time_ns, data.frame[f].depth);
+    if (status == OK)
+        status = settled_film_track(&film);
+    if (status == OK)
+        status = compare(b, &data, &film);
+    settled_film_free(&film);
+    skeleton_data_close(&data);
+    return status;
+}
