@@ -138,6 +138,7 @@ bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t
         stride = 1;
     e->low = v3(1e9, 1e9, 1e9);
     e->high = v3(-1e9, -1e9, -1e9);
+    double z2 = 0;
     for (int y = e->top; y <= e->bottom; y += stride)
         for (int x = e->left + (y / stride % 2) * (stride / 2); x <= e->right; x += stride) {
             int d = depth[y * l->width + x];
@@ -145,10 +146,12 @@ bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t
                 continue;
             double z = d * 0.001, sigma = depth_sigma_m(z);
             struct vec3 p = v3_scale(lens_ray(l, (struct pixel){x, y}), z);
+            z2 += z * z;
             e->point[e->count++] = (struct evidence_point){p, 1 / (SURFACE_SIGMA_M * SURFACE_SIGMA_M + sigma * sigma)};
             e->low = v3(fmin(e->low.x, p.x), fmin(e->low.y, p.y), fmin(e->low.z, p.z));
             e->high = v3(fmax(e->high.x, p.x), fmax(e->high.y, p.y), fmax(e->high.z, p.z));
         }
+    e->extent_m2 = e->count ? e->pixels * z2 / e->count / (l->fx * l->fy) : 0;
     return e->count >= 30;
 }
 

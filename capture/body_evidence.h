@@ -26,6 +26,7 @@ struct body_evidence {
     struct evidence_point point[EVIDENCE_POINTS_MAX];
     int count;
     int pixels;                   // of the mask
+    double extent_m2;             // of what it shows, across the view
     int left, top, right, bottom; // of the mask, pixels, inclusive
     struct vec3 low, high;        // bounds of the points
     struct picture_bounds picture;

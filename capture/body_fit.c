@@ -6,9 +6,10 @@
 
 #include <string.h>
 
-// Neighbouring points err together (cloth, shape), so that a picture's points
-// say no more than this many independent ones.
-#define INDEPENDENT_POINTS 150.0
+// Neighbouring points err together (cloth, shape): those of a patch of this width say no more than one, and a picture
+// no more than this many. Of somebody whom another hides but for an arm the arm says no more than it did before.
+#define PATCH_M      0.035
+#define PATCHES_MOST 150.0
 // Of the silhouette, a sample of the model: a limb is not as round as its solid is, by this much. Tighter, a limb that
 // is beside its place in the picture would rather stay there than cross the gap.
 #define FREE_SIGMA_M  0.030
@@ -205,7 +206,11 @@ static struct nearest find_nearest(const struct body_build *build, const struct 
     return best;
 }
 
-static double point_share(const struct body_evidence *e) { return fmin(1, INDEPENDENT_POINTS / fmax(e->count, 1)); }
+static double point_share(const struct body_evidence *e)
+{
+    double patches = fmin(PATCHES_MOST, e->extent_m2 / (PATCH_M * PATCH_M));
+    return fmin(1, patches / fmax(e->count, 1));
+}
 
 // What the tails hide says nothing of the shape beneath: there a surface that is nearest to a point is not the one
 // seen.
