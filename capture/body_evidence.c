@@ -181,3 +181,22 @@ enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, d
     *dy = (way[1] + at_y - y) * e->step;
     return EVIDENCE_BESIDE;
 }
+
+int evidence_shown(const struct body_evidence *e, struct vec3 c, double radius, bool *outside)
+{
+    int shown = 0;
+    *outside = true;
+    for (int k = 0; k < EVIDENCE_ABOUT; k++) {
+        struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
+                                     (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
+        if (p.z < 0.1)
+            continue;
+        double measured, dx, dy;
+        enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, p), p.z, &measured, &dx, &dy);
+        *outside = *outside && kind == EVIDENCE_OUTSIDE;
+        if (kind == EVIDENCE_PERSON && measured > 0 &&
+            fabs(measured - (p.z - radius)) < 0.05 + radius + 2 * depth_sigma_m(measured))
+            shown++;
+    }
+    return shown;
+}

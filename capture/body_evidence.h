@@ -48,3 +48,8 @@ enum evidence_kind { EVIDENCE_OUTSIDE, EVIDENCE_PERSON, EVIDENCE_BESIDE, EVIDENC
 // pixels to it; HIDDEN behind something nearer that is not the person.
 enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
                                double *dy);
+
+// Of EVIDENCE_ABOUT pixels about c, so many show the person's surface where it is `radius` metres before c; *outside:
+// none of them is in the picture.
+enum { EVIDENCE_ABOUT = 5 };
+int evidence_shown(const struct body_evidence *e, struct vec3 c, double radius, bool *outside);

@@ -369,8 +369,11 @@ static enum status put_settled(struct recorder *r)
     const struct skeleton **skeleton = calloc((size_t)r->written, sizeof *skeleton);
     if (!skeleton)
         return fail(ERR_MEMORY, "not enough memory to think a take over");
-    for (int64_t i = 0; i < r->written; i++)
+    static const struct skeleton nobody; // who was told at once may turn out to be furniture
+    for (int64_t i = 0; i < r->written; i++) {
         skeleton[i] = settle_skeleton(r->settle, i);
+        skeleton[i] = skeleton[i] ? skeleton[i] : &nobody;
+    }
     enum status status = recording_put_skeletons(r->writer, skeleton, r->written);
     free(skeleton);
     return status;

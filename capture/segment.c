@@ -11,8 +11,6 @@ static int find_jump_mm(const struct segmenter *s, int depth_mm)
     return (int)(1000 * (fmax(noise, slope) + 0.005));
 }
 
-static int jump_mm(const struct segmenter *s, int depth_mm) { return by_depth(s->jump_mm, depth_mm); }
-
 static void fill_tables(struct segmenter *s)
 {
     for (int d = 0; d < JUMPS; d++) {
@@ -79,8 +77,12 @@ enum status segmenter_open(struct segmenter **out, const struct lens *lens)
     s->front = calloc(UINT16_MAX + 1, sizeof *s->front);
     s->person = calloc(n, 1);
     s->before = calloc(n, 1);
+    s->own = calloc(n, sizeof *s->own);
+    s->own_sightings = calloc(n, 1);
+    s->own_watched = calloc(n, sizeof *s->own_watched);
     if (!s->ray || !s->depth || !s->label || !s->parent || !s->candidate || !s->background || !s->sightings ||
-        !s->nearer || !s->given || !s->fixed || !s->limit || !s->front || !s->person || !s->before) {
+        !s->nearer || !s->given || !s->fixed || !s->limit || !s->front || !s->person || !s->before || !s->own ||
+        !s->own_sightings || !s->own_watched) {
         segmenter_close(&s);
         return fail(ERR_MEMORY, "not enough memory to segment depth pictures of %d x %d", lens->width, lens->height);
     }
@@ -115,6 +117,9 @@ void segmenter_close(struct segmenter **s)
     free((*s)->front);
     free((*s)->person);
     free((*s)->before);
+    free((*s)->own);
+    free((*s)->own_sightings);
+    free((*s)->own_watched);
     free((*s)->components);
     free(*s);
     *s = NULL;
@@ -123,6 +128,8 @@ void segmenter_close(struct segmenter **s)
 void segmenter_forget_person(struct segmenter *s)
 {
     s->follows = false;
+    s->motionless = 0;
+    s->watched++; // what was known of their cells is not known any more
     memset(s->before, 0, (size_t)s->width * (size_t)s->height);
 }
 
@@ -216,15 +223,12 @@ static void read_cells(struct segmenter *s, const uint16_t *picture)
             out[x] = (uint16_t)d;
             if (!d || (abs(left - right) <= least && abs(up - down) <= least))
                 continue;
-            int far = jump_mm(s, d);
+            int far = by_depth(s->jump_mm, d);
             if (is_flying(left, d, right, far) || is_flying(up, d, down, far))
                 out[x] = 0;
         }
     }
 }
-
-// In front of everything that is known not to be the person.
-static bool may_be_person(const struct segmenter *s, int i, int depth_mm) { return depth_mm <= s->limit[i]; }
 
 static int find_root(int32_t *parent, int i)
 {
@@ -236,7 +240,7 @@ static int find_root(int32_t *parent, int i)
 static void join(struct segmenter *s, int a, int b)
 {
     int za = s->depth[a], zb = s->depth[b];
-    if (!zb || s->label[b] < 0 || abs(za - zb) > jump_mm(s, za < zb ? za : zb))
+    if (!zb || s->label[b] < 0 || abs(za - zb) > by_depth(s->jump_mm, za < zb ? za : zb))
         return;
     a = find_root(s->parent, a);
     b = find_root(s->parent, b);
@@ -413,6 +417,8 @@ static double likeness(const struct segmenter *s, const struct component *c)
     return score;
 }
 
+#define LIKE_ENOUGH 0.4 // who is a metre aside and cut by the picture's edge is still as like a person
+
 static int choose_main(const struct segmenter *s, int ball_count)
 {
     int best = -1;
@@ -479,56 +485,6 @@ static bool belongs(const struct segmenter *s, const struct component *c, const 
     return c->touching > 3 || c->touching > 0.1 * c->cells;
 }
 
-// Marks the pixels of a cell that agree with the person's cells around it, its own first.
-static void refine_cell(const struct segmenter *s, const uint16_t *picture, int x, int y, uint8_t *mask)
-{
-    int near[9], count = 0, w = s->width, centre = y * w + x;
-    if (s->person[centre])
-        near[count++] = s->depth[centre];
-    for (int j = -1; j <= 1; j++)
-        for (int i = -1; i <= 1; i++)
-            if ((i || j) && x + i >= 0 && x + i < w && y + j >= 0 && y + j < s->height && s->person[centre + j * w + i])
-                near[count++] = s->depth[centre + j * w + i];
-    if (!count || (!s->person[centre] && s->step == 1))
-        return;
-    for (int j = 0; j < s->step; j++)
-        for (int i = 0; i < s->step; i++) {
-            int px = x * s->step + i, py = y * s->step + j;
-            if (px >= s->lens.width || py >= s->lens.height)
-                continue;
-            int d = picture[py * s->lens.width + px];
-            if (!d || (!s->person[centre] && !may_be_person(s, centre, d)))
-                continue;
-            int limit = jump_mm(s, d);
-            for (int k = 0; k < count; k++)
-                if (abs(near[k] - d) <= limit) {
-                    mask[py * s->lens.width + px] = 255;
-                    break;
-                }
-        }
-}
-
-static void refine_mask(const struct segmenter *s, const uint16_t *picture, uint8_t *mask)
-{
-    int w = s->width, left[3] = {w, w, w}, right[3] = {-1, -1, -1}; // of the person, in the rows around one
-    for (int y = -1; y < s->height; y++) {
-        int next = (y + 2) % 3;
-        left[next] = w;
-        right[next] = -1;
-        const uint8_t *row = s->person + (y + 1) * w, *first = y + 1 < s->height ? memchr(row, 1, (size_t)w) : NULL;
-        if (first) {
-            left[next] = (int)(first - row);
-            for (right[next] = w - 1; !row[right[next]];)
-                right[next]--;
-        }
-        int from = left[0] < left[1] ? left[0] : left[1], to = right[0] > right[1] ? right[0] : right[1];
-        from = from < left[2] ? from : left[2];
-        to = to > right[2] ? to : right[2];
-        for (int x = from > 0 ? from - 1 : 0; y >= 0 && x <= to + 1 && x < w; x++)
-            refine_cell(s, picture, x, y, mask);
-    }
-}
-
 static void try_floor(struct segmenter *s)
 {
     if (s->have_floor || s->floor_tries > 30)
@@ -541,6 +497,22 @@ static void try_floor(struct segmenter *s)
         s->height_m = plane.height_m;
         find_limits(s);
     }
+}
+
+// The person's cells: the main component's and those that belong to it.
+static void gather(struct segmenter *s, int main, int ball_count)
+{
+    s->components[main].mine = true;
+    bool more = true;
+    for (int round = 0; round < 3 && more; round++) { // a hand on an arm on the body
+        more = false;
+        count_touching(s);
+        for (int c = 0; c < s->component_count; c++)
+            if (!s->components[c].mine && belongs(s, &s->components[c], &s->components[main], ball_count))
+                s->components[c].mine = more = true;
+    }
+    for (int n = 0; n < s->candidate_count; n++)
+        s->person[s->candidate[n]] = s->components[s->label[s->candidate[n]]].mine;
 }
 
 enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const struct ball *balls, int ball_count,
@@ -561,19 +533,28 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
     memset(s->person, 0, (size_t)s->width * (size_t)s->height);
     if (main < 0)
         return NOTHING;
-    s->components[main].mine = true;
-    bool more = true;
-    for (int round = 0; round < 3 && more; round++) { // a hand on an arm on the body
-        more = false;
-        count_touching(s);
-        for (int c = 0; c < s->component_count; c++)
-            if (!s->components[c].mine && belongs(s, &s->components[c], &s->components[main], ball_count))
-                s->components[c].mine = more = true;
-    }
-    for (int n = 0; n < s->candidate_count; n++)
-        s->person[s->candidate[n]] = s->components[s->label[s->candidate[n]]].mine;
-    refine_mask(s, picture, mask);
+    gather(s, main, ball_count);
+    segmenter_refine(s, picture, mask);
     memcpy(s->before, s->person, (size_t)s->width * (size_t)s->height);
     s->follows = true;
+    return OK;
+}
+
+enum status segmenter_other(struct segmenter *s, const uint16_t *picture, uint8_t *mask)
+{
+    size_t n = (size_t)s->width * (size_t)s->height;
+    int best = -1;
+    double most = LIKE_ENOUGH;
+    memset(mask, 0, (size_t)s->lens.width * (size_t)s->lens.height);
+    measure_components(s);
+    for (int c = 0; c < s->component_count; c++)
+        if (!s->components[c].overlap && likeness(s, &s->components[c]) > most)
+            most = likeness(s, &s->components[best = c]);
+    if (best < 0)
+        return NOTHING;
+    memset(s->person, 0, n);
+    gather(s, best, 0);
+    segmenter_refine(s, picture, mask);
+    memcpy(s->person, s->before, n); // the one who is followed stays that
     return OK;
 }

@@ -58,6 +58,16 @@ bool segmenter_floor(const struct segmenter *s, struct vec3 *up, double *height_
 MUST_CHECK enum status segmenter_next(struct segmenter *s, const uint16_t *depth, const struct ball *balls,
                                       int ball_count, uint8_t *mask);
 
+// After segmenter_next: somebody else in the same picture who is like a person, nearer than the learned room and no
+// part of the one who is followed, as a mask like theirs. NOTHING: nobody.
+MUST_CHECK enum status segmenter_other(struct segmenter *s, const uint16_t *depth, uint8_t *mask);
+
+// For how many calls of segmenter_learn in a row nothing of the person has moved by more than the sensor's noise.
+int segmenter_motionless(const struct segmenter *s);
+
+// The last frame's person was furniture: room from now on.
+void segmenter_put_away(struct segmenter *s);
+
 // Learns the room from the last frame's pixels outside its mask; call it after
 // a segmenter_next whose mask is believed, or that found nobody, every second one or so.
 void segmenter_learn(struct segmenter *s);

@@ -24,11 +24,15 @@ struct segmenter {
     int candidate_count;
     uint16_t *background; // per cell, learned; 0 unknown
     uint8_t *sightings, *nearer;
-    uint16_t *given;          // per cell, given; 0 unknown
-    uint16_t *fixed;          // per cell: the furthest depth in front of the floor and of what is given, mm
-    uint16_t *limit;          // the same, and in front of what was learned: up to there it may be the person
-    uint16_t *front;          // by a surface's depth, mm: the furthest reading that is in front of it for certain
-    uint8_t *person, *before; // per cell
+    uint16_t *given;               // per cell, given; 0 unknown
+    uint16_t *fixed;               // per cell: the furthest depth in front of the floor and of what is given, mm
+    uint16_t *limit;               // the same, and in front of what was learned: up to there it may be the person
+    uint16_t *front;               // by a surface's depth, mm: the furthest reading that is in front of it for certain
+    uint8_t *person, *before;      // per cell
+    float *own;                    // per cell: the person's own depth there, mm, evened out
+    uint8_t *own_sightings;        // how often it was about that, in a row
+    int32_t *own_watched, watched; // when that was last looked at, and how often all were
+    int motionless;                // so many pictures in a row nothing of them moved
     struct component *components;
     int component_count, component_room;
     bool have_floor, floor_given, follows;
@@ -63,3 +67,12 @@ static inline void segmenter_limit(struct segmenter *s, int i)
     int front = s->sightings[i] >= SETTLED_FRAMES ? s->front[s->background[i]] : UINT16_MAX;
     s->limit[i] = (uint16_t)(front < s->fixed[i] ? front : s->fixed[i]);
 }
+
+// In front of everything that is known not to be the person.
+static inline bool may_be_person(const struct segmenter *s, int i, int depth_mm) { return depth_mm <= s->limit[i]; }
+
+// From the person's cells to every pixel; mask is all 0 before.
+void segmenter_refine(const struct segmenter *s, const uint16_t *picture, uint8_t *mask);
+
+// One picture more of the person's own cells: has anything of them moved?
+void segmenter_watch(struct segmenter *s);

@@ -66,6 +66,7 @@ static int learn_cell(struct segmenter *s, int i, int d)
 void segmenter_learn(struct segmenter *s)
 {
     int disagree = 0, known = 0, far = 0;
+    segmenter_watch(s);
     struct box person = {s->width, s->height, -1, -1};
     for (int n = 0; n < s->candidate_count; n++)
         if (s->person[s->candidate[n]]) {

@@ -103,6 +103,8 @@ enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_
     enum status status = make_room(s, tracker_found_count(t));
     if (status != OK)
         return status;
+    for (int k = 1; k <= tracker_furniture_frames(t) && k <= s->count; k++)
+        s->moment[s->count - k].person = -1;
     struct moment *m = &s->moment[s->count++];
     *m = (struct moment){.time_ns = time_ns, .person = -1};
     if (!told)

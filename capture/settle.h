@@ -21,7 +21,8 @@ struct settle;
 MUST_CHECK enum status settle_open(struct settle **out, const struct calibration *calibration); // ERR_MEMORY
 void settle_close(struct settle **s); // NULL is fine; sets *s = NULL
 
-// After each frame of the take: what the tracker told of it, NULL where there is nobody or no depth.
+// After each frame of the take: what the tracker told of it, NULL where there is nobody or no depth. Where what was
+// followed turns out to be furniture, the frames before are taken back: nobody was there.
 // time_ns must rise. ERR_MEMORY: 2.5 KiB a frame are kept.
 MUST_CHECK enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_ns,
                                    const struct skeleton *told);

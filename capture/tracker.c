@@ -17,10 +17,14 @@ enum {
     TURN_START = 24,
     LEARN_EVERY = 2,
     HEM_EVERY = 4,
-    HEM_PICTURES = 8
+    HEM_PICTURES = 8,
+    STILL_PICTURES = 12, // of those that are learned from, 0.8 s at 30 Hz; real people who were filmed reached 3
+    OTHER_EVERY = 5
 };
 
-#define ELSEWHERE_M 0.08 // a limb that a search moves further than this was lost
+#define SURELY_EXPLAINED 0.97  // the share of somebody's points that lie within 6 cm of the body: of furniture less do,
+#define UNLIKELY         120.0 // or a fit's energy is beyond this: points of people's 25 to 60
+#define ELSEWHERE_M      0.08  // a limb that a search moves further than this was lost
 
 struct tracker {
     struct tracker_options options;
@@ -28,7 +32,7 @@ struct tracker {
     struct segmenter *segmenter;
     struct body_evidence *evidence;
     struct fit_room *room;
-    uint8_t *mask;
+    uint8_t *mask, *spare;
     bool following, back;          // back: frames come in falling order, their times negated here
     int found_count;               // how often somebody was found anew
     struct body_pose pose, before; // of the last two frames
@@ -43,6 +47,7 @@ struct tracker {
     struct body_pose taught; // the last one that taught much of the shape
     int64_t lost_since_ns;   // 0: in sight
     int poor_frames, frames, empty_frames;
+    int furniture_frames;    // before this one, in which nobody was followed, as it turns out now
     unsigned cut;            // which of the picture's edges cut the person when they were found, or last thought over
     double turned_evidence;  // that the person looks the other way, as a logarithm of odds
     double swapped_evidence; // the same for their legs
@@ -79,7 +84,8 @@ enum status tracker_open(struct tracker **out, const struct calibration *calibra
     t->calibration = *calibration;
     t->room = calloc(1, sizeof *t->room);
     t->mask = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
-    status = t->room && t->mask ? OK : fail(ERR_MEMORY, "not enough memory to track a person");
+    t->spare = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
+    status = t->room && t->mask && t->spare ? OK : fail(ERR_MEMORY, "not enough memory to track a person");
     if (status == OK)
         status = segmenter_open(&t->segmenter, &calibration->depth);
     if (status == OK)
@@ -102,6 +108,7 @@ void tracker_close(struct tracker **t)
         evidence_close(&(*t)->evidence);
     free((*t)->room);
     free((*t)->mask);
+    free((*t)->spare);
     free(*t);
     *t = NULL;
 }
@@ -174,28 +181,24 @@ static int add_balls(const struct body_build *build, struct ball balls[BALLS_MAX
     return count;
 }
 
-enum { ABOUT = 5, MOST_OF_THEM = 3 };
-
-// Of so many pixels about the joint, this many show the person's surface where the body has it.
-static int pixels_shown(const struct tracker *t, struct vec3 c, double radius, bool *outside)
+// Where the person is expected, by the way ahead and, once, by the other way.
+static int place_balls(struct tracker *t, const struct body_pose *expected, struct ball balls[BALLS_MAX])
 {
-    const struct lens *l = &t->calibration.depth;
-    int shown = 0;
-    *outside = true;
-    for (int k = 0; k < ABOUT; k++) {
-        struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
-                                     (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
-        if (p.z < 0.1)
-            continue;
-        double measured, dx, dy;
-        enum evidence_kind kind = evidence_at(t->evidence, lens_project(l, p), p.z, &measured, &dx, &dy);
-        *outside = *outside && kind == EVIDENCE_OUTSIDE;
-        if (kind == EVIDENCE_PERSON && measured > 0 &&
-            fabs(measured - (p.z - radius)) < 0.05 + radius + 2 * depth_sigma_m(measured))
-            shown++;
+    struct body_build build;
+    int count = 0;
+    if (t->following) {
+        body_build(&t->shape.mean, expected, &build);
+        count = add_balls(&build, balls, 0);
+        if (t->has_other) {
+            body_build(&t->shape.mean, &t->other, &build);
+            count = add_balls(&build, balls, count);
+        }
     }
-    return shown;
+    t->has_other = false;
+    return count;
 }
+
+enum { MOST_SHOWN = 3 }; // of EVIDENCE_ABOUT
 
 static void report(struct tracker *t, const struct fit_result *fit, double passed_s, struct skeleton *out)
 {
@@ -213,11 +216,11 @@ static void report(struct tracker *t, const struct fit_result *fit, double passe
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = build.joint[j];
         bool outside;
-        int shown = pixels_shown(t, p, radius[j] * size, &outside);
+        int shown = evidence_shown(t->evidence, p, radius[j] * size, &outside);
         t->seen_ever[j] |= shown > 0;
         t->out_of_picture_s[j] = outside ? t->out_of_picture_s[j] + (float)passed_s : 0;
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] = shown >= MOST_OF_THEM ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
+        out->confidence[j] = shown >= MOST_SHOWN ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
     }
 }
 
@@ -432,6 +435,37 @@ static void think_start_over(struct tracker *t, struct fit_task *task)
     took(t, &t->times.search);
 }
 
+// What has not moved by a thing for seconds and is not much like a person is none when somebody else is, surely: it is
+// a chair, perhaps, that was there before them.
+static bool is_furniture(struct tracker *t, struct fit_task *task, const uint16_t *depth)
+{
+    struct fit_result *best = &t->room->best;
+    if (t->back || t->frames % OTHER_EVERY || segmenter_motionless(t->segmenter) < STILL_PICTURES ||
+        (explained_share(t->evidence, best, 0.06) > SURELY_EXPLAINED && best->energy < UNLIKELY))
+        return false;
+    struct body_pose pose = best->pose;
+    struct body_shape shape = best->shape;
+    struct fit_task other = *task;
+    if (segmenter_other(t->segmenter, depth, t->spare) == OK &&
+        evidence_read(t->evidence, depth, t->spare, t->options.points) && start_search(&other, t->room) &&
+        explained_share(t->evidence, best, 0.06) > SURELY_EXPLAINED)
+        return true;
+    if (!evidence_read(t->evidence, depth, t->mask, t->options.points))
+        return true; // it was there a moment ago
+    body_judge(task, &pose, &shape, best);
+    return false;
+}
+
+// The one who is followed is lost, or none. False: nobody else is there either.
+static bool look_elsewhere(struct tracker *t, const uint16_t *depth)
+{
+    forget_person(t);
+    bool there = segmenter_next(t->segmenter, depth, NULL, 0, t->mask) == OK &&
+                 evidence_read(t->evidence, depth, t->mask, t->options.points);
+    took(t, &t->times.segment);
+    return there;
+}
+
 enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *depth, struct skeleton *out, uint8_t *mask)
 {
     memset(out, 0, sizeof *out);
@@ -451,17 +485,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     double passed_s = t->following && time_ns > t->time_ns ? fmin(1, (double)(time_ns - t->time_ns) * 1e-9) : 1.0 / 30;
     struct body_pose expected = t->following ? predicted(t, time_ns) : t->pose;
     struct ball balls[BALLS_MAX];
-    int ball_count = 0;
-    if (t->following) {
-        struct body_build build;
-        body_build(&t->shape.mean, &expected, &build);
-        ball_count = add_balls(&build, balls, 0);
-        if (t->has_other) {
-            body_build(&t->shape.mean, &t->other, &build);
-            ball_count = add_balls(&build, balls, ball_count);
-        }
-    }
-    t->has_other = false;
+    int ball_count = place_balls(t, &expected, balls);
     enum status status = segmenter_next(t->segmenter, depth, balls, ball_count, t->mask);
     took(t, &t->times.segment);
     if (status < 0)
@@ -470,12 +494,15 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     bool there = status == OK && evidence_read(t->evidence, depth, t->mask, t->options.points);
     took(t, &t->times.evidence);
-    if (there && t->following && !follow(t, &task, passed_s)) {
-        forget_person(t);
-        there = segmenter_next(t->segmenter, depth, NULL, 0, t->mask) == OK &&
-                evidence_read(t->evidence, depth, t->mask, t->options.points);
-        took(t, &t->times.segment);
+    t->furniture_frames = 0;
+    bool followed = there && t->following && follow(t, &task, passed_s);
+    if (followed && is_furniture(t, &task, depth)) {
+        t->furniture_frames = LEARN_EVERY * segmenter_motionless(t->segmenter);
+        segmenter_put_away(t->segmenter);
+        followed = false;
     }
+    if (there && t->following && !followed)
+        there = look_elsewhere(t, depth);
     bool fresh = !t->following;
     if (there && !fresh)
         think_start_over(t, &task);
@@ -533,6 +560,8 @@ void tracker_also_there(struct tracker *t, const struct body_pose *pose)
 const struct body_pose *tracker_pose(const struct tracker *t) { return &t->shown.pose; }
 
 const struct body_shape *tracker_shape(const struct tracker *t) { return &t->shape.mean; }
+
+int tracker_furniture_frames(const struct tracker *t) { return t->furniture_frames; }
 
 int tracker_found_count(const struct tracker *t) { return t->found_count; }
 

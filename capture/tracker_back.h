@@ -17,6 +17,10 @@ const struct body_pose *tracker_pose(const struct tracker *t); // as told
 const struct body_shape *tracker_shape(const struct tracker *t);
 int tracker_found_count(const struct tracker *t); // so often somebody was found anew, so far
 
+// In the last tracker_next it turned out that so many frames right before it showed furniture, not a person; 0: none
+// did.
+int tracker_furniture_frames(const struct tracker *t);
+
 // This picture's word on another pose beside the one that was fitted to it.
 struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other);
 

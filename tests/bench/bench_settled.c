@@ -43,9 +43,12 @@ static enum status there_and_back(struct settled_film *f, struct tracker *tracke
         status = settle_look_back(settle, tracker, k, f->depth[k]);
     if (status >= 0)
         status = settle_finish(settle);
-    for (int k = 0; k < f->count && status == OK; k++)
-        if (f->found[k])
-            f->settled[k] = *settle_skeleton(settle, k);
+    for (int k = 0; k < f->count && status == OK; k++) {
+        const struct skeleton *settled = settle_skeleton(settle, k);
+        f->found[k] = settled != NULL;
+        if (settled)
+            f->settled[k] = *settled;
+    }
     return status;
 }
 
