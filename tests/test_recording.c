@@ -228,7 +228,7 @@ static void test_skeletons_can_be_told_anew(void **state)
     add_frames(w, 0, FRAMES);
     EXPECT_STATUS(recording_end_take(w), OK);
 
-    struct skeleton wanted = {0}, wrong = {0};
+    struct skeleton wanted = {0}, wrong = {0}, nobody = {0};
     const struct skeleton *anew[FRAMES] = {0};
     for (int j = 0; j < JOINT_COUNT; j++) {
         wanted.joint[j] = v3(0.1 * j, 1, 2.5);
@@ -238,6 +238,7 @@ static void test_skeletons_can_be_told_anew(void **state)
     wrong.confidence[3] = 1;
     for (int i = 0; i < FRAMES; i += 2)
         anew[i] = &wanted;
+    anew[FRAMES / 2] = &nobody;
     anew[FRAMES - 1] = &wrong;
     EXPECT_STATUS(recording_put_skeletons(w, anew, FRAMES), ERR_INPUT); // and breaks nothing
     anew[FRAMES - 1] = NULL;
@@ -250,6 +251,10 @@ static void test_skeletons_can_be_told_anew(void **state)
     int told = 0;
     for (int i = 0; i < FRAMES; i++) {
         const struct take_entry *e = take_entry(t, i);
+        if (anew[i] == &nobody) {
+            EXPECT_TRUE(!e->has_skeleton);
+            continue;
+        }
         if (!anew[i] || !e->has_skeleton) {
             same_frame(t, i);
             continue;

@@ -61,8 +61,8 @@ MUST_CHECK enum status recording_put_dropped(struct recording_writer *w, int64_t
 MUST_CHECK enum status recording_end_take(struct recording_writer *w);
 
 // Of the take that was ended last: puts other skeletons in place of those that its first `count` frames
-// have; NULL leaves one as it is, and a frame without stays without. All of them or, on any error, none.
-// ERR_INPUT: a number is not finite. ERR_IO.
+// have; NULL leaves one as it is, one that knows no joint takes it out, and a frame without stays without. All of them
+// or, on any error, none. ERR_INPUT: a number is not finite. ERR_IO.
 MUST_CHECK enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton,
                                                int64_t count);
 

@@ -279,6 +279,14 @@ enum status calibration_check(const struct calibration *c)
     return status;
 }
 
+bool skeleton_knows_any(const struct skeleton *s)
+{
+    for (int j = 0; j < JOINT_COUNT; j++)
+        if (s->confidence[j] > 0)
+            return true;
+    return false;
+}
+
 bool skeleton_is_finite(const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++)

@@ -83,8 +83,9 @@ void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out)
 
 // Finite, and of senses that any reader can rely on. ERR_INPUT with a sentence.
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
-bool point_is_finite(const struct place_point *point); // and no variance below 0
-bool tag_is_finite(const struct place_tag *tag);       // likewise
+bool point_is_finite(const struct place_point *point);    // and no variance below 0
+bool tag_is_finite(const struct place_tag *tag);          // likewise
+bool skeleton_knows_any(const struct skeleton *skeleton); // joint
 bool skeleton_is_finite(const struct skeleton *skeleton);
 bool body_is_finite(const struct body *body);
 

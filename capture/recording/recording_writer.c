@@ -333,8 +333,10 @@ static enum status replace_skeleton(struct statement *read, struct statement *wr
         return status == NOTHING ? OK : status;
     put_pose(pose, &entry.world_from_camera);
     put_skeleton(bytes, skeleton);
-    statement_bind_blob(write, 1, bytes, sizeof bytes);
-    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, bytes, sizeof bytes, pictures));
+    size_t count = skeleton_knows_any(skeleton) ? sizeof bytes : 0;
+    const uint8_t *told = count ? bytes : NULL;
+    statement_bind_blob(write, 1, told, count);
+    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, told, count, pictures));
     statement_bind_number(write, 3, key);
     return statement_run(write);
 }
