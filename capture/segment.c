@@ -417,8 +417,6 @@ static double likeness(const struct segmenter *s, const struct component *c)
     return score;
 }
 
-#define LIKE_ENOUGH 0.4 // who is a metre aside and cut by the picture's edge is still as like a person
-
 static int choose_main(const struct segmenter *s, int ball_count)
 {
     int best = -1;
@@ -539,6 +537,8 @@ enum status segmenter_next(struct segmenter *s, const uint16_t *picture, const s
     s->follows = true;
     return OK;
 }
+
+#define LIKE_ENOUGH 0.4 // who is a metre aside and cut by the picture's edge is still as like a person
 
 enum status segmenter_other(struct segmenter *s, const uint16_t *picture, uint8_t *mask)
 {

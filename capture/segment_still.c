@@ -60,7 +60,10 @@ static struct block look_at(struct segmenter *s, int i)
 void segmenter_watch(struct segmenter *s)
 {
     struct block blocks[BLOCKS_MOST], all = {0};
-    int across = s->width / BLOCK + 1, down = s->height / BLOCK + 1;
+    int side = BLOCK;
+    while ((s->width / side + 1) * (s->height / side + 1) > BLOCKS_MOST) // a picture much higher than wide
+        side *= 2;
+    int across = s->width / side + 1, down = s->height / side + 1;
     memset(blocks, 0, sizeof *blocks * (size_t)(across * down));
     s->watched++;
     for (int n = 0; n < s->candidate_count; n++) {
@@ -68,7 +71,7 @@ void segmenter_watch(struct segmenter *s)
         if (!s->person[i])
             continue;
         struct block cell = look_at(s, i);
-        add(&blocks[i / s->width / BLOCK * across + i % s->width / BLOCK], &cell);
+        add(&blocks[i / s->width / side * across + i % s->width / side], &cell);
         add(&all, &cell);
     }
     if (!all.cells) // nobody, or hidden

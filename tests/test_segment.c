@@ -175,6 +175,31 @@ static void pictures_of_any_size_do_no_harm(void **state)
     }
 }
 
+// Through a slit: what stands at its lower end is watched like anybody.
+static void a_picture_much_higher_than_wide_does_no_harm(void **state)
+{
+    (void)state;
+    enum { WIDE = 40, HIGH = 6000, TOP = 5600, TALL = 300 };
+    struct lens lens = {.width = WIDE, .height = HIGH, .fx = 500, .fy = 500, .cx = 0.5 * WIDE, .cy = TOP + 0.5 * TALL};
+    struct segmenter *s;
+    EXPECT_STATUS(segmenter_open(&s, &lens), OK);
+    uint16_t *depth = calloc((size_t)WIDE * HIGH, sizeof *depth);
+    uint8_t *mask = calloc((size_t)WIDE * HIGH, 1);
+    assert_non_null(depth);
+    assert_non_null(mask);
+    for (int y = TOP; y < TOP + TALL; y++)
+        for (int x = 5; x < WIDE - 5; x++)
+            depth[y * WIDE + x] = 2000; // 0.12 m by 1.2
+    for (int frame = 0; frame < 20; frame++) {
+        EXPECT_STATUS(segmenter_next(s, depth, NULL, 0, mask), OK);
+        segmenter_learn(s);
+    }
+    EXPECT_AT_LEAST(segmenter_motionless(s), 12);
+    free(depth);
+    free(mask);
+    segmenter_close(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -186,6 +211,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(a_black_picture_is_nothing_and_the_next_one_is_fine, open_scene, close_scene),
         cmocka_unit_test_setup_teardown(a_flat_wall_is_nobody, open_scene, close_scene),
         cmocka_unit_test(pictures_of_any_size_do_no_harm),
+        cmocka_unit_test(a_picture_much_higher_than_wide_does_no_harm),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
