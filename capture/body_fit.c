@@ -259,15 +259,44 @@ static double add_points(const struct fit_task *task, const struct body_build *b
     return energy;
 }
 
+#define ASIDE_RATE 0.75 // of the radius, so far to the side samples lie
+#define ASIDE_DEEP 0.66 // and so far before the middle the round front is there: sqrt(1 - 0.75^2)
+
+// A sample of the model: c, whose surface is `radius` before it.
+struct free_sample {
+    enum segment segment;
+    struct vec3 c;
+    double radius, rate;
+    const struct shape_slope *slope; // how solid number `solid` moves with the shape; NULL: it teaches nothing of that
+    int solid;
+    double t, deep;    // along it, and of its radius before its middle
+    struct vec3 aside; // from its middle to there, 0 or of length 1
+};
+
 // How far each factor of the shape moves a place along x, y and z.
 typedef double shape_rows[3][SHAPE_COUNT];
 
-// One sample of the model: it must not stand beside the person, nor in front of
-// what was measured. grows: how its surface moves with the shape, or NULL: it teaches nothing of that.
-static double add_free_sample(const struct fit_task *task, const struct body_build *build, enum segment segment,
-                              struct vec3 c, double radius, double rate, const shape_rows *grows,
-                              struct fit_system *system)
+static void find_rows(const struct free_sample *at, shape_rows out)
 {
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        const struct shape_slope *s = &at->slope[k];
+        const int i = at->solid;
+        double radius = s->radius_a[i] + (s->radius_b[i] - s->radius_a[i]) * at->t,
+               width = s->width_a[i] + (s->width_b[i] - s->width_a[i]) * at->t;
+        struct vec3 by = v3_add(v3_mix(s->a[i], s->b[i], at->t), v3_scale(at->aside, width + ASIDE_RATE * radius));
+        out[0][k] = by.x;
+        out[1][k] = by.y;
+        out[2][k] = by.z - at->deep * radius;
+    }
+}
+
+// It must not stand beside the person, nor in front of what was measured.
+static double add_free_sample(const struct fit_task *task, const struct body_build *build,
+                              const struct free_sample *sample, struct fit_system *system)
+{
+    const struct vec3 c = sample->c;
+    const double radius = sample->radius;
+    double rate = sample->rate;
     const struct body_evidence *e = task->evidence;
     if (c.z < 0.2)
         return 0;
@@ -298,10 +327,13 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     if (e2 == 0)
         return 0;
     double fade = c2 / (c2 + e2), weight = rate / (FREE_SIGMA_M * FREE_SIGMA_M);
+    shape_rows grows;
+    if (sample->slope)
+        find_rows(sample, grows); // few samples come so far
     for (int k = 0; k < 3; k++)
         if (off[k] != 0)
-            fit_system_pull(system, build, segment, c, v3(k == 0, k == 1, k == 2), off[k], weight * fade * fade,
-                            grows ? (*grows)[k] : NULL);
+            fit_system_pull(system, build, sample->segment, c, v3(k == 0, k == 1, k == 2), off[k], weight * fade * fade,
+                            sample->slope ? grows[k] : NULL);
     return 0.5 * weight * e2 * fade;
 }
 
@@ -311,25 +343,8 @@ static double add_crown(const struct fit_task *task, const struct body_build *bu
 {
     struct vec3 up = v3_unit(v3_sub(skull->b, skull->a));
     struct vec3 c = v3_add(skull->b, v3_scale(up, skull->radius_b - CROWN_SLACK_M));
-    return add_free_sample(task, build, skull->segment, c, 0, CROWN_RATE, NULL, system);
-}
-
-#define ASIDE_RATE 0.75 // of the radius, so far to the side samples lie
-#define ASIDE_DEEP 0.66 // and so far before the middle the round front is there: sqrt(1 - 0.75^2)
-
-// The same of a sample of solid i. aside: from its middle to there, 0 or of length 1.
-static void find_rows(const struct shape_slope slope[SHAPE_COUNT], int i, double t, struct vec3 aside, double deep,
-                      shape_rows out)
-{
-    for (int k = 0; k < SHAPE_COUNT; k++) {
-        const struct shape_slope *s = &slope[k];
-        double radius = s->radius_a[i] + (s->radius_b[i] - s->radius_a[i]) * t,
-               width = s->width_a[i] + (s->width_b[i] - s->width_a[i]) * t;
-        struct vec3 by = v3_add(v3_mix(s->a[i], s->b[i], t), v3_scale(aside, width + ASIDE_RATE * radius));
-        out[0][k] = by.x;
-        out[1][k] = by.y;
-        out[2][k] = by.z - deep * radius;
-    }
+    const struct free_sample crown = {.segment = skull->segment, .c = c, .rate = CROWN_RATE};
+    return add_free_sample(task, build, &crown, system);
 }
 
 // slope: it teaches the shape, or NULL.
@@ -347,12 +362,16 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
         struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
         for (int side = -1; side <= 1; side++) {
             double beside = side * (width + ASIDE_RATE * radius), deep = side ? ASIDE_DEEP : 1;
-            struct vec3 c = v3_add(middle, v3_scale(across, beside));
-            shape_rows rows;
-            if (slope)
-                find_rows(slope, i, t, v3_scale(across, side), deep, rows);
-            energy += add_free_sample(task, build, s->segment, c, deep * radius, side ? 0.15 : 0.3,
-                                      slope ? (const shape_rows *)&rows : NULL, system);
+            const struct free_sample sample = {.segment = s->segment,
+                                               .c = v3_add(middle, v3_scale(across, beside)),
+                                               .radius = deep * radius,
+                                               .rate = side ? 0.15 : 0.3,
+                                               .slope = slope,
+                                               .solid = i,
+                                               .t = t,
+                                               .deep = deep,
+                                               .aside = v3_scale(across, side)};
+            energy += add_free_sample(task, build, &sample, system);
         }
     }
     if (i == SOLID_SKULL)
