@@ -10,7 +10,7 @@ enum {
 
 enum { SIGHT_EDGE_MOST = 100 };
 enum { SIGHT_INWARD_PX = 3 }; // how far sight_inside looks
-#define SIGHT_RIM_PX 0.75     // the person goes on so far beyond the outermost pixels, which have no reading
+#define SIGHT_RIM_PX 0.6      // the person goes on so far beyond the outermost pixels, which have no reading
 
 struct sight {
     int width, height;
