@@ -1,7 +1,8 @@
 #include "reenact/outline.h"
 
 enum { EVERY_PX = 2 };
-enum { SURE = 50 }; // places; a bone with fewer keeps nearer to what it is
+static const float SURE = 50;     // places; a bone with fewer keeps nearer to what it is
+static const float SURE_HERE = 5; // and a place of a bone with fewer nearer to the whole bone
 
 static const double BEFORE_M = 0.05, BEHIND_M = 0.12, STEP_M = 0.01; // along the line of sight, about what is seen
 static const double LEAST_GRADIENT = 0.3;                            // of a distance that means something
@@ -77,7 +78,7 @@ bool outline_touches(const struct volume *v, const struct calibration *calibrati
     return true;
 }
 
-// ---------------------------------------------------------------- the shape's width
+// ---------------------------------------------------------------- how thick it is
 
 void outline_measure(const struct volume *v, const struct calibration *calibration, const struct sight *sight,
                      const struct posture *posture, struct outline_gaps *gaps)
@@ -90,25 +91,35 @@ void outline_measure(const struct volume *v, const struct calibration *calibrati
     for (int i = 0; i < count; i++) {
         const int bone = outline_bone(volume_rest(v), sight, &places[i], rest_from_color);
         struct outline_touch touch;
-        if (!outline_touches(v, calibration, sight, &places[i], rest_from_color[bone], &touch))
+        if (!volume_rest(v)->known[bone] ||
+            !outline_touches(v, calibration, sight, &places[i], rest_from_color[bone], &touch))
             continue;
-        gaps->sum[bone] += touch.gap;
-        gaps->count[bone]++;
+        const struct vec3 in_rest = pose_apply(rest_from_color[bone], touch.at);
+        const struct chart_place here = chart_place_of(&volume_rest(v)->frame[bone], in_rest);
+        bone_chart_add(&gaps->sum[bone], &here, (float)touch.gap);
+        bone_chart_add(&gaps->count[bone], &here, 1);
     }
 }
 
 void outline_add(struct outline_gaps *to, const struct outline_gaps *gaps)
 {
-    for (int b = 0; b < BONE_COUNT; b++) {
-        to->sum[b] += gaps->sum[b];
-        to->count[b] += gaps->count[b];
-    }
+    for (int b = 0; b < BONE_COUNT; b++)
+        for (int i = 0; i < CHART_HEIGHTS * CHART_ANGLES; i++) {
+            to->sum[b].at[i] += gaps->sum[b].at[i];
+            to->count[b].at[i] += gaps->count[b].at[i];
+        }
 }
 
 void outline_meet(struct volume *v, const struct outline_gaps *gaps)
 {
-    double out_m[BONE_COUNT];
-    for (int p = 0; p < BONE_COUNT; p++)
-        out_m[p] = gaps->sum[p] / (gaps->count[p] + SURE);
+    struct bone_chart out_m[BONE_COUNT];
+    for (int b = 0; b < BONE_COUNT; b++) {
+        struct bone_chart sum = gaps->sum[b], count = gaps->count[b];
+        const float whole = (float)bone_chart_sum(&sum) / ((float)bone_chart_sum(&count) + SURE);
+        bone_chart_even(&sum);
+        bone_chart_even(&count);
+        for (int i = 0; i < CHART_HEIGHTS * CHART_ANGLES; i++)
+            out_m[b].at[i] = (sum.at[i] + SURE_HERE * whole) / (count.at[i] + SURE_HERE);
+    }
     volume_grow(v, out_m);
 }

@@ -1,7 +1,9 @@
-// The outlines that frames show: how the fused shape as a posture places it meets them, place by place; and how wide it
-// has to be to meet them all. A shape gathered from many postures, none of them quite right, comes out too thin, thin
-// limbs most of all, and no single reading contradicts; outlines do. Pure.
+// The outlines that frames show: how the fused shape as a posture places it meets them, place by place; and how thick
+// it has to be, at each height of each bone and on each side, to meet them all. A shape gathered from many postures,
+// none of them quite right, comes out too thin, thin limbs most of all, and too thick where noise blurs what was seen
+// from the front; no single reading contradicts; outlines do. Pure.
 #pragma once
+#include "reenact/bone_chart.h"
 #include "reenact/volume.h"
 
 // A place of the person's outline in a frame: the room is on one side of it, something of the person on the other.
@@ -30,10 +32,10 @@ struct outline_touch {
 bool outline_touches(const struct volume *v, const struct calibration *calibration, const struct sight *sight,
                      const struct outline_place *place, struct pose rest_from_color, struct outline_touch *out);
 
-// How far lines of sight along the person's outline pass by the shape (+, metres: it is too thin) or cut into it (-).
+// How far lines of sight along the person's outline pass by the shape (+, metres: it is too thin) or cut into it (-),
+// summed up by where on the bone they touch it, and how many did.
 struct outline_gaps {
-    double sum[BONE_COUNT];
-    int count[BONE_COUNT];
+    struct bone_chart sum[BONE_COUNT], count[BONE_COUNT];
 };
 
 // Adds what one frame says, the person being in `posture`.
@@ -43,5 +45,5 @@ void outline_measure(const struct volume *v, const struct calibration *calibrati
 // Of some frames, then of others.
 void outline_add(struct outline_gaps *to, const struct outline_gaps *gaps);
 
-// Moves each bone's surface out (or in) by its mean gap.
+// Moves the surface out (or in) by the mean gap about each place, or of the whole bone where few places say anything.
 void outline_meet(struct volume *v, const struct outline_gaps *gaps);

@@ -159,13 +159,37 @@ void volume_close(struct volume **v)
 
 // ---------------------------------------------------------------- growing, leaving alone
 
-void volume_grow(struct volume *v, const double out_m[BONE_COUNT])
+struct growth {
+    struct volume *volume;
+    const struct bone_chart *out_m;
+};
+
+static void grow_cell(const struct growth *g, const struct cell *cell)
 {
-    for (int c = 0; c < v->cell_count; c++) {
-        const struct skin *skin = &v->cells[c].skin;
-        for (int i = 0; i < SKIN_BONES; i++)
-            v->points[v->cells[c].at].distance -= skin->weight[i] * (float)out_m[skin->bone[i]];
+    float *distance = &g->volume->points[cell->at].distance;
+    if (*distance >= VOLUME_OUTSIDE_M) // nobody asks
+        return;
+    const struct vec3 place = v3((double)cell->place[0], (double)cell->place[1], (double)cell->place[2]);
+    for (int i = 0; i < SKIN_BONES; i++) {
+        const int bone = cell->skin.bone[i];
+        if (!(cell->skin.weight[i] > 0))
+            continue;
+        const struct chart_place here = chart_place_of(&g->volume->rest.frame[bone], place);
+        *distance -= cell->skin.weight[i] * bone_chart_at(&g->out_m[bone], &here);
     }
+}
+
+static void grow_stretch(void *context, int stretch)
+{
+    const struct growth *g = context;
+    for (int c = stretch * STRETCH; c < (stretch + 1) * STRETCH && c < g->volume->cell_count; c++)
+        grow_cell(g, &g->volume->cells[c]);
+}
+
+void volume_grow(struct volume *v, const struct bone_chart out_m[BONE_COUNT])
+{
+    struct growth growth = {v, out_m};
+    parallel(THREADS, (v->cell_count + STRETCH - 1) / STRETCH, grow_stretch, &growth);
 }
 
 // Both grids begin at the same corner.

@@ -4,6 +4,7 @@
 // what lies just behind what it saw is not; what nobody saw stays as the parts'
 // cylinders have it. Pure; deterministic.
 #pragma once
+#include "reenact/bone_chart.h"
 #include "reenact/cylinders.h"
 #include "reenact/rest.h"
 #include "reenact/sight.h"
@@ -31,8 +32,8 @@ const struct calibration *volume_calibration(const struct volume *v);
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
 
-// Moves the surface out by out_m of each bone, in between where they meet.
-void volume_grow(struct volume *v, const double out_m[BONE_COUNT]);
+// Moves the surface out by what each bone's chart has there, metres, in between where bones meet.
+void volume_grow(struct volume *v, const struct bone_chart out_m[BONE_COUNT]);
 
 // Signed distance, metres, negative inside, and its gradient at a point of the
 // rest pose. *seen: how many frames' readings speak for it; where it is 0 the surface is
