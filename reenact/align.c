@@ -13,7 +13,7 @@ static const double PART_READINGS = 60;
 static const double JOINED_M = 0.004;                   // a joint's two sides meet within this,
 static const double JOINTS_M = 0.06, JOINTS_RAD = 0.5;  // the joints are known to this,
 static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from the start to that.
-static const double END_RAD = 1.2;                      // joints do not tell how head, hands and feet are turned
+static const double END_RAD = 1.2;                      // joints do not tell how skull, hands and feet are turned
 static const double TURNED_RAD = 0.02;                  // colours tell better than depth how round parts are turned
 static const double OUTLIER_M = 0.025;
 // a place of the outline is good to this and odd by that, and a part's count as no more than these.
@@ -21,7 +21,7 @@ static const double OUTLINE_PX = 1, OUTLINE_OUTLIER_PX = 4, PART_OUTLINE = 20;
 static const double OUTLINE_FACING = 0.5; // cosine: the shape ends there the way that the outline does
 static const double SURELY_SEEN = 1;      // frames; a surface that is only guessed holds nothing
 
-bool turned_by_colors(int bone) { return bone == PART_HEAD || bone == PART_LEFT_SHIN || bone == PART_RIGHT_SHIN; }
+bool turned_by_colors(int bone) { return bone == BONE_SKULL || bone == PART_LEFT_SHIN || bone == PART_RIGHT_SHIN; }
 
 struct adjustment adjustment_none(void)
 {
@@ -163,7 +163,7 @@ static void add_readings(const struct state *s, struct system *system)
 // is a little too wide would turn to be as narrow as it is seen.
 static bool turned_by_outline(int bone)
 {
-    return bone != PART_HEAD && bone != PART_UPPER_TORSO && bone != PART_LOWER_TORSO;
+    return bone != BONE_SKULL && bone != PART_HEAD && bone != PART_UPPER_TORSO && bone != PART_LOWER_TORSO;
 }
 
 // Takes the turn about the bone itself out of its row.
@@ -264,7 +264,7 @@ static void one_round(struct state *s, struct system *system)
     for (int p = 0; p < BONE_COUNT; p++) {
         const struct part_frame *f = &s->rest->frame[p];
         s->middle[p] = pose_apply(s->now.bone[p], v3_add(f->origin, v3_scale(f->z, f->length / 2)));
-        add_prior(s, system, p, &s->joints.bone[p], JOINTS_M, p == PART_HEAD || p >= PART_COUNT ? END_RAD : JOINTS_RAD);
+        add_prior(s, system, p, &s->joints.bone[p], JOINTS_M, p >= PART_COUNT ? END_RAD : JOINTS_RAD);
         add_prior(s, system, p, &s->start.bone[p], BEFORE_M, BEFORE_RAD);
         if (s->turned && turned_by_colors(p))
             add_turned(s, system, p);

@@ -20,17 +20,18 @@ const struct bone_link bone_links[BONE_LINKS] = {
     {PART_RIGHT_SHIN, BONE_RIGHT_FOOT, JOINT_RIGHT_FOOT},
     {PART_LEFT_FOREARM, BONE_LEFT_HAND, JOINT_LEFT_HAND},
     {PART_RIGHT_FOREARM, BONE_RIGHT_HAND, JOINT_RIGHT_HAND},
+    {PART_HEAD, BONE_SKULL, JOINT_HEAD},
 };
 
-// What hangs on the end of a part, in the part's own axes; of the part's length.
+// What hangs on a part: where along it that begins and where it goes from there, in the part's own axes; of the part's
+// length. The part called head goes from the neck's foot to between the ears: its lower half is the neck.
 static const struct end {
     enum part part;
+    double from;
     struct vec3 along;
 } hung[BONE_COUNT - PART_COUNT] = {
-    {PART_LEFT_SHIN, {0, 0.4, 0.15}},
-    {PART_RIGHT_SHIN, {0, 0.4, 0.15}},
-    {PART_LEFT_FOREARM, {0, 0, 0.4}},
-    {PART_RIGHT_FOREARM, {0, 0, 0.4}},
+    {PART_LEFT_SHIN, 1, {0, 0.4, 0.15}},  {PART_RIGHT_SHIN, 1, {0, 0.4, 0.15}}, {PART_LEFT_FOREARM, 1, {0, 0, 0.4}},
+    {PART_RIGHT_FOREARM, 1, {0, 0, 0.4}}, {PART_HEAD, 0.5, {0, 0, 0.8}},
 };
 
 enum part bone_part(int bone) { return bone < PART_COUNT ? (enum part)bone : hung[bone - PART_COUNT].part; }
@@ -130,9 +131,11 @@ static void place_end(struct rest *rest, int bone)
         return;
     struct vec3 along = v3_add(v3_scale(f->y, end->along.y), v3_scale(f->z, end->along.z));
     struct part_frame *own = &rest->frame[bone];
-    own->origin = v3_add(f->origin, v3_scale(f->z, f->length));
+    own->origin = v3_add(f->origin, v3_scale(f->z, end->from * f->length));
+    rest->own_length[end->part] = end->from * f->length;
     own->length = f->length * v3_length(along);
     own->x = f->x;
+    rest->own_length[bone] = own->length;
     own->z = v3_unit(along);
     own->y = v3_cross(own->z, own->x);
     rest->radius[bone] = rest->radius[end->part];
@@ -151,6 +154,7 @@ enum status rest_make(struct rest *out, const struct take *take)
     for (int p = 0; p < PART_COUNT; p++) {
         out->known[p] = part_is_known(body, &out->skeleton, (enum part)p) &&
                         part_frame_bodily(&out->skeleton, (enum part)p, &out->frame[p]);
+        out->own_length[p] = out->frame[p].length;
         if (out->known[p])
             out->radius[p] = body->radius_rate[p] * out->frame[p].length;
     }
@@ -212,8 +216,8 @@ struct skeleton posture_skeleton(const struct rest *rest, const struct posture *
 static double gap(const struct rest *rest, int p, struct vec3 at)
 {
     struct vec3 in = v3_sub(at, rest->frame[p].origin);
-    double t = v3_dot(in, rest->frame[p].z);
-    t = t < 0 ? 0 : t > rest->frame[p].length ? rest->frame[p].length : t;
+    const double along = v3_dot(in, rest->frame[p].z), most = rest->own_length[p];
+    const double t = along < 0 ? 0 : along > most ? most : along;
     return v3_length(v3_sub(in, v3_scale(rest->frame[p].z, t))) - rest->radius[p];
 }
 

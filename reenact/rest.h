@@ -6,12 +6,13 @@
 #include "reenact/part_frame.h"
 
 // What moves stiffly: the eleven parts, and beyond them hands and feet, which turn about the last joint as no joint
-// tells.
+// tells, and the skull, which nods and turns on the neck.
 enum {
     BONE_LEFT_FOOT = PART_COUNT, // the first eleven are the parts
     BONE_RIGHT_FOOT,
     BONE_LEFT_HAND,
     BONE_RIGHT_HAND,
+    BONE_SKULL,
     BONE_COUNT
 };
 enum part bone_part(int bone); // the part that it hangs on; a part itself
@@ -21,6 +22,7 @@ struct rest {
     struct skeleton skeleton;
     bool known[BONE_COUNT];
     struct part_frame frame[BONE_COUNT]; // bodily; of the known
+    double own_length[BONE_COUNT];       // how far along it is itself: what hangs on it may begin before its end
     double radius[BONE_COUNT];           // of their cylinders
 };
 
@@ -32,7 +34,7 @@ struct bone_link {
     int a, b;
     enum joint joint;
 };
-enum { BONE_LINKS = 14 };
+enum { BONE_LINKS = 15 };
 extern const struct bone_link bone_links[BONE_LINKS];
 bool bones_meet(int a, int b); // or are the same
 

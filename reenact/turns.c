@@ -33,15 +33,15 @@ struct turns {
     const struct rest *rest;
     struct calibration calibration;
     struct pose depth_from_color;
-    struct samples samples[PART_COUNT];
-    double belief[PART_COUNT][TRIED]; // of the frame that was followed last
+    struct samples samples[BONE_COUNT];
+    double belief[BONE_COUNT][TRIED]; // of the frame that was followed last
     double followed_s;                // when that was
     bool following;
     int frames;
-    float (*odd)[PART_COUNT][TRIED]; // of each frame: the share of a bone's places whose colours are others
+    float (*odd)[BONE_COUNT][TRIED]; // of each frame: the share of a bone's places whose colours are others
 };
 
-static double step_of(int bone) { return bone == PART_HEAD ? HEAD_STEP_RAD : STEP_RAD; }
+static double step_of(int bone) { return bone == BONE_SKULL ? HEAD_STEP_RAD : STEP_RAD; }
 static double angle_of(int bone, int k) { return (k - TRIED / 2) * step_of(bone); }
 
 static bool goes_alone(const struct rest *rest, struct vec3 point, int bone)
@@ -76,7 +76,7 @@ enum status turns_open(struct turns **out, const struct rest *rest, const struct
         turns_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
-    for (int b = 0; b < PART_COUNT; b++)
+    for (int b = 0; b < BONE_COUNT; b++)
         if (rest->known[b] && turned_by_colors(b))
             find_samples(&t->samples[b], rest, surface, b);
     return OK;
@@ -131,7 +131,7 @@ static struct look look_at(const struct turns *t, const struct turns_frame *fram
     if (in_depth < 0 || s->part[in_depth] == SIGHT_RIM)
         return look;
     double behind = s->depth[in_depth] * 1e-3 - d.z;
-    if (s->part[in_depth] == SIGHT_ROOM || !bones_meet(s->part[in_depth], bone)) {
+    if (s->part[in_depth] == SIGHT_ROOM || !bones_meet(s->part[in_depth], (int)bone_part(bone))) {
         look.off = s->depth[in_depth] && behind > NEAR_M ? 1 : -1;
         return look;
     }
@@ -205,7 +205,7 @@ static void odd_turns(const struct turns *t, const struct turns_frame *frame, in
 
 void turns_measure(struct turns *t, int i, const struct turns_frame *frame)
 {
-    for (int b = 0; b < PART_COUNT; b++)
+    for (int b = 0; b < BONE_COUNT; b++)
         if (t->samples[b].count)
             odd_turns(t, frame, b, t->odd[i][b]);
 }
@@ -235,7 +235,7 @@ static void pass_on(const double *from, double apart_s, int bone, double *to)
 
 static void own_worth(const float odd[TRIED], int bone, double own[TRIED])
 {
-    const double known = bone == PART_HEAD ? HEAD_KNOWN_RAD : KNOWN_RAD;
+    const double known = bone == BONE_SKULL ? HEAD_KNOWN_RAD : KNOWN_RAD;
     const double each = 0.5 * READINGS * (double)(ODD * ODD) / (COLOR * COLOR);
     for (int k = 0; k < TRIED; k++) {
         double angle = angle_of(bone, k) / known;
@@ -260,7 +260,7 @@ static void learn(struct turns *t, const struct turns_frame *frame, int bone, co
 
 void turns_follow(struct turns *t, const struct turns_frame *frame)
 {
-    for (int b = 0; b < PART_COUNT; b++) {
+    for (int b = 0; b < BONE_COUNT; b++) {
         if (!t->samples[b].count)
             continue;
         float odd[TRIED];
@@ -321,7 +321,7 @@ enum status turns_apply(const struct turns *t, const double *time_s, struct adju
     double(*before)[TRIED] = malloc(sizeof *before * (size_t)t->frames);
     double *angle = malloc(sizeof *angle * (size_t)t->frames);
     enum status status = before && angle ? OK : fail(ERR_MEMORY, "out of memory");
-    for (int b = 0; b < PART_COUNT && status == OK; b++) {
+    for (int b = 0; b < BONE_COUNT && status == OK; b++) {
         if (!t->samples[b].count)
             continue;
         weigh(t, b, time_s, before, angle);

@@ -194,6 +194,13 @@ static void a_foot_turns_by_itself(void **state)
         &(struct turning){JOINT_LEFT_FOOT, BONE_LEFT_FOOT, PART_LEFT_SHIN, {0, 0.05, -0.17}, {0, -1, 0}});
 }
 
+// In a tall hat, it leans over to one side.
+static void a_head_leans_by_itself(void **state)
+{
+    (void)state;
+    expect_turned_alone(&(struct turning){JOINT_HEAD, BONE_SKULL, PART_HEAD, {0, -0.25, 0}, {0, 0, -1}});
+}
+
 static double aside_of(const struct skeleton *a, const struct skeleton *b)
 {
     static const enum joint ends[] = {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND,

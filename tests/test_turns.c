@@ -48,7 +48,7 @@ static void found_turns(bool plain, double *turn_rad)
     for (int i = 0; i < FRAMES; i++) {
         const struct posture turned = posture_adjusted(&joints, &figure.adjustments[i]);
         const struct quat by =
-            quat_multiply(turned.bone[PART_HEAD].rotation, quat_conjugate(joints.bone[PART_HEAD].rotation));
+            quat_multiply(turned.bone[BONE_SKULL].rotation, quat_conjugate(joints.bone[BONE_SKULL].rotation));
         turn_rad[i] = -quat_to_rotation_vector(by).y; // y is down
     }
     likeness_free(&figure);
