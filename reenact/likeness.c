@@ -124,7 +124,7 @@ static void close_run(struct run *r)
 
 static bool needs_colors(enum likeness_step pass)
 {
-    return pass == LIKENESS_FOLLOW || pass == LIKENESS_TURNS || pass == LIKENESS_COLORS;
+    return pass == LIKENESS_LOOK || pass == LIKENESS_FOLLOW || pass == LIKENESS_TURNS || pass == LIKENESS_COLORS;
 }
 
 // NOTHING: it shows nobody, or nothing is wanted but the colours that it lacks.
@@ -192,10 +192,11 @@ static enum status lay(struct run *r, struct reading *reading, int i)
         status = sight_colors(&reading->sight, take_calibration(r->take), reading->rgb, reading->rgb);
     struct skeleton better = posture_skeleton(&f->rest, &reading->posture);
     sight_label(&reading->sight, &better);
-    if (r->pass == LIKENESS_TURNS) {
-        const struct turns_frame frame = turns_frame_of(r, reading, i);
+    const struct turns_frame frame = turns_frame_of(r, reading, i);
+    if (r->pass == LIKENESS_LOOK)
+        turns_look(r->turns, i, &frame);
+    if (r->pass == LIKENESS_TURNS)
         turns_measure(r->turns, i, &frame);
-    }
     if (r->pass == LIKENESS_COLORS) {
         const struct warp_model model = {f->volume, &f->surface, f->skins};
         warp_fit(reading->warp, &model, &reading->sight, &reading->posture);
@@ -219,10 +220,11 @@ static enum status gather(struct run *r, const struct reading *reading, int i)
 }
 
 // What goes on side by side shares nothing that any of it changes.
-static enum status do_stage(void *context, int stage, int i)
+static enum status do_stage(void *context, int stage, int item)
 {
     struct run *r = context;
-    struct reading *reading = &r->reading[i % IN_FLIGHT];
+    struct reading *reading = &r->reading[item % IN_FLIGHT];
+    const int i = r->pass == LIKENESS_FOLLOW ? turns_order(r->turns, item) : item;
     if (stage == READ)
         reading->status = read_frame(r, reading, i);
     else if (stage == LAY)
@@ -298,6 +300,8 @@ static enum status find_turns(struct likeness *f, struct run *r, const struct li
     enum status status = time_s ? volume_surface(f->volume, &surface) : fail(ERR_MEMORY, "out of memory");
     if (status == OK)
         status = turns_open(&r->turns, &f->rest, &surface, take_calibration(r->take), f->frame_count);
+    if (status == OK)
+        status = all_frames(f, r, LIKENESS_LOOK, watch);
     if (status == OK)
         status = all_frames(f, r, LIKENESS_FOLLOW, watch);
     if (status == OK)

@@ -12,9 +12,11 @@ static const double RATE_RAD_S = 2;                         // and wrong by so m
 static const double LEAST_FACING = 0.3;                     // cosine towards the camera
 static const double NEAR_M = 0.05;                          // the reading that vouches for a place lies this near
 static const double OFF_M = 0.02;                           // and who is so far off is half somebody else
-static const float ODD = 0.15F;               // of colours from 0 to 1: who is farther off is somebody else
-static const double COLOR = 0.06;             // colours that are the same differ by this,
-static const double READINGS = 20;            // and as they wander together, a part's count as no more than these
+static const float ODD = 0.15F;     // of colours from 0 to 1: who is farther off is somebody else
+static const float UNKNOWN = 0.35F; // so odd is, of 1, what is seen of a place that nothing was learned of yet
+static const float DEPTH = 0.5F;    // counts for so much of what colours do: the shape is none of the best yet
+static const double COLOR = 0.06;   // colours that are the same differ by this,
+static const double READINGS = 20;  // and as they wander together, a part's count as no more than these
 static const float DIM = 0.7F, BRIGHT = 1.4F; // a part may be lit so much less or more than it was
 static const float MOST_WEIGHT = 20;          // of what was learned of a place, in frames
 
@@ -29,15 +31,21 @@ struct samples {
     int count;
 };
 
+// How likely a frame's turns are, by what was followed until then.
+struct belief {
+    double of[BONE_COUNT][TRIED];
+    double time_s;
+};
+
 struct turns {
     const struct rest *rest;
     struct calibration calibration;
     struct pose depth_from_color;
     struct samples samples[BONE_COUNT];
-    double belief[BONE_COUNT][TRIED]; // of the frame that was followed last
-    double followed_s;                // when that was
+    struct belief first, last; // of the frames that were followed
     bool following;
     int frames;
+    double *variety;                 // of each frame: how much the colours of what leads differ in it
     float (*odd)[BONE_COUNT][TRIED]; // of each frame: the share of a bone's places whose colours are others
 };
 
@@ -72,7 +80,8 @@ enum status turns_open(struct turns **out, const struct rest *rest, const struct
     t->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
     t->frames = frames;
     t->odd = calloc((size_t)frames, sizeof *t->odd);
-    if (!t->odd) {
+    t->variety = calloc((size_t)frames, sizeof *t->variety);
+    if (!t->odd || !t->variety) {
         turns_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -87,6 +96,7 @@ void turns_close(struct turns **t)
     if (!*t)
         return;
     free((*t)->odd);
+    free((*t)->variety);
     free(*t);
     *t = NULL;
 }
@@ -154,22 +164,25 @@ struct pair {
     float seen[3], known[3];
 };
 
-// How odd the frame is if a bone is at `pose`: 0 to 1. *count: of the places that say so.
+// How odd the frame is if a bone is at `pose`: 0 to 1. *count: of the places that it shows.
 static float odd_at(const struct turns *t, const struct turns_frame *frame, int bone, const struct pose *pose,
                     int *count)
 {
     const struct samples *s = &t->samples[bone];
     struct pair pairs[SAMPLES];
     float both = 0, own = 0, odd = 0, beside = 0;
-    int asked = 0;
-    *count = 0;
+    int asked = 0, known = 0, unknown = 0;
     for (int i = 0; i < s->count; i++) {
         const struct look look = look_at(t, frame, bone, &s->of[i], pose);
         if (look.off >= 0)
             beside += look.off, asked++;
-        if (!look.rgb || !(s->of[i].weight > 0))
+        if (!look.rgb)
             continue;
-        struct pair *p = &pairs[(*count)++];
+        if (!(s->of[i].weight > 0)) {
+            unknown++;
+            continue;
+        }
+        struct pair *p = &pairs[known++];
         for (int c = 0; c < 3; c++) {
             p->seen[c] = (float)look.rgb[c] / 255;
             p->known[c] = s->of[i].color[c];
@@ -178,7 +191,7 @@ static float odd_at(const struct turns *t, const struct turns_frame *frame, int 
         }
     }
     const float light = fminf(fmaxf(own > 0 ? both / own : 1, DIM), BRIGHT);
-    for (int i = 0; i < *count; i++) {
+    for (int i = 0; i < known; i++) {
         float off2 = 0;
         for (int c = 0; c < 3; c++) {
             float off = pairs[i].seen[c] - light * pairs[i].known[c];
@@ -186,7 +199,9 @@ static float odd_at(const struct turns *t, const struct turns_frame *frame, int 
         }
         odd += off2 / (off2 + ODD * ODD);
     }
-    return odd / (float)(*count > 0 ? *count : 1) + beside / (float)(asked > 0 ? asked : 1);
+    *count = known + unknown;
+    odd += UNKNOWN * (float)unknown;
+    return odd / (float)(*count > 0 ? *count : 1) + DEPTH * beside / (float)(asked > 0 ? asked : 1);
 }
 
 // Of every turn; all alike where too few places are seen to say anything.
@@ -258,8 +273,47 @@ static void learn(struct turns *t, const struct turns_frame *frame, int bone, co
     }
 }
 
+// Whose colours say where to begin: the skull's if it is there, for hardly anything else differs as much from side to
+// side. -1: nothing's.
+static int leading(const struct turns *t)
+{
+    for (int b = BONE_COUNT - 1; b >= 0; b--)
+        if (t->samples[b].count)
+            return b;
+    return -1;
+}
+
+void turns_look(struct turns *t, int i, const struct turns_frame *frame)
+{
+    const int bone = leading(t);
+    double sum[3] = {0}, square = 0;
+    int count = 0;
+    for (int k = 0; bone >= 0 && k < t->samples[bone].count; k++) {
+        const uint8_t *rgb = look_at(t, frame, bone, &t->samples[bone].of[k], &frame->posture->bone[bone]).rgb;
+        if (!rgb)
+            continue;
+        for (int c = 0; c < 3; c++) {
+            sum[c] += rgb[c];
+            square += (double)rgb[c] * rgb[c];
+        }
+        count++;
+    }
+    if (count)
+        t->variety[i] = square - (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / count;
+}
+
+int turns_order(const struct turns *t, int nth)
+{
+    int first = 0;
+    for (int i = 1; i < t->frames; i++)
+        first = t->variety[i] > t->variety[first] ? i : first;
+    return first + nth < t->frames ? first + nth : t->frames - 1 - nth;
+}
+
 void turns_follow(struct turns *t, const struct turns_frame *frame)
 {
+    if (t->following && frame->time_s < t->first.time_s && t->last.time_s > t->first.time_s)
+        t->last = t->first; // from there on to the beginning
     for (int b = 0; b < BONE_COUNT; b++) {
         if (!t->samples[b].count)
             continue;
@@ -270,18 +324,20 @@ void turns_follow(struct turns *t, const struct turns_frame *frame)
         if (t->following) {
             double own[TRIED];
             memcpy(own, before, sizeof own);
-            pass_on(t->belief[b], frame->time_s - t->followed_s, b, before);
+            pass_on(t->last.of[b], frame->time_s - t->last.time_s, b, before);
             for (int k = 0; k < TRIED; k++)
                 before[k] *= own[k];
             to_one(before);
         }
         for (int k = 0; k < TRIED; k++)
             angle += before[k] * angle_of(b, k);
-        memcpy(t->belief[b], before, sizeof before);
+        memcpy(t->last.of[b], before, sizeof before);
         struct pose pose = turned_pose(t, frame, b, angle);
         learn(t, frame, b, &pose);
     }
-    t->followed_s = frame->time_s;
+    t->last.time_s = frame->time_s;
+    if (!t->following)
+        t->first = t->last;
     t->following = true;
 }
 

@@ -1,7 +1,9 @@
-// How head and shins are turned about their own bones, frame by frame: neither joints nor the depth of something round
-// tell, but its colours do. A first pass follows each part through the take and learns its colours on the way; a second
-// tries every turn of every frame against these, and what all frames say is weighed together, for a person turns no
-// faster than people do. Where there is nothing to go by, a part stays as it is. Pure; deterministic.
+// How skull and shins are turned about their own bones, frame by frame: neither joints nor the depth of something round
+// tell, but its colours do. A first pass looks for the frame that shows most of them. A second follows each part from
+// there, to the take's end and to its beginning, and learns its colours on the way: of who is seen from behind at first
+// it would learn that there is hair all round. A third tries every turn of every frame against these, and what all
+// frames say is weighed together, for a person turns no faster than people do. Where there is nothing to go by, a part
+// stays as it is. Pure; deterministic.
 #pragma once
 #include "reenact/align.h"
 
@@ -19,7 +21,11 @@ struct turns_frame {
     const struct posture *posture;
     double time_s;
 };
-void turns_follow(struct turns *t, const struct turns_frame *frame); // one after the other
+// Different frames may be looked at on different threads.
+void turns_look(struct turns *t, int i, const struct turns_frame *frame);
+// Once all are looked at: which frame is to be followed after so many others; and that one.
+int turns_order(const struct turns *t, int nth);
+void turns_follow(struct turns *t, const struct turns_frame *frame);
 // Once all are followed. Different frames may be measured on different threads.
 void turns_measure(struct turns *t, int i, const struct turns_frame *frame);
 

@@ -22,6 +22,7 @@ static const char *const step_names[LIKENESS_STEPS] = {
     [LIKENESS_FIRST_OUTLINES] = "its outlines",
     [LIKENESS_LAID] = "lay on it, shape",
     [LIKENESS_LAID_OUTLINES] = "its outlines",
+    [LIKENESS_LOOK] = "look for colours",
     [LIKENESS_FOLLOW] = "learn colours",
     [LIKENESS_TURNS] = "how head and shins turn",
     [LIKENESS_SHAPE] = "lay on it so, shape",
@@ -147,10 +148,10 @@ static enum status tell(struct bench *b, const char *name, const struct moment_o
 static enum status tell_split(struct bench *b, const struct split *s, const struct moment_of *begun,
                               const struct moment_of *ended)
 {
-    static const enum likeness_step order[] = {LIKENESS_FIRST,         LIKENESS_FIRST_OUTLINES, LIKENESS_LAID,
-                                               LIKENESS_LAID_OUTLINES, LIKENESS_FOLLOW,         LIKENESS_TURNS,
-                                               LIKENESS_SHAPE,         LIKENESS_OUTLINES,       LIKENESS_SURFACE,
-                                               LIKENESS_COLORS,        LIKENESS_COAT,           LIKENESS_ATLAS};
+    static const enum likeness_step order[] = {
+        LIKENESS_FIRST,  LIKENESS_FIRST_OUTLINES, LIKENESS_LAID,  LIKENESS_LAID_OUTLINES, LIKENESS_LOOK,
+        LIKENESS_FOLLOW, LIKENESS_TURNS,          LIKENESS_SHAPE, LIKENESS_OUTLINES,      LIKENESS_SURFACE,
+        LIKENESS_COLORS, LIKENESS_COAT,           LIKENESS_ATLAS};
     enum status status = tell(b, "what the joints say", begun, &s->began[order[0]]);
     for (size_t i = 0; i < COUNT_OF(order) && status == OK; i++) {
         assert(s->known[order[i]]);
