@@ -1,5 +1,6 @@
 #include "reenact/turns.h"
 
+#include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -45,7 +46,7 @@ struct turns {
     struct belief first, last; // of the frames that were followed
     bool following;
     int frames;
-    double *variety;                 // of each frame: how much the colours of what leads differ in it
+    double *telling;                 // of each frame: how well it says how what leads is turned
     float (*odd)[BONE_COUNT][TRIED]; // of each frame: the share of a bone's places whose colours are others
 };
 
@@ -80,8 +81,8 @@ enum status turns_open(struct turns **out, const struct rest *rest, const struct
     t->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
     t->frames = frames;
     t->odd = calloc((size_t)frames, sizeof *t->odd);
-    t->variety = calloc((size_t)frames, sizeof *t->variety);
-    if (!t->odd || !t->variety) {
+    t->telling = calloc((size_t)frames, sizeof *t->telling);
+    if (!t->odd || !t->telling) {
         turns_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -96,7 +97,7 @@ void turns_close(struct turns **t)
     if (!*t)
         return;
     free((*t)->odd);
-    free((*t)->variety);
+    free((*t)->telling);
     free(*t);
     *t = NULL;
 }
@@ -274,7 +275,8 @@ static void learn(struct turns *t, const struct turns_frame *frame, int bone, co
 }
 
 // Whose colours say where to begin: the skull's if it is there, for hardly anything else differs as much from side to
-// side. -1: nothing's.
+// side. -1: nothing's. How it is turned there is taken from the joints, so that ought to be where people look straight
+// ahead: the face shows, and the trunk's front does.
 static int leading(const struct turns *t)
 {
     for (int b = BONE_COUNT - 1; b >= 0; b--)
@@ -283,12 +285,12 @@ static int leading(const struct turns *t)
     return -1;
 }
 
-void turns_look(struct turns *t, int i, const struct turns_frame *frame)
+// How much the colours differ that a frame shows of a bone: summed squares, of 255.
+static double variety_of(const struct turns *t, const struct turns_frame *frame, int bone)
 {
-    const int bone = leading(t);
     double sum[3] = {0}, square = 0;
     int count = 0;
-    for (int k = 0; bone >= 0 && k < t->samples[bone].count; k++) {
+    for (int k = 0; k < t->samples[bone].count; k++) {
         const uint8_t *rgb = look_at(t, frame, bone, &t->samples[bone].of[k], &frame->posture->bone[bone]).rgb;
         if (!rgb)
             continue;
@@ -298,15 +300,29 @@ void turns_look(struct turns *t, int i, const struct turns_frame *frame)
         }
         count++;
     }
-    if (count)
-        t->variety[i] = square - (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / count;
+    return count ? square - (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]) / count : 0;
+}
+
+// Cosine between where the bone's front points and the way to the camera.
+static double facing(const struct turns *t, int bone, const struct pose *pose)
+{
+    const struct vec3 front = quat_rotate(pose->rotation, (struct vec3){0, 0, -1});
+    const struct vec3 at = pose_apply(*pose, t->rest->frame[bone].origin);
+    return -v3_dot(front, at) / fmax(v3_length(at), DBL_MIN);
+}
+
+void turns_look(struct turns *t, int i, const struct turns_frame *frame)
+{
+    const int bone = leading(t);
+    if (bone >= 0)
+        t->telling[i] = variety_of(t, frame, bone) * fmax(facing(t, bone, &frame->posture->bone[bone]), 0);
 }
 
 int turns_order(const struct turns *t, int nth)
 {
     int first = 0;
     for (int i = 1; i < t->frames; i++)
-        first = t->variety[i] > t->variety[first] ? i : first;
+        first = t->telling[i] > t->telling[first] ? i : first;
     return first + nth < t->frames ? first + nth : t->frames - 1 - nth;
 }
 
