@@ -21,7 +21,20 @@ static const double OUTLINE_PX = 1, OUTLINE_OUTLIER_PX = 4, PART_OUTLINE = 20;
 static const double OUTLINE_FACING = 0.5; // cosine: the shape ends there the way that the outline does
 static const double SURELY_SEEN = 1;      // frames; a surface that is only guessed holds nothing
 
-bool turned_by_colors(int bone) { return bone == BONE_SKULL || bone == PART_LEFT_SHIN || bone == PART_RIGHT_SHIN; }
+bool turned_by_colors(int bone)
+{
+    switch (bone) {
+    case PART_LEFT_UPPER_ARM:
+    case PART_RIGHT_UPPER_ARM:
+    case PART_LEFT_THIGH:
+    case PART_RIGHT_THIGH:
+    case PART_LEFT_SHIN:
+    case PART_RIGHT_SHIN:
+    case BONE_SKULL: return true;
+    default: // a trunk is flat; forearms are bare as a rule, and all alike
+        return false;
+    }
+}
 
 struct adjustment adjustment_none(void)
 {

@@ -28,9 +28,9 @@ enum likeness_step {
     LIKENESS_FIRST_OUTLINES, // how the outlines lie about it
     LIKENESS_LAID,           // frames laid on it, and what they make of it
     LIKENESS_LAID_OUTLINES,  // as above
-    LIKENESS_LOOK,           // which frame shows most colours of skull and shins
-    LIKENESS_FOLLOW,         // their colours learned, from there on
-    LIKENESS_TURNS,          // how each frame's are turned, by these
+    LIKENESS_LOOK,           // which frame tells best how the skull is turned
+    LIKENESS_FOLLOW,         // colours of what is turned by them learned, from there on
+    LIKENESS_TURNS,          // how each frame has it turned, by these
     LIKENESS_SHAPE,          // frames laid so, and what they make of it
     LIKENESS_OUTLINES,       // as above
     LIKENESS_COLORS,         // what each frame says of the colours

@@ -1,4 +1,4 @@
-// A round head that turns on a still trunk: depth and joints say nothing of it, its colours do.
+// Round parts that turn about themselves: depth and joints say nothing of it, their colours do.
 #include "tests/support/painted_person.h"
 #include "tests/test.h"
 
@@ -8,24 +8,40 @@
 
 enum { FRAMES = 16 };
 
-static const double EACH_RAD = 0.05; // from one frame to the next: 1.25 rad/s
+// How a part is coloured: gaily all round, all the same, or as a head of dark hair with a face.
+enum colors { GAY, PLAIN, FACE };
 
-// How a head is coloured: gaily all round, all the same, or dark hair but for a face.
-enum head { GAY, PLAIN, FACE };
+// Who turns, with colours that go with them: a head about the upright, or a straight left thigh about itself.
+struct turning {
+    int bone;
+    enum joint about; // is inside it
+    enum colors colors;
+};
 
-// Colours that go with the head, which is turned by `turn_rad` about its own upright axis.
-static void paint_head(struct painted *out, const struct skeleton *s, double turn_rad, enum head head_is)
+// Whether a place of the person's surface is the turning part's.
+static bool is_turning(const struct turning *who, const struct skeleton *s, struct vec3 p)
 {
-    const struct vec3 neck = s->joint[JOINT_NECK], head = s->joint[JOINT_HEAD];
-    const double reach = 1.1 * (1 + whole_measures.radius_rate[PART_HEAD]) * v3_distance(neck, head);
+    if (who->bone == BONE_SKULL) {
+        const struct vec3 neck = s->joint[JOINT_NECK];
+        const double reach = (1 + whole_measures.radius_rate[PART_HEAD]) * v3_distance(neck, s->joint[JOINT_HEAD]);
+        return p.y < neck.y && v3_distance(p, neck) < 1.1 * reach;
+    }
+    const struct vec3 hip = s->joint[JOINT_LEFT_HIP], knee = s->joint[JOINT_LEFT_KNEE];
+    return p.x > 0 && p.y > hip.y && p.y < knee.y;
+}
+
+// Its colours, turned by `turn_rad`.
+static void paint_turning(struct painted *out, const struct turning *who, const struct skeleton *s, double turn_rad)
+{
+    const struct vec3 middle = s->joint[who->about];
     for (int i = 0; i < PIXELS; i++) {
         const struct vec3 p = v3_scale(lens_ray(&ideal, (struct pixel){i % W, i / W}), out->depth[i] * 1e-3);
-        if (!out->mask[i] || p.y > neck.y || v3_distance(p, neck) > reach)
+        if (!out->mask[i] || !is_turning(who, s, p))
             continue;
-        const double about = head_is == PLAIN ? 0 : atan2(p.x - head.x, head.z - p.z) - turn_rad;
+        const double about = who->colors == PLAIN ? 0 : atan2(p.x - middle.x, middle.z - p.z) - turn_rad;
         uint8_t *at = out->rgb + 3 * i;
-        if (head_is == FACE) {
-            memset(at, fabs(about) < 0.7 && p.y > head.y - 0.03 ? 200 : 40, 3);
+        if (who->colors == FACE) {
+            memset(at, fabs(about) < 0.7 && p.y > middle.y - 0.03 ? 200 : 40, 3);
             continue;
         }
         at[0] = (uint8_t)(128 + 100 * sin(3 * about));
@@ -34,15 +50,17 @@ static void paint_head(struct painted *out, const struct skeleton *s, double tur
     }
 }
 
-// How the likeness has the head turned in each frame, about the same axis; turn_rad: how it is, then how it has it.
-static void found_turns(enum head head_is, double *turn_rad)
+// How the likeness has the part turned in each frame, about the same axis; turn_rad: how it is, then how it has it.
+static void found_turns(const struct turning *who, double *turn_rad)
 {
     static struct painted films[FRAMES];
     struct one_frame frames[FRAMES];
     struct skeleton s = whole_body(0);
+    if (who->bone == PART_LEFT_THIGH) // upright, so that it turns about the same axis as a head
+        s.joint[JOINT_LEFT_KNEE].x = s.joint[JOINT_LEFT_FOOT].x = s.joint[JOINT_LEFT_HIP].x;
     for (int i = 0; i < FRAMES; i++) {
         paint_person(&films[i], &ideal, &s, &whole_measures);
-        paint_head(&films[i], &s, turn_rad[i], head_is);
+        paint_turning(&films[i], who, &s, turn_rad[i]);
         frames[i] = (struct one_frame){s, films[i].rgb, films[i].depth, films[i].mask};
     }
     struct painted_take stage;
@@ -57,7 +75,7 @@ static void found_turns(enum head head_is, double *turn_rad)
     for (int i = 0; i < FRAMES; i++) {
         const struct posture turned = posture_adjusted(&joints, &figure.adjustments[i]);
         const struct quat by =
-            quat_multiply(turned.bone[BONE_SKULL].rotation, quat_conjugate(joints.bone[BONE_SKULL].rotation));
+            quat_multiply(turned.bone[who->bone].rotation, quat_conjugate(joints.bone[who->bone].rotation));
         turn_rad[i] = -quat_to_rotation_vector(by).y; // y is down
     }
     likeness_free(&figure);
@@ -65,30 +83,44 @@ static void found_turns(enum head head_is, double *turn_rad)
     painted_take_close(&stage);
 }
 
-// Which way it looked in the mean nobody can tell; how it turned from frame to frame they can.
+// Which way it looks in the mean nobody can tell; how it turns from frame to frame they can.
+static void expect_followed(const struct turning *who, double each_rad, double most_off_rad)
+{
+    double turn_rad[FRAMES], mean = 0, square = 0;
+    for (int i = 0; i < FRAMES; i++)
+        turn_rad[i] = (i - FRAMES / 2) * each_rad;
+    found_turns(who, turn_rad);
+    for (int i = 0; i < FRAMES; i++)
+        mean += (turn_rad[i] - (i - FRAMES / 2) * each_rad) / FRAMES;
+    for (int i = 0; i < FRAMES; i++) {
+        const double off = turn_rad[i] - (i - FRAMES / 2) * each_rad - mean;
+        square += off * off / FRAMES;
+    }
+    print_message("turned by %.2f in all, found %.2f; off by %.3f rad\n", (FRAMES - 1) * each_rad,
+                  turn_rad[FRAMES - 1] - turn_rad[0], sqrt(square));
+    EXPECT_AT_MOST(sqrt(square), most_off_rad);
+}
+
 static void a_head_is_turned_as_its_colors_are(void **state)
 {
     (void)state;
-    double turn_rad[FRAMES], mean = 0, square = 0;
-    for (int i = 0; i < FRAMES; i++)
-        turn_rad[i] = (i - FRAMES / 2) * EACH_RAD;
-    found_turns(GAY, turn_rad);
-    for (int i = 0; i < FRAMES; i++)
-        mean += (turn_rad[i] - (i - FRAMES / 2) * EACH_RAD) / FRAMES;
-    for (int i = 0; i < FRAMES; i++) {
-        const double off = turn_rad[i] - (i - FRAMES / 2) * EACH_RAD - mean;
-        square += off * off / FRAMES;
-    }
-    print_message("turned by %.2f in all, found %.2f; off by %.3f rad\n", (FRAMES - 1) * EACH_RAD,
-                  turn_rad[FRAMES - 1] - turn_rad[0], sqrt(square));
-    EXPECT_AT_MOST(sqrt(square), 0.08);
+    const struct turning head = {BONE_SKULL, JOINT_HEAD, GAY};
+    expect_followed(&head, 0.05, 0.08); // 1.25 rad/s
+}
+
+// A straight leg's joints do not tell how it is turned: a bent knee's would.
+static void a_straight_thigh_is_turned_as_its_colors_are(void **state)
+{
+    (void)state;
+    const struct turning thigh = {PART_LEFT_THIGH, JOINT_LEFT_HIP, GAY};
+    expect_followed(&thigh, 0.03, 0.05); // 0.14 rad off if it stayed
 }
 
 static void what_has_no_texture_stays(void **state)
 {
     (void)state;
     double turn_rad[FRAMES] = {0}, most = 0;
-    found_turns(PLAIN, turn_rad);
+    found_turns(&(struct turning){BONE_SKULL, JOINT_HEAD, PLAIN}, turn_rad);
     for (int i = 0; i < FRAMES; i++)
         most = fmax(most, fabs(turn_rad[i]));
     print_message("without texture turned by %.3f rad at most\n", most);
@@ -102,7 +134,7 @@ static void who_looks_aside_first_has_one_face(void **state)
     double turn_rad[FRAMES];
     for (int i = 0; i < FRAMES; i++)
         turn_rad[i] = i < FRAMES / 2 ? 1.2 : 1.2 * (FRAMES - 1 - i) / (FRAMES / 2);
-    found_turns(FACE, turn_rad);
+    found_turns(&(struct turning){BONE_SKULL, JOINT_HEAD, FACE}, turn_rad);
     double aside = 0;
     for (int i = 0; i < FRAMES / 2; i++)
         aside += turn_rad[i] / (FRAMES / 2);
@@ -114,6 +146,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_head_is_turned_as_its_colors_are),
+        cmocka_unit_test(a_straight_thigh_is_turned_as_its_colors_are),
         cmocka_unit_test(what_has_no_texture_stays),
         cmocka_unit_test(who_looks_aside_first_has_one_face),
     };
