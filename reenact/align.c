@@ -24,15 +24,12 @@ static const double SURELY_SEEN = 1;      // frames; a surface that is only gues
 bool turned_by_colors(int bone)
 {
     switch (bone) {
-    case PART_LEFT_UPPER_ARM:
-    case PART_RIGHT_UPPER_ARM:
     case PART_LEFT_THIGH:
     case PART_RIGHT_THIGH:
     case PART_LEFT_SHIN:
     case PART_RIGHT_SHIN:
     case BONE_SKULL: return true;
-    default: // a trunk is flat; forearms are bare as a rule, and all alike
-        return false;
+    default: return false; // a trunk is flat; arms came out no better for it (docs/figures.md)
     }
 }
 

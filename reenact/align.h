@@ -14,7 +14,7 @@ struct posture posture_adjusted(const struct posture *posture, const struct adju
 struct adjustment adjustment_mix(const struct adjustment *a, const struct adjustment *b, double t);
 
 // joints: the posture that the frame's skeleton gives. start: where to begin, for
-// example the frame's before. turned: it has head and limbs turned as colours have them (turns.h), and so they stay.
+// example the frame's before. turned: it has head and legs turned as colours have them (turns.h), and so they stay.
 // The sight's labels are used and made better.
 struct adjustment align(const struct volume *volume, const struct rest *rest, struct sight *sight,
                         const struct posture *joints, const struct adjustment *start, bool turned);

@@ -319,7 +319,7 @@ static enum status find_turns(struct likeness *f, struct run *r, const struct li
 // lie too far behind what the sensor sees, or not far enough, whichever way the person is turned, and front and back
 // come to lie too far from each other or too near. Outlines, which the same person shows from the side, know better:
 // each round ends with the shape made as wide as they have it, and the second lays the frames on that. The third lays
-// them once more, with head and limbs turned as colours say.
+// them once more, with head and legs turned as colours say.
 static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
     enum status status = OK;

@@ -8,7 +8,7 @@ enum { TRIED = 25, SAMPLES = 600, LEAST_SEEN = 20, RIM_PX = 1 };
 
 static const double STEP_RAD = 0.05, HEAD_STEP_RAD = 0.125; // between one turn that is tried and the next
 static const double KNOWN_RAD = 0.3;                        // joints and depth are right to this
-static const double UPPER_KNOWN_RAD = 0.15;                 // of a limb whose hinge tells, where it is bent
+static const double THIGH_KNOWN_RAD = 0.15;                 // of a thigh: a bent knee tells
 static const double HEAD_KNOWN_RAD = 0.5;                   // of a head, that is turned against the trunk
 static const double RATE_RAD_S = 2;                         // and wrong by so much more or less after a second
 static const double LEAST_FACING = 0.3;                     // cosine towards the camera
@@ -253,10 +253,8 @@ static void pass_on(const double *from, double apart_s, int bone, double *to)
 static double known_rad(int bone)
 {
     switch (bone) {
-    case PART_LEFT_UPPER_ARM:
-    case PART_RIGHT_UPPER_ARM:
     case PART_LEFT_THIGH:
-    case PART_RIGHT_THIGH: return UPPER_KNOWN_RAD;
+    case PART_RIGHT_THIGH: return THIGH_KNOWN_RAD;
     case BONE_SKULL: return HEAD_KNOWN_RAD;
     default: return KNOWN_RAD;
     }

@@ -1,9 +1,9 @@
-// How skull, upper arms, thighs and shins are turned about their own bones, frame by frame: neither joints nor the
-// depth of something round tell, but its colours do. A first pass looks for the frame that shows most of them and has
-// the person from the front. A second follows each part from there, to the take's end and to its beginning, and learns
-// its colours on the way: of who is seen from behind at first it would learn that there is hair all round. A third
-// tries every turn of every frame against these, and what all frames say is weighed together, for a person turns no
-// faster than people do. Where there is nothing to go by, a part stays as it is. Pure; deterministic.
+// How skull, thighs and shins are turned about their own bones, frame by frame: neither joints nor the depth of
+// something round tell, but its colours do. A first pass looks for the frame that shows most of them and has the person
+// from the front. A second follows each part from there, to the take's end and to its beginning, and learns its colours
+// on the way: of who is seen from behind at first it would learn that there is hair all round. A third tries every turn
+// of every frame against these, and what all frames say is weighed together, for a person turns no faster than people
+// do. Where there is nothing to go by, a part stays as it is. Pure; deterministic.
 #pragma once
 #include "reenact/align.h"
 
