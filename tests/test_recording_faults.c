@@ -320,6 +320,40 @@ static void test_wrong_bytes_anywhere(void **state)
     free(bytes);
 }
 
+// A table's text may be damaged so that it still parses and only says that id is a column like others.
+static void test_wrong_byte_in_a_tables_text(void **state)
+{
+    (void)state;
+    static const char text[] = "(id INTEGER PRIMARY KEY";
+    uint8_t *bytes, *at;
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(path_of("whole"));
+    int texts = 0, undetected = 0;
+    struct calibration calibration = some_calibration();
+    for (size_t from = 0; (at = memmem(bytes + from, count - from, text, sizeof text - 1)); texts++) {
+        from = (size_t)(at - bytes) + sizeof text - 1;
+        uint8_t *blank = at + sizeof "(id INTEGER" - 1;
+        *blank = '0';
+        EXPECT_STATUS(file_write(path_of("text"), bytes, count), OK);
+        *blank = ' ';
+        EXPECT_INT(use_damaged(path_of("text"), hash, &undetected), FRAMES + 3);
+        struct recording_writer *w; // and a take more is found where it was put
+        struct recording_report report;
+        EXPECT_STATUS(recording_append(&w, path_of("text")), OK);
+        EXPECT_STATUS(recording_begin_take(w, "later", &calibration), OK);
+        add_frames(w, 0, 4);
+        EXPECT_STATUS(recording_end_take(w), OK);
+        EXPECT_STATUS(recording_close(&w), OK);
+        EXPECT_STATUS(recording_verify(path_of("text"), &report), OK);
+        EXPECT_INT(report.frames, FRAMES + 3 + 4);
+        remove_with_log(path_of("text"));
+    }
+    printf("%d tables' texts, %d left no trace\n", texts, undetected);
+    EXPECT_AT_LEAST(texts, 5);
+    free(bytes);
+}
+
 int main(void)
 {
     setvbuf(stdout, NULL, _IOLBF, 0);
@@ -332,6 +366,7 @@ int main(void)
         cmocka_unit_test(test_full_disk),
         cmocka_unit_test(test_cut_anywhere),
         cmocka_unit_test(test_wrong_bytes_anywhere),
+        cmocka_unit_test(test_wrong_byte_in_a_tables_text),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -48,7 +48,7 @@ static enum status damaged(const struct recording *r, const char *what)
 static enum status list_takes(struct recording *r)
 {
     struct statement *s;
-    enum status status = statement_open(&s, r->db, "SELECT id, name FROM take ORDER BY id");
+    enum status status = statement_open(&s, r->db, "SELECT rowid, name FROM take ORDER BY rowid");
     while (status == OK && (status = statement_step(s)) == OK) {
         struct recorded_take *grown = realloc(r->takes, sizeof *grown * ((size_t)r->take_count + 1));
         if (!grown) {
@@ -240,7 +240,7 @@ enum status recording_read_place(struct recording *r, struct place *out)
     if (status == OK)
         status = depth_coder_open(&coder);
     if (status == OK)
-        status = statement_open(&s, r->db, "SELECT " VIEW_COLUMNS " FROM place_view ORDER BY id");
+        status = statement_open(&s, r->db, "SELECT " VIEW_COLUMNS " FROM place_view ORDER BY rowid");
     bool has_place = status == OK;
     while (status == OK && (status = statement_step(s)) == OK)
         status = read_view(r, s, coder, &place);
@@ -298,7 +298,7 @@ static enum status read_take_row(struct take *t, int64_t id)
 {
     struct recording *r = t->recording;
     struct statement *s;
-    enum status status = statement_open(&s, r->db, "SELECT " TAKE_COLUMNS " FROM take WHERE id = ?");
+    enum status status = statement_open(&s, r->db, "SELECT " TAKE_COLUMNS " FROM take WHERE rowid = ?");
     if (status == OK) {
         statement_bind_number(s, 1, id);
         status = statement_step(s);
@@ -351,7 +351,7 @@ static enum status read_entries(struct take *t, int64_t id)
     struct statement *s;
     int64_t capacity = 0, representative = -1;
     enum status status =
-        statement_open(&s, r->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE id BETWEEN ? AND ? ORDER BY id");
+        statement_open(&s, r->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
     if (status == OK) {
         statement_bind_number(s, 1, frame_key(id, 0));
         statement_bind_number(s, 2, frame_key(id, FRAME_NUMBER_MOST));
@@ -413,7 +413,7 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
         status = status != OK ? fail(status, "%s", sentence) : ended;
     }
     if (status == OK)
-        status = statement_open(&t->read_pictures, r->db, "SELECT " PICTURE_COLUMNS " FROM picture WHERE id = ?");
+        status = statement_open(&t->read_pictures, r->db, "SELECT " PICTURE_COLUMNS " FROM picture WHERE rowid = ?");
     if (status == OK)
         status = depth_coder_open(&t->coder);
     if (status == OK)

@@ -178,13 +178,14 @@ static enum status open_both(struct salvage *v, const char *path, const char *to
     if (status == OK)
         status = recording_check_tables(v->from);
     if (status == OK)
-        status = statement_open(&v->frame, v->from,
-                                "SELECT " FRAME_COLUMNS " FROM frame WHERE id BETWEEN ? AND ? ORDER BY id LIMIT 1");
-    if (status == OK)
-        status = statement_open(&v->pictures, v->from, "SELECT " PICTURE_COLUMNS " FROM picture WHERE id = ?");
-    if (status == OK)
         status =
-            statement_open(&v->takes, v->from, "SELECT " TAKE_COLUMNS " FROM take WHERE id >= ? ORDER BY id LIMIT 1");
+            statement_open(&v->frame, v->from,
+                           "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid LIMIT 1");
+    if (status == OK)
+        status = statement_open(&v->pictures, v->from, "SELECT " PICTURE_COLUMNS " FROM picture WHERE rowid = ?");
+    if (status == OK)
+        status = statement_open(&v->takes, v->from,
+                                "SELECT " TAKE_COLUMNS " FROM take WHERE rowid >= ? ORDER BY rowid LIMIT 1");
     if (status == OK)
         status = database_open(&v->to, to, DATABASE_WRITE);
     if (status == OK)
@@ -224,7 +225,7 @@ enum status recording_complete_takes(struct database *db)
     struct statement *read, *write = NULL;
     enum status status = statement_open(&read, db, "SELECT " TAKE_COLUMNS " FROM take WHERE complete = 0 LIMIT 1");
     if (status == OK)
-        status = statement_open(&write, db, "UPDATE take SET complete = 1, crc = ? WHERE id = ?");
+        status = statement_open(&write, db, "UPDATE take SET complete = 1, crc = ? WHERE rowid = ?");
     while (status == OK && (status = statement_step(read)) == OK) {
         struct take_row take;
         bool usable;

@@ -33,11 +33,12 @@ extern const char *const recording_tables; // CREATE TABLE ...
 enum known_table { KNOWN_POINT_ERROR, KNOWN_TAG_ERROR, KNOWN_POINT_SIDE, KNOWN_TABLE_COUNT };
 
 // How the statements of writer, reader and care order the columns.
+// rowid is id, and stays so where a damaged byte has the table's own text say otherwise.
 #define PLACE_COLUMNS   "calibration, residuals, tags, points, crc"
-#define VIEW_COLUMNS    "id, world_from_camera, depth, color, crc"
-#define TAKE_COLUMNS    "id, name, calibration, complete, dropped, body, crc"
-#define FRAME_COLUMNS   "id, time_ns, located, world_from_camera, skeleton, pictures, crc"
-#define PICTURE_COLUMNS "id, mask_crc, depth_crc, color_crc, mask, depth, color"
+#define VIEW_COLUMNS    "rowid, world_from_camera, depth, color, crc"
+#define TAKE_COLUMNS    "rowid, name, calibration, complete, dropped, body, crc"
+#define FRAME_COLUMNS   "rowid, time_ns, located, world_from_camera, skeleton, pictures, crc"
+#define PICTURE_COLUMNS "rowid, mask_crc, depth_crc, color_crc, mask, depth, color"
 
 // One row of the table take.
 struct take_row {

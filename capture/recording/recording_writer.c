@@ -241,7 +241,7 @@ static enum status check_name(const char *name)
 static enum status find_take(struct recording_writer *w, const char *name)
 {
     struct statement *s;
-    enum status status = statement_open(&s, w->db, "SELECT id FROM take WHERE name = ?");
+    enum status status = statement_open(&s, w->db, "SELECT rowid FROM take WHERE name = ?");
     if (status == OK) {
         statement_bind_text(s, 1, name);
         status = statement_step(s);
@@ -256,7 +256,7 @@ static enum status new_take_id(struct recording_writer *w, const char *name)
     enum status status = find_take(w, name);
     if (status == OK)
         return ERR_EXISTS;
-    return status == NOTHING ? database_number(w->db, "SELECT coalesce(max(id), 0) + 1 FROM take", &w->take.id)
+    return status == NOTHING ? database_number(w->db, "SELECT coalesce(max(rowid), 0) + 1 FROM take", &w->take.id)
                              : status;
 }
 
@@ -352,9 +352,9 @@ enum status recording_put_skeletons(struct recording_writer *w, const struct ske
     if (status == OK)
         status = database_run(w->db, "BEGIN IMMEDIATE");
     if (status == OK)
-        status = statement_open(&read, w->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE id = ?");
+        status = statement_open(&read, w->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid = ?");
     if (status == OK)
-        status = statement_open(&write, w->db, "UPDATE frame SET skeleton = ?, crc = ? WHERE id = ?");
+        status = statement_open(&write, w->db, "UPDATE frame SET skeleton = ?, crc = ? WHERE rowid = ?");
     for (int64_t i = 0; status == OK && i < count; i++)
         if (skeleton[i])
             status = replace_skeleton(read, write, frame_key(w->take.id, i), skeleton[i]);
