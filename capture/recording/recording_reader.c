@@ -160,10 +160,8 @@ static enum status read_place_row(struct recording *r, struct place *p)
 // What else is known of points, or tags. Older files do not have all of it.
 static enum status read_known(struct recording *r, enum known_table which, struct place *p)
 {
-    static const char *const count[KNOWN_TABLE_COUNT] = {
-        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'point_error'",
-        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'tag_error'",
-        "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name = 'point_side'"};
+    static const char *const count[KNOWN_TABLE_COUNT] = {COUNT_TABLES("'point_error'"), COUNT_TABLES("'tag_error'"),
+                                                         COUNT_TABLES("'point_side'")};
     static const char *const select[KNOWN_TABLE_COUNT] = {"SELECT covariances, crc FROM point_error",
                                                           "SELECT covariances, crc FROM tag_error",
                                                           "SELECT directions, crc FROM point_side"};

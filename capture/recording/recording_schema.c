@@ -333,11 +333,7 @@ enum status recording_check_tables(struct database *db)
                     database_path(db), (long long)schema, RECORDING_SCHEMA);
     if (schema < 1)
         return fail(ERR_CORRUPT, "%s has no valid schema number (%lld)", database_path(db), (long long)schema);
-    // Real tables only: a view or trigger under these names could compute without end.
-    status = database_number(db,
-                             "SELECT count(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 AND name IN"
-                             " ('place', 'place_view', 'take', 'frame', 'picture')",
-                             &tables);
+    status = database_number(db, COUNT_TABLES("'place', 'place_view', 'take', 'frame', 'picture'"), &tables);
     if (status == OK && tables != 5)
         status = fail(ERR_CORRUPT, "%s is damaged: %lld of the 5 tables of a recording are there", database_path(db),
                       (long long)tables);

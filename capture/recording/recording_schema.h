@@ -30,6 +30,10 @@ extern const char *const recording_tables; // CREATE TABLE ...
     "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                   \
     "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                     \
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
+// How many tables of these names (lower case, quoted) there are. Real ones only: a view under such a name could
+// compute without end. As sqlite, which finds a table whose kind or name a damaged byte made "tAble" or a blob.
+#define COUNT_TABLES(names)                                                                                            \
+    "SELECT count(*) FROM sqlite_schema WHERE lower(type) = 'table' AND rootpage > 0 AND lower(name) IN (" names ")"
 enum known_table { KNOWN_POINT_ERROR, KNOWN_TAG_ERROR, KNOWN_POINT_SIDE, KNOWN_TABLE_COUNT };
 
 // How the statements of writer, reader and care order the columns.
