@@ -20,6 +20,7 @@ static const double OUTLIER_M = 0.025;
 static const double OUTLINE_PX = 1, OUTLINE_OUTLIER_PX = 4, PART_OUTLINE = 20;
 static const double OUTLINE_FACING = 0.5; // cosine: the shape ends there the way that the outline does
 static const double SURELY_SEEN = 1;      // frames; a surface that is only guessed holds nothing
+static const double LEAST_FACING = 0.1;   // cosine: what a reading shows faces the sensor
 
 bool turned_by_colors(int bone)
 {
@@ -160,6 +161,8 @@ static void add_readings(const struct state *s, struct system *system)
                 v3_length(gradient) < 0.3)
                 continue;
             struct vec3 normal = quat_rotate(s->now.bone[p].rotation, v3_unit(gradient));
+            if (-v3_dot(normal, v3_unit(at)) < LEAST_FACING)
+                continue; // a limb too near would be laid on it with its back, from behind
             double robust = OUTLIER_M * OUTLIER_M / (OUTLIER_M * OUTLIER_M + distance * distance);
             double share = fmin(1, PART_READINGS / count[part]) * seen / (seen + SURELY_SEEN);
             int index[6];
