@@ -11,9 +11,7 @@ static const double READING_M = 0.01;
 // readings of one part wander together, so that many count as no more than these,
 static const double PART_READINGS = 60;
 static const double JOINED_M = 0.004;                   // a joint's two sides meet within this,
-static const double JOINTS_M = 0.06, JOINTS_RAD = 0.5;  // the joints are known to this,
-static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and the change from the start to that.
-static const double END_RAD = 1.2;                      // joints do not tell how skull, hands and feet are turned
+static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and a bone changes from the start by this.
 static const double TURNED_RAD = 0.02;                  // colours tell better than depth how round parts are turned
 static const double OUTLIER_M = 0.025;
 // a place of the outline is good to this and odd by that, and a part's count as no more than these.
@@ -79,8 +77,8 @@ static void add_row(struct system *s, const int *at, const double *j, int count,
     }
 }
 
-// Cholesky in place; a is positive definite because every unknown has a prior.
-static void solve(struct system *s)
+// Cholesky, in place, of what is positive definite because every unknown has a prior.
+static void factor(struct system *s)
 {
     for (int i = 0; i < UNKNOWNS; i++) {
         for (int j = 0; j <= i; j++) {
@@ -90,6 +88,11 @@ static void solve(struct system *s)
             s->a[i][j] = i == j ? sqrt(fmax(sum, 1e-12)) : sum / s->a[j][j];
         }
     }
+}
+
+static void solve(struct system *s)
+{
+    factor(s);
     for (int i = 0; i < UNKNOWNS; i++) {
         for (int k = 0; k < i; k++)
             s->b[i] -= s->a[i][k] * s->b[k];
@@ -102,16 +105,30 @@ static void solve(struct system *s)
     }
 }
 
+// The variance of unknown u, of a system that was solved: a column of the factor's inverse, squared.
+static double variance(const struct system *s, int u)
+{
+    double column[UNKNOWNS], sum = 0;
+    for (int i = u; i < UNKNOWNS; i++) {
+        double value = i == u;
+        for (int k = u; k < i; k++)
+            value -= s->a[i][k] * column[k];
+        column[i] = value / s->a[i][i];
+        sum += column[i] * column[i];
+    }
+    return sum;
+}
+
 // ---------------------------------------------------------------- one round
 
 struct state {
     const struct volume *volume;
     const struct rest *rest;
     const struct sight *sight;
-    struct posture joints, start, now;
+    const struct align_from *from;
+    struct posture start, now;
     struct vec3 middle[BONE_COUNT]; // of each bone, about which it turns; camera axes
     int every;                      // pixels between two that are used
-    bool turned;                    // the start knows how round parts are turned
     struct outline_place outline[OUTLINE_MOST];
     int outline_count;
 };
@@ -232,7 +249,7 @@ static void add_links(const struct state *s, struct system *system)
         struct vec3 a = pose_apply(s->now.bone[link->a], joint), b = pose_apply(s->now.bone[link->b], joint);
         // As far apart as the joints themselves have them, for bones differ in length from frame to frame.
         struct vec3 apart =
-            v3_sub(pose_apply(s->joints.bone[link->b], joint), pose_apply(s->joints.bone[link->a], joint));
+            v3_sub(pose_apply(s->from->joints.bone[link->b], joint), pose_apply(s->from->joints.bone[link->a], joint));
         struct vec3 gap = v3_sub(v3_sub(b, a), v3_scale(apart, 0.5));
         const struct vec3 axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
         const double gaps[3] = {gap.x, gap.y, gap.z};
@@ -275,11 +292,10 @@ static void one_round(struct state *s, struct system *system)
 {
     memset(system, 0, sizeof *system);
     for (int p = 0; p < BONE_COUNT; p++) {
-        const struct part_frame *f = &s->rest->frame[p];
-        s->middle[p] = pose_apply(s->now.bone[p], v3_add(f->origin, v3_scale(f->z, f->length / 2)));
-        add_prior(s, system, p, &s->joints.bone[p], JOINTS_M, p >= PART_COUNT ? END_RAD : JOINTS_RAD);
+        s->middle[p] = pose_apply(s->now.bone[p], part_frame_middle(&s->rest->frame[p]));
+        add_prior(s, system, p, &s->from->joints.bone[p], s->from->joint_errors.m[p], s->from->joint_errors.rad[p]);
         add_prior(s, system, p, &s->start.bone[p], BEFORE_M, BEFORE_RAD);
-        if (s->turned && turned_by_colors(p))
+        if (s->from->turned && turned_by_colors(p))
             add_turned(s, system, p);
     }
     add_readings(s, system);
@@ -296,28 +312,43 @@ static void one_round(struct state *s, struct system *system)
     }
 }
 
-struct adjustment align(const struct volume *volume, const struct rest *rest, struct sight *sight,
-                        const struct posture *joints, const struct adjustment *start, bool turned)
+static void find_left(const struct system *system, struct bone_errors *left)
+{
+    for (int p = 0; p < BONE_COUNT; p++) {
+        double m2 = 0, rad2 = 0;
+        for (int i = 0; i < 3; i++) {
+            m2 += variance(system, 6 * p + i) / 3;
+            rad2 += variance(system, 6 * p + 3 + i) / 3;
+        }
+        left->m[p] = sqrt(m2);
+        left->rad[p] = sqrt(rad2);
+    }
+}
+
+struct adjustment align(const struct volume *volume, struct sight *sight, const struct align_from *from,
+                        struct bone_errors *left)
 {
     struct system system;
-    struct state s = {.volume = volume, .rest = rest, .sight = sight, .joints = *joints, .turned = turned};
-    s.start = s.now = posture_adjusted(joints, start);
+    struct state s = {.volume = volume, .rest = volume_rest(volume), .sight = sight, .from = from};
+    s.start = s.now = posture_adjusted(&from->joints, &from->start);
     s.every = 1;
     int count[PART_COUNT];
     while (points_of(&s, count) > POINTS)
         s.every++;
-    const int rounds = turned ? ROUNDS / 2 : ROUNDS; // from where it was laid before, half of them do
+    const int rounds = from->turned ? ROUNDS / 2 : ROUNDS; // from where it was laid before, half of them do
     for (int round = 0; round < rounds; round++) {
         if (round == 0 || round == rounds / 2) {
-            struct skeleton better = posture_skeleton(rest, &s.now);
+            struct skeleton better = posture_skeleton(s.rest, &s.now);
             sight_label(sight, &better);
             if (round > 0) // by then they lie near where they end, or they would be laid on others' outlines
                 s.outline_count = outline_find(sight, s.outline);
         }
         one_round(&s, &system);
     }
+    if (left)
+        find_left(&system, left);
     struct adjustment out;
     for (int p = 0; p < BONE_COUNT; p++)
-        out.bone[p] = pose_multiply(pose_inverse(joints->bone[p]), s.now.bone[p]);
+        out.bone[p] = pose_multiply(pose_inverse(from->joints.bone[p]), s.now.bone[p]);
     return out;
 }

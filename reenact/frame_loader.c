@@ -219,7 +219,8 @@ static enum status know_triangles(const struct frame_loader *l, struct loaded_fr
 static void fit(struct frame_loader *l, const struct posture *joints, struct adjustment *adjustment)
 {
     const struct likeness *k = l->likeness;
-    *adjustment = align(k->volume, &k->rest, &l->sight, joints, adjustment, true);
+    const struct align_from from = {*joints, k->joint_errors, *adjustment, true};
+    *adjustment = align(k->volume, &l->sight, &from, NULL);
     struct posture laid = posture_adjusted(joints, adjustment);
     const struct warp_model model = {k->volume, &k->surface, k->skins};
     warp_fit(l->warp, &model, &l->sight, &laid);

@@ -72,6 +72,7 @@ static void begin(const struct likeness_watch *watch, enum likeness_step step)
 struct reading {
     struct sight sight;
     struct posture posture;   // the person's, as far as it is known by then
+    struct bone_errors left;  // of the second shape's pass: how wrong that may be
     uint8_t *rgb;             // of passes that need them: the frame's own colours
     struct warp *warp;        // of the colours' pass: how the frame bends the figure
     struct outline_gaps gaps; // of the outlines' pass
@@ -87,10 +88,11 @@ struct run {
     struct take *take;
     struct sights *sights;
     enum likeness_step pass;
-    struct volume *into;      // of the shape's passes
-    struct outline_gaps gaps; // of the outlines' pass
-    struct turns *turns;      // of the turns' passes
-    struct coat_maker *coat;  // of the colours' pass
+    struct volume *into;                 // of the shape's passes
+    struct outline_gaps gaps;            // of the outlines' pass
+    struct bone_errors_sum joint_errors; // of the second shape's pass
+    struct turns *turns;                 // of the turns' passes
+    struct coat_maker *coat;             // of the colours' pass
     struct reading reading[IN_FLIGHT];
     const struct likeness_watch *watch;
 };
@@ -172,17 +174,18 @@ static struct adjustment start_of(const struct run *r, int i)
 static enum status lay(struct run *r, struct reading *reading, int i)
 {
     struct likeness *f = r->likeness;
-    struct adjustment *a = &f->adjustments[i], start = start_of(r, i);
-    struct posture joints;
-    *a = r->pass == LIKENESS_LAID && i > 0 ? f->adjustments[i - 1] : start;
+    struct align_from from = {
+        .joint_errors = f->joint_errors, .start = start_of(r, i), .turned = r->pass == LIKENESS_SHAPE};
+    struct adjustment *a = &f->adjustments[i];
+    *a = r->pass == LIKENESS_LAID && i > 0 ? f->adjustments[i - 1] : from.start;
     enum status status = reading->status;
     if (status == OK)
-        status = carried_posture(&f->rest, r->take, f->frames[i], &joints);
+        status = carried_posture(&f->rest, r->take, f->frames[i], &from.joints);
     if (status != OK)
         return status;
     if (r->pass == LIKENESS_LAID || r->pass == LIKENESS_SHAPE)
-        *a = align(f->volume, &f->rest, &reading->sight, &joints, &start, r->pass == LIKENESS_SHAPE);
-    reading->posture = posture_adjusted(&joints, a);
+        *a = align(f->volume, &reading->sight, &from, r->pass == LIKENESS_LAID ? &reading->left : NULL);
+    reading->posture = posture_adjusted(&from.joints, a);
     if (measures_outlines(r->pass)) {
         reading->gaps = (struct outline_gaps){0};
         outline_measure(f->volume, take_calibration(r->take), &reading->sight, &reading->posture, &reading->gaps);
@@ -207,6 +210,8 @@ static enum status lay(struct run *r, struct reading *reading, int i)
 static enum status gather(struct run *r, const struct reading *reading, int i)
 {
     const struct turns_frame frame = turns_frame_of(r, reading, i);
+    if (r->pass == LIKENESS_LAID)
+        joint_errors_add(&r->joint_errors, &r->likeness->rest, r->likeness->adjustments[i].bone, &reading->left);
     if (measures_outlines(r->pass))
         outline_add(&r->gaps, &reading->gaps);
     else if (r->pass == LIKENESS_FOLLOW)
@@ -319,14 +324,17 @@ static enum status find_turns(struct likeness *f, struct run *r, const struct li
 // lie too far behind what the sensor sees, or not far enough, whichever way the person is turned, and front and back
 // come to lie too far from each other or too near. Outlines, which the same person shows from the side, know better:
 // each round ends with the shape made as wide as they have it, and the second lays the frames on that. The third lays
-// them once more, with head and legs turned as colours say.
+// them once more, with head and legs turned as colours say, and with as much trust in joints as these have earned.
 static enum status make_shape(struct likeness *f, struct run *r, const struct likeness_watch *watch)
 {
     enum status status = OK;
+    f->joint_errors = joint_errors_at_first();
     for (size_t i = 0; i < COUNT_OF(rounds) && status == OK; i++) {
         status = make_round(f, r, &rounds[i], watch);
-        if (status == OK && rounds[i].shape == LIKENESS_LAID)
-            status = find_turns(f, r, watch);
+        if (status != OK || rounds[i].shape != LIKENESS_LAID)
+            continue;
+        f->joint_errors = joint_errors_of(&r->joint_errors);
+        status = find_turns(f, r, watch);
     }
     if (status != OK)
         return status;

@@ -11,8 +11,9 @@ struct likeness {
     struct surface surface;
     struct skin *skins; // of the surface's points
     struct coat coat;
-    struct atlas atlas; // surface and coat, as they are drawn
-    int64_t *frames;    // whose adjustments are known, rising
+    struct atlas atlas;              // surface and coat, as they are drawn
+    struct bone_errors joint_errors; // how far joints err, as far as frames tell
+    int64_t *frames;                 // whose adjustments are known, rising
     struct adjustment *adjustments;
     int frame_count;
 };

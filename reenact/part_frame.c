@@ -34,11 +34,13 @@ static void set_front(struct part_frame *f, struct vec3 wanted)
     f->x = v3_cross(f->y, f->z);
 }
 
+struct vec3 part_frame_middle(const struct part_frame *f) { return v3_add(f->origin, v3_scale(f->z, f->length / 2)); }
+
 // The same bone, turned about it so that y leans towards `eye`.
 static struct part_frame turned_to(const struct part_frame *f, struct vec3 eye)
 {
     struct part_frame turned = *f;
-    set_front(&turned, v3_sub(eye, v3_add(f->origin, v3_scale(f->z, f->length / 2))));
+    set_front(&turned, v3_sub(eye, part_frame_middle(f)));
     return turned;
 }
 

@@ -27,6 +27,8 @@ bool part_frame_facing(const struct skeleton *skeleton, enum part p, struct vec3
 // trunk direction is known.
 bool part_frame_bodily(const struct skeleton *skeleton, enum part p, struct part_frame *out);
 
+struct vec3 part_frame_middle(const struct part_frame *f); // of the bone
+
 // A point or direction in the part's axes, metres.
 struct vec3 part_frame_point_in(const struct part_frame *f, struct vec3 p);
 struct vec3 part_frame_direction_in(const struct part_frame *f, struct vec3 d);

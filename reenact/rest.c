@@ -169,7 +169,7 @@ static struct pose frame_pose(const struct part_frame *f)
 {
     double m[3][3] = {{f->x.x, f->y.x, f->z.x}, {f->x.y, f->y.y, f->z.y}, {f->x.z, f->y.z, f->z.z}};
     // About the bone's middle: where the lengths differ, both ends give way alike.
-    return (struct pose){quat_from_matrix(m), v3_add(f->origin, v3_scale(f->z, f->length / 2))};
+    return (struct pose){quat_from_matrix(m), part_frame_middle(f)};
 }
 
 enum status posture_of(const struct rest *rest, const struct skeleton *skeleton, struct posture *out)

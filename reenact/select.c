@@ -131,7 +131,7 @@ static struct part_sight sight_of(const struct skeleton *s, const struct body *b
     sight.bodily = part_frame_bodily(s, p, &f);
     if (!sight.bodily && !part_frame_facing(s, p, v3(0, 0, 0), &f))
         return sight;
-    struct vec3 middle = v3_add(f.origin, v3_scale(f.z, f.length / 2));
+    struct vec3 middle = part_frame_middle(&f);
     sight.distance_m = (float)v3_length(middle);
     if (!(sight.distance_m > 1e-3F))
         return sight;

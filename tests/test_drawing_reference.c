@@ -192,8 +192,8 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     EXPECT_STATUS(sight_open(&sight, s->rehearsed.take, s->rehearsed.rays), OK);
     EXPECT_STATUS(sight_read(&sight, s->rehearsed.take, s->moment.frame), OK);
     EXPECT_STATUS(posture_of(&l->rest, &e->skeleton, &joints), OK);
-    struct adjustment start = likeness_adjustment(l, s->moment.frame);
-    struct adjustment a = align(l->volume, &l->rest, &sight, &joints, &start, true);
+    const struct align_from from = {joints, l->joint_errors, likeness_adjustment(l, s->moment.frame), true};
+    struct adjustment a = align(l->volume, &sight, &from, NULL);
     EXPECT_STATUS(posture_of(&l->rest, &s->moment.skeleton, &shown), OK);
     shown = posture_adjusted(&shown, &a);
     joints = posture_adjusted(&joints, &a);

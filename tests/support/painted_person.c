@@ -89,7 +89,7 @@ double tube_depth(struct vec3 ray, struct vec3 a, struct vec3 b, double radius, 
     return INFINITY;
 }
 
-static double ball_depth(struct vec3 ray, struct vec3 c, double radius)
+double ball_depth(struct vec3 ray, struct vec3 c, double radius)
 {
     double a = v3_dot(ray, ray), b = v3_dot(ray, c), root = b * b - a * (v3_dot(c, c) - radius * radius);
     double t = root >= 0 ? (b - sqrt(root)) / a : INFINITY;

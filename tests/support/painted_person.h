@@ -39,6 +39,7 @@ void draw_picture(struct painter *p, struct pose world_from_camera, int64_t time
 // How far along `ray` from the origin the open cylinder about a-b of `radius` is
 // first met at z >= nearest; infinite: never. ray has z = 1, so that it is the depth.
 double tube_depth(struct vec3 ray, struct vec3 a, struct vec3 b, double radius, double nearest);
+double ball_depth(struct vec3 ray, struct vec3 c, double radius); // likewise the ball about c
 
 // ---- the person
 struct skeleton whole_body(double arm); // 2.5 m away; the left hand `arm` metres nearer
