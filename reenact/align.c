@@ -312,7 +312,7 @@ static void one_round(struct state *s, struct system *system)
     }
 }
 
-static void find_left(const struct system *system, struct bone_errors *left)
+static void find_unsure(const struct system *system, struct bone_errors *unsure)
 {
     for (int p = 0; p < BONE_COUNT; p++) {
         double m2 = 0, rad2 = 0;
@@ -320,13 +320,13 @@ static void find_left(const struct system *system, struct bone_errors *left)
             m2 += variance(system, 6 * p + i) / 3;
             rad2 += variance(system, 6 * p + 3 + i) / 3;
         }
-        left->m[p] = sqrt(m2);
-        left->rad[p] = sqrt(rad2);
+        unsure->m[p] = sqrt(m2);
+        unsure->rad[p] = sqrt(rad2);
     }
 }
 
 struct adjustment align(const struct volume *volume, struct sight *sight, const struct align_from *from,
-                        struct bone_errors *left)
+                        struct bone_errors *unsure)
 {
     struct system system;
     struct state s = {.volume = volume, .rest = volume_rest(volume), .sight = sight, .from = from};
@@ -345,8 +345,8 @@ struct adjustment align(const struct volume *volume, struct sight *sight, const 
         }
         one_round(&s, &system);
     }
-    if (left)
-        find_left(&system, left);
+    if (unsure)
+        find_unsure(&system, unsure);
     struct adjustment out;
     for (int p = 0; p < BONE_COUNT; p++)
         out.bone[p] = pose_multiply(pose_inverse(from->joints.bone[p]), s.now.bone[p]);

@@ -21,9 +21,9 @@ struct align_from {
     struct adjustment start;         // where to begin, for example the frame's before
     bool turned;                     // it has head and legs turned as colours have them (turns.h), and so they stay
 };
-// Of the volume's rest pose. left: how wrong bones may still be; NULL: nobody asks. The sight's labels are used and
+// Of the volume's rest pose. unsure: how wrong bones may still be; NULL: nobody asks. The sight's labels are used and
 // made better.
 struct adjustment align(const struct volume *volume, struct sight *sight, const struct align_from *from,
-                        struct bone_errors *left);
+                        struct bone_errors *unsure);
 
 bool turned_by_colors(int bone); // round: depth alone does not tell how it is turned about itself

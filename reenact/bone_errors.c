@@ -15,14 +15,14 @@ struct bone_errors joint_errors_at_first(void)
 }
 
 void joint_errors_add(struct bone_errors_sum *sum, const struct rest *rest, const struct pose adjusted[BONE_COUNT],
-                      const struct bone_errors *left)
+                      const struct bone_errors *unsure)
 {
     for (int b = 0; b < BONE_COUNT; b++) {
         const struct vec3 middle = part_frame_middle(&rest->frame[b]);
         const struct vec3 moved = v3_sub(pose_apply(adjusted[b], middle), middle);
         const struct vec3 turned = quat_to_rotation_vector(adjusted[b].rotation);
-        sum->m2[b] += v3_dot(moved, moved) / 3 + left->m[b] * left->m[b];
-        sum->rad2[b] += v3_dot(turned, turned) / 3 + left->rad[b] * left->rad[b];
+        sum->m2[b] += v3_dot(moved, moved) / 3 + unsure->m[b] * unsure->m[b];
+        sum->rad2[b] += v3_dot(turned, turned) / 3 + unsure->rad[b] * unsure->rad[b];
     }
     sum->frames++;
 }

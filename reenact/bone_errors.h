@@ -16,9 +16,9 @@ struct bone_errors_sum {
     double m2[BONE_COUNT], rad2[BONE_COUNT];
     int frames;
 };
-// adjusted: of each bone, from where the joints have it to where it came to lie, its rest axes. left: how unsure that
-// still is, which is as much as at first for a bone that the frame does not show.
+// adjusted: of each bone, from where the joints have it to where it came to lie, its rest axes. unsure: how wrong that
+// may still be, which is much for a bone that the frame does not show.
 void joint_errors_add(struct bone_errors_sum *sum, const struct rest *rest, const struct pose adjusted[BONE_COUNT],
-                      const struct bone_errors *left);
+                      const struct bone_errors *unsure);
 // No more than at first, and never nothing.
 struct bone_errors joint_errors_of(const struct bone_errors_sum *sum);

@@ -71,12 +71,12 @@ static void begin(const struct likeness_watch *watch, enum likeness_step step)
 // A frame on its way through a pass.
 struct reading {
     struct sight sight;
-    struct posture posture;   // the person's, as far as it is known by then
-    struct bone_errors left;  // of the second shape's pass: how wrong that may be
-    uint8_t *rgb;             // of passes that need them: the frame's own colours
-    struct warp *warp;        // of the colours' pass: how the frame bends the figure
-    struct outline_gaps gaps; // of the outlines' pass
-    enum status status;       // NOTHING: there is nothing to be learned from it
+    struct posture posture;    // the person's, as far as it is known by then
+    struct bone_errors unsure; // of the second shape's pass: how wrong that may be
+    uint8_t *rgb;              // of passes that need them: the frame's own colours
+    struct warp *warp;         // of the colours' pass: how the frame bends the figure
+    struct outline_gaps gaps;  // of the outlines' pass
+    enum status status;        // NOTHING: there is nothing to be learned from it
 };
 
 // One pass over all frames: each is read, worked on for itself, and what it says is gathered, in the frames' order.
@@ -184,7 +184,7 @@ static enum status lay(struct run *r, struct reading *reading, int i)
     if (status != OK)
         return status;
     if (r->pass == LIKENESS_LAID || r->pass == LIKENESS_SHAPE)
-        *a = align(f->volume, &reading->sight, &from, r->pass == LIKENESS_LAID ? &reading->left : NULL);
+        *a = align(f->volume, &reading->sight, &from, r->pass == LIKENESS_LAID ? &reading->unsure : NULL);
     reading->posture = posture_adjusted(&from.joints, a);
     if (measures_outlines(r->pass)) {
         reading->gaps = (struct outline_gaps){0};
@@ -211,7 +211,7 @@ static enum status gather(struct run *r, const struct reading *reading, int i)
 {
     const struct turns_frame frame = turns_frame_of(r, reading, i);
     if (r->pass == LIKENESS_LAID)
-        joint_errors_add(&r->joint_errors, &r->likeness->rest, r->likeness->adjustments[i].bone, &reading->left);
+        joint_errors_add(&r->joint_errors, &r->likeness->rest, r->likeness->adjustments[i].bone, &reading->unsure);
     if (measures_outlines(r->pass))
         outline_add(&r->gaps, &reading->gaps);
     else if (r->pass == LIKENESS_FOLLOW)
