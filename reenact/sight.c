@@ -51,19 +51,33 @@ static void find_bounds(struct sight *s)
             }
 }
 
-static bool same_surface(const struct sight *s, int a, int b)
+// The middle one of a person's pixel and its two neighbours `aside`; its own where one of them is not the person's.
+static int middle_mm(const struct sight *s, int i, int aside)
+{
+    const int before = s->depth[i - aside], at = s->depth[i], after = s->depth[i + aside];
+    if (s->part[i - aside] >= PART_COUNT || s->part[i + aside] >= PART_COUNT)
+        return at;
+    const int low = before < after ? before : after, high = before < after ? after : before;
+    return at < low ? low : at > high ? high : at;
+}
+
+// Of two pixels beside each other; aside: a step across to the way from the one to the other. An edge goes on there,
+// what noise does to one pixel does not. The person has no pixel on the picture's rim (part_pixel_solid).
+static bool same_surface(const struct sight *s, int a, int b, int aside)
 {
     bool person = s->part[a] < PART_COUNT;
     if (person != (s->part[b] < PART_COUNT))
         return false;
-    const int step_mm = part_step_mm(s->depth[a]);
-    return !person || abs(s->depth[a] - s->depth[b]) <= (step_mm > SAME_MM ? step_mm : SAME_MM);
+    if (!person)
+        return true;
+    const int step_mm = part_step_mm(s->depth[a]), most_mm = step_mm > SAME_MM ? step_mm : SAME_MM;
+    return abs(s->depth[a] - s->depth[b]) <= most_mm || abs(middle_mm(s, a, aside) - middle_mm(s, b, aside)) <= most_mm;
 }
 
 // One pixel's edge is no farther than its neighbour's and one; between two surfaces it is at both.
-static inline void pass_edge(struct sight *s, int i, int from)
+static inline void pass_edge(struct sight *s, int i, int from, int aside)
 {
-    if (same_surface(s, i, from)) {
+    if (same_surface(s, i, from, aside)) {
         int far = s->edge[from] + 1;
         s->edge[i] = (uint8_t)(far < s->edge[i] ? far : s->edge[i]);
     } else {
@@ -83,24 +97,24 @@ static void find_edges(struct sight *s)
     for (int y = top; y <= bottom; y++)
         for (int x = left; x <= right; x++) {
             if (x > left)
-                pass_edge(s, y * w + x, y * w + x - 1);
+                pass_edge(s, y * w + x, y * w + x - 1, w);
             if (y > top)
-                pass_edge(s, y * w + x, y * w + x - w);
+                pass_edge(s, y * w + x, y * w + x - w, 1);
         }
     for (int y = bottom; y >= top; y--)
         for (int x = right; x >= left; x--) {
             if (x < right)
-                pass_edge(s, y * w + x, y * w + x + 1);
+                pass_edge(s, y * w + x, y * w + x + 1, w);
             if (y < bottom)
-                pass_edge(s, y * w + x, y * w + x + w);
+                pass_edge(s, y * w + x, y * w + x + w, 1);
         }
 }
 
-// Runs of one surface along a line of pixels `step` apart.
-static void find_runs(struct sight *s, int first, int step, int count)
+// Runs of one surface along a line of pixels `step` apart; aside: a step across to the line.
+static void find_runs(struct sight *s, int first, int step, int aside, int count)
 {
     for (int from = 0, to; from < count; from = to) {
-        for (to = from + 1; to < count && same_surface(s, first + (to - 1) * step, first + to * step);)
+        for (to = from + 1; to < count && same_surface(s, first + (to - 1) * step, first + to * step, aside);)
             to++;
         int half = (to - from) / 2;
         for (int i = from; i < to; i++)
@@ -113,9 +127,9 @@ static void find_widths(struct sight *s)
 {
     memset(s->half, UINT8_MAX, (size_t)s->width * (size_t)s->height);
     for (int y = s->top; y <= s->bottom; y++)
-        find_runs(s, y * s->width + s->left, 1, s->right - s->left + 1);
+        find_runs(s, y * s->width + s->left, 1, s->width, s->right - s->left + 1);
     for (int x = s->left; x <= s->right; x++)
-        find_runs(s, s->top * s->width + x, s->width, s->bottom - s->top + 1);
+        find_runs(s, s->top * s->width + x, s->width, 1, s->bottom - s->top + 1);
 }
 
 // Beside its eye the sensor has a lamp, and the person keeps the light off a strip of the room along one side. What has

@@ -1,5 +1,6 @@
 // What a frame's depth picture is sorted into: the strip beside the person that the sensor's lamp does not reach; and
 // that what is kept of it comes back as it was.
+#include "tests/dice.h"
 #include "tests/support/painted_person.h"
 #include "tests/test.h"
 
@@ -7,7 +8,38 @@
 
 #include <string.h>
 
-enum { NARROW_PX = 2, WIDE_PX = 40 };
+enum { NARROW_PX = 2, WIDE_PX = 40, WALL_MM = 8000 };
+
+// One frame of a painted person, sorted.
+struct seen {
+    struct painted_take stage;
+    struct source_rays *rays;
+    struct sight sight;
+};
+
+static void see(struct seen *s, const struct one_frame *frame)
+{
+    painted_take_open(&s->stage, &ideal, frame, 1, &whole_measures);
+    EXPECT_STATUS(source_rays_open(&s->rays, take_calibration(s->stage.take)), OK);
+    EXPECT_STATUS(sight_open(&s->sight, s->stage.take, s->rays), OK);
+    EXPECT_STATUS(sight_read(&s->sight, s->stage.take, 0), OK);
+}
+
+static void see_no_more(struct seen *s)
+{
+    sight_close(&s->sight);
+    source_rays_close(&s->rays);
+    painted_take_close(&s->stage);
+}
+
+// As large in the picture, so that much larger.
+static struct skeleton carried_off(const struct skeleton *joints, double depth_mm)
+{
+    struct skeleton s = *joints;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        s.joint[j] = v3_scale(s.joint[j], depth_mm * 1e-3 / s.joint[j].z);
+    return s;
+}
 
 // Takes the readings off `count` pixels to the right of whatever is the person's.
 static void shade(struct painted *film, int count)
@@ -23,26 +55,20 @@ static void count_beside(struct painted *film, int shade_px, int *empty, int *wr
 {
     const struct skeleton joints = whole_body(0);
     struct one_frame frame = {joints, film->rgb, film->depth, film->mask};
-    struct painted_take stage;
-    struct source_rays *rays;
-    struct sight sight;
+    struct seen seen;
     paint_person(film, &ideal, &joints, &whole_measures);
     const uint16_t wall = film->depth[0];
     shade(film, shade_px);
-    painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
-    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
-    EXPECT_STATUS(sight_read(&sight, stage.take, 0), OK);
+    see(&seen, &frame);
+    const struct sight *sight = &seen.sight;
     *empty = *wrong = 0;
-    for (int y = sight.top; y <= sight.bottom; y++)
-        for (int x = sight.left; x < W; x++) {
+    for (int y = sight->top; y <= sight->bottom; y++)
+        for (int x = sight->left; x < W; x++) {
             int i = y * W + x;
-            *empty += !film->mask[i] && !sight.depth[i];
-            *wrong += !film->mask[i] && sight.depth[i] && sight.depth[i] != wall;
+            *empty += !film->mask[i] && !sight->depth[i];
+            *wrong += !film->mask[i] && sight->depth[i] && sight->depth[i] != wall;
         }
-    sight_close(&sight);
-    source_rays_close(&rays);
-    painted_take_close(&stage);
+    see_no_more(&seen);
 }
 
 static void what_the_lamp_does_not_reach_is_room(void **state)
@@ -143,36 +169,70 @@ static void steps_of_a_far_sensor_are_no_edges(void **state)
     paint_person(&film, &ideal, &joints, &whole_measures);
     for (size_t c = 0; c < COUNT_OF(cases); c++) {
         struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
-        struct painted_take stage;
-        struct source_rays *rays;
-        struct sight sight;
-        for (int j = 0; j < JOINT_COUNT; j++) // as large in the picture, so that much larger
-            frame.skeleton.joint[j] = v3_scale(joints.joint[j], cases[c].depth_mm * 1e-3 / joints.joint[j].z);
+        struct seen seen;
+        frame.skeleton = carried_off(&joints, cases[c].depth_mm);
         for (int i = 0; i < PIXELS; i++)
             film.depth[i] = (uint16_t)(film.mask[i] ? cases[c].depth_mm - (i % W % 2) * cases[c].step_mm -
                                                           (i % W < W / 2) * cases[c].half_mm
-                                                    : 8000);
-        painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
-        EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-        EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
-        EXPECT_STATUS(sight_read(&sight, stage.take, 0), OK);
-        const int edges = edges_within(&sight, film.mask);
+                                                    : WALL_MM);
+        see(&seen, &frame);
+        const int edges = edges_within(&seen.sight, film.mask);
         print_message("at %d mm, steps of %d, one half %d nearer: %d pixels at an edge\n", cases[c].depth_mm,
                       cases[c].step_mm, cases[c].half_mm, edges);
         if (cases[c].edges)
             EXPECT_AT_LEAST(edges, 50);
         else
             EXPECT_INT(edges, 0);
-        sight_close(&sight);
-        source_rays_close(&rays);
-        painted_take_close(&stage);
+        see_no_more(&seen);
+    }
+}
+
+static uint16_t noisy(int depth_mm, double noise_mm, struct dice *dice)
+{
+    return (uint16_t)(depth_mm + (int)lrint(noise_mm * dice_normal(dice)));
+}
+
+// A flat person in the noise that such a sensor has so far away, and with one half before the other: an edge goes on
+// from row to row, noise does not.
+static void noise_is_no_edge(void **state)
+{
+    (void)state;
+    enum { FAR_MM = 4000, NOISE_MM = 28, NEARER_MM = 200, SEED = 4 };
+    static struct painted film;
+    const struct skeleton joints = whole_body(0);
+    struct dice dice = {.state = SEED};
+    print_message("seed %d\n", SEED);
+    paint_person(&film, &ideal, &joints, &whole_measures);
+    for (int half_mm = 0; half_mm <= NEARER_MM; half_mm += NEARER_MM) {
+        struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
+        struct seen seen;
+        int inside = 0, rows = 0, cut = 0;
+        frame.skeleton = carried_off(&joints, FAR_MM);
+        for (int i = 0; i < PIXELS; i++)
+            film.depth[i] = film.mask[i] ? noisy(FAR_MM - (i % W < W / 2) * half_mm, NOISE_MM, &dice) : WALL_MM;
+        see(&seen, &frame);
+        const int edges = edges_within(&seen.sight, film.mask);
+        for (int y = 1; y < H - 1; y++)
+            for (int x = 1; x < W - 1; x++) {
+                const bool person = film.mask[y * W + x - 1] && film.mask[y * W + x] && film.mask[y * W + x + 1];
+                inside += person;
+                rows += person && x == W / 2;
+                cut += person && x == W / 2 && !seen.sight.edge[y * W + x];
+            }
+        print_message("one half %d nearer: %d of %d pixels at an edge; cut in %d of %d rows\n", half_mm, edges, inside,
+                      cut, rows);
+        if (half_mm)
+            EXPECT_AT_LEAST(cut, 0.9 * rows);
+        else
+            EXPECT_AT_MOST(edges, 0.005 * inside);
+        see_no_more(&seen);
     }
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(what_the_lamp_does_not_reach_is_room),
-                                       cmocka_unit_test(what_is_kept_comes_back),
-                                       cmocka_unit_test(steps_of_a_far_sensor_are_no_edges)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_the_lamp_does_not_reach_is_room), cmocka_unit_test(what_is_kept_comes_back),
+        cmocka_unit_test(steps_of_a_far_sensor_are_no_edges), cmocka_unit_test(noise_is_no_edge)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
