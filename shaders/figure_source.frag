@@ -7,15 +7,14 @@ in vec4 seen;
 
 uniform vec4 kind;                 // x: the shown frame's time, seconds of the take
 uniform highp sampler2D atlas_when; // hundredths of a second (high, low byte); blue: 1 if nobody saw it
-uniform highp sampler2D now_depth;
 
 out vec4 color;
 
+#include "borne_out.glsl"
+
 void main()
 {
-    vec4 there = texture(now_depth, seen.xy);
-    float off = abs((there.r * 256.0 + there.g) * 0.255 - seen.z);
-    float now = seen.w * there.b * (1.0 - smoothstep(0.05, 0.09, off)); // as figure.frag has it
+    float now = borne_out(seen);
     vec4 when = texture(atlas_when, place.xy);
     float then = floor(when.r * 255.0 + 0.5) * 256.0 + floor(when.g * 255.0 + 0.5);
     float age = min(abs(then - floor(kind.x * 100.0 + 0.5)), 65535.0);
