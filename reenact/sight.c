@@ -6,7 +6,8 @@
 #include <string.h>
 
 enum { PERSON = 0, SAME_MM = 60, RAGGED_PX = 2 };
-enum { ROOM_MM = 100 }; // so far behind the person it is the room for sure
+enum { NOISE_STEPS = 2 }; // by more of part_step_mm noise does not part two readings
+enum { ROOM_MM = 100 };   // so far behind the person it is the room for sure
 
 static const double LAMP_ASIDE_M = 0.08; // of sensors that project a pattern, at most
 
@@ -71,7 +72,9 @@ static bool same_surface(const struct sight *s, int a, int b, int aside)
     if (!person)
         return true;
     const int step_mm = part_step_mm(s->depth[a]), most_mm = step_mm > SAME_MM ? step_mm : SAME_MM;
-    return abs(s->depth[a] - s->depth[b]) <= most_mm || abs(middle_mm(s, a, aside) - middle_mm(s, b, aside)) <= most_mm;
+    const int apart_mm = abs(s->depth[a] - s->depth[b]);
+    return apart_mm <= most_mm ||
+           (apart_mm <= NOISE_STEPS * step_mm && abs(middle_mm(s, a, aside) - middle_mm(s, b, aside)) <= most_mm);
 }
 
 // One pixel's edge is no farther than its neighbour's and one; between two surfaces it is at both.
