@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TRIANGLES = 2000, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4, PLACES = 4, ROUNDS = 3 };
+enum { TRIANGLES = 2500, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4, PLACES = 4, ROUNDS = 3 };
 
 static const double ERROR_M = 0.01; // that the shape may lose before it is laid on the fine one
 static const double TEXEL_M = 0.004, COARSER = 1.3, FAR_TOO_COARSE_M = 0.03; // the next where it does not fit

@@ -106,8 +106,9 @@ static enum status cut_depth(const struct sight *s, struct loaded_frame *out)
             uint8_t *texel = p->pixels + 4 * ((size_t)(y - top) * (size_t)p->width + (size_t)(x - left));
             int inner = s->part[at] < PART_COUNT ? s->edge[at] : 0;
             inner = inner > INNER_PX ? INNER_PX : inner;
-            texel[0] = (uint8_t)(s->depth[at] >> 8);
-            texel[1] = (uint8_t)(s->depth[at] & 255);
+            const int far_mm = inner ? sight_middle_mm(s, at) : s->depth[at];
+            texel[0] = (uint8_t)(far_mm >> 8);
+            texel[1] = (uint8_t)(far_mm & 255);
             texel[2] = (uint8_t)(255 * inner / INNER_PX);
         }
     return status;

@@ -52,19 +52,25 @@ static void find_bounds(struct sight *s)
             }
 }
 
-// The middle one of a person's pixel and its two neighbours `aside`; its own where one of them is not the person's.
-static int middle_mm(const struct sight *s, int i, int aside)
+// The middle one of the person's readings in and about one of his pixels. He has none on the picture's rim
+// (part_pixel_solid).
+int sight_middle_mm(const struct sight *s, int i)
 {
-    const int before = s->depth[i - aside], at = s->depth[i], after = s->depth[i + aside];
-    if (s->part[i - aside] >= PART_COUNT || s->part[i + aside] >= PART_COUNT)
-        return at;
-    const int low = before < after ? before : after, high = before < after ? after : before;
-    return at < low ? low : at > high ? high : at;
+    int near[9], count = 0;
+    for (int dy = -s->width; dy <= s->width; dy += s->width)
+        for (int dx = -1; dx <= 1; dx++) {
+            if (s->part[i + dy + dx] >= PART_COUNT)
+                continue;
+            int k = count++;
+            for (; k > 0 && near[k - 1] > s->depth[i + dy + dx]; k--)
+                near[k] = near[k - 1];
+            near[k] = s->depth[i + dy + dx];
+        }
+    return (near[(count - 1) / 2] + near[count / 2]) / 2;
 }
 
-// Of two pixels beside each other; aside: a step across to the way from the one to the other. An edge goes on there,
-// what noise does to one pixel does not. The person has no pixel on the picture's rim (part_pixel_solid).
-static bool same_surface(const struct sight *s, int a, int b, int aside)
+// Of two pixels beside each other. What no noise does is an edge; less is one if it is there without noise, too.
+static bool same_surface(const struct sight *s, int a, int b)
 {
     bool person = s->part[a] < PART_COUNT;
     if (person != (s->part[b] < PART_COUNT))
@@ -74,13 +80,13 @@ static bool same_surface(const struct sight *s, int a, int b, int aside)
     const int step_mm = part_step_mm(s->depth[a]), most_mm = step_mm > SAME_MM ? step_mm : SAME_MM;
     const int apart_mm = abs(s->depth[a] - s->depth[b]);
     return apart_mm <= most_mm ||
-           (apart_mm <= NOISE_STEPS * step_mm && abs(middle_mm(s, a, aside) - middle_mm(s, b, aside)) <= most_mm);
+           (apart_mm <= NOISE_STEPS * step_mm && abs(sight_middle_mm(s, a) - sight_middle_mm(s, b)) <= most_mm);
 }
 
 // One pixel's edge is no farther than its neighbour's and one; between two surfaces it is at both.
-static inline void pass_edge(struct sight *s, int i, int from, int aside)
+static inline void pass_edge(struct sight *s, int i, int from)
 {
-    if (same_surface(s, i, from, aside)) {
+    if (same_surface(s, i, from)) {
         int far = s->edge[from] + 1;
         s->edge[i] = (uint8_t)(far < s->edge[i] ? far : s->edge[i]);
     } else {
@@ -100,24 +106,24 @@ static void find_edges(struct sight *s)
     for (int y = top; y <= bottom; y++)
         for (int x = left; x <= right; x++) {
             if (x > left)
-                pass_edge(s, y * w + x, y * w + x - 1, w);
+                pass_edge(s, y * w + x, y * w + x - 1);
             if (y > top)
-                pass_edge(s, y * w + x, y * w + x - w, 1);
+                pass_edge(s, y * w + x, y * w + x - w);
         }
     for (int y = bottom; y >= top; y--)
         for (int x = right; x >= left; x--) {
             if (x < right)
-                pass_edge(s, y * w + x, y * w + x + 1, w);
+                pass_edge(s, y * w + x, y * w + x + 1);
             if (y < bottom)
-                pass_edge(s, y * w + x, y * w + x + w, 1);
+                pass_edge(s, y * w + x, y * w + x + w);
         }
 }
 
-// Runs of one surface along a line of pixels `step` apart; aside: a step across to the line.
-static void find_runs(struct sight *s, int first, int step, int aside, int count)
+// Runs of one surface along a line of pixels `step` apart.
+static void find_runs(struct sight *s, int first, int step, int count)
 {
     for (int from = 0, to; from < count; from = to) {
-        for (to = from + 1; to < count && same_surface(s, first + (to - 1) * step, first + to * step, aside);)
+        for (to = from + 1; to < count && same_surface(s, first + (to - 1) * step, first + to * step);)
             to++;
         int half = (to - from) / 2;
         for (int i = from; i < to; i++)
@@ -130,9 +136,9 @@ static void find_widths(struct sight *s)
 {
     memset(s->half, UINT8_MAX, (size_t)s->width * (size_t)s->height);
     for (int y = s->top; y <= s->bottom; y++)
-        find_runs(s, y * s->width + s->left, 1, s->width, s->right - s->left + 1);
+        find_runs(s, y * s->width + s->left, 1, s->right - s->left + 1);
     for (int x = s->left; x <= s->right; x++)
-        find_runs(s, s->top * s->width + x, s->width, 1, s->bottom - s->top + 1);
+        find_runs(s, s->top * s->width + x, s->width, s->bottom - s->top + 1);
 }
 
 // Beside its eye the sensor has a lamp, and the person keeps the light off a strip of the room along one side. What has

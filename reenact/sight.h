@@ -37,6 +37,10 @@ MUST_CHECK enum status sight_read(struct sight *s, struct take *take, int64_t fr
 // that shows a part, at most SIGHT_INWARD_PX from i. -1: there is none, or the room is not well behind it.
 int sight_inside(const struct sight *s, int i, int step);
 
+// The middle one of the person's readings in and about one of his pixels, without what noise does to one of them;
+// millimetres.
+int sight_middle_mm(const struct sight *s, int i);
+
 // Which part a person's pixel shows, anew, by better joints (colour camera's axes).
 void sight_label(struct sight *s, const struct skeleton *skeleton);
 
