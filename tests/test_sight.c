@@ -1,5 +1,5 @@
-// What a frame's depth picture is sorted into: the strip beside the person that the sensor's lamp does not reach; and
-// that what is kept of it comes back as it was.
+// What a frame's depth picture is sorted into: the strip beside the person that the sensor's lamp does not reach, edges
+// between surfaces and what only looks like one; and that what is kept of it comes back as it was.
 #include "tests/dice.h"
 #include "tests/support/painted_person.h"
 #include "tests/test.h"
