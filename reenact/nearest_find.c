@@ -2,10 +2,7 @@
 
 #include <string.h>
 
-enum {
-    FIRST = 6,  // places that are looked at before most blocks are passed over
-    STRIDE = 5, // and of the points of a block that is not, before it is passed over after all
-};
+enum { STRIDE = 5 }; // places of a block's points that are looked at before it is passed over after all
 
 // What has to become part of each of ask_all's versions.
 #define KERNEL inline __attribute__((always_inline))
@@ -37,11 +34,11 @@ static inline int16_t outside(int16_t low, int16_t high, int16_t at)
 }
 
 // boxes: of the first place.
-static KERNEL void add_boxes(const struct nearest *n, const struct box_lanes *boxes, const struct wanted *w, int from,
-                             int to, int16_t *restrict sums)
+static KERNEL void add_boxes(const struct nearest *n, const struct box_lanes *boxes, const struct wanted *w,
+                             int16_t *restrict sums)
 {
     int16_t most = n->place_most;
-    for (int k = from; k < to; k++) {
+    for (int k = 0; k < w->count; k++) {
         const struct box_lanes *b = &boxes[w->place[k]];
         const int16_t *at = w->at[k];
         for (int i = 0; i < LANES; i++) {
@@ -222,8 +219,8 @@ static struct wanted wanted_of(const struct nearest *n, const struct nearest_poi
     return w;
 }
 
-// The first places of every block, then the block that looks best by them: it sets the mark for all.
-static KERNEL void ask_promising(struct search *s, int first)
+// Every block's bound, then the block with the least: it sets the mark for all.
+static KERNEL void ask_promising(struct search *s)
 {
     const struct nearest *n = s->n;
     int64_t blocks = blocks_of(n->count), groups = groups_of(blocks), promising = -1;
@@ -234,7 +231,7 @@ static KERNEL void ask_promising(struct search *s, int first)
     for (int64_t g = 0; g < groups; g++) {
         int16_t *sums = n->bounds[g], here = (int16_t)(g & 0x7fff);
         memcpy(sums, n->least_own[g], sizeof *n->bounds);
-        add_boxes(n, &n->boxes[g * n->places], &s->wanted, 0, first, sums);
+        add_boxes(n, &n->boxes[g * n->places], &s->wanted, sums);
         for (int i = 0; i < LANES; i++) {
             where[i] = sums[i] < leasts[i] ? here : where[i];
             leasts[i] = sums[i] < leasts[i] ? sums[i] : leasts[i];
@@ -284,7 +281,7 @@ static KERNEL uint32_t near_blocks(const struct search *s, int64_t group, lanes 
 {
     const struct nearest *n = s->n;
     memcpy(sums, n->least_own[group], sizeof *n->least_own);
-    add_boxes(n, &n->boxes[group * n->places], &s->wanted, 0, s->wanted.count, sums);
+    add_boxes(n, &n->boxes[group * n->places], &s->wanted, sums);
     return lowest(within(sums, LANES, s->limit), blocks_of(n->count) - group * LANES);
 }
 
@@ -319,7 +316,7 @@ static KERNEL void find_group(struct search *s)
     for (int64_t g = 0; g < groups; g += LANES) {
         int16_t *wide = n->bounds[g / LANES];
         memcpy(wide, n->wide_own[g / LANES], sizeof *n->wide_own);
-        add_boxes(n, &n->wide_boxes[g / LANES * n->places], &s->wanted, 0, s->wanted.count, wide);
+        add_boxes(n, &n->wide_boxes[g / LANES * n->places], &s->wanted, wide);
         uint32_t bits = lowest(within(wide, LANES, least), groups - g);
         if (bits) {
             int i = least_of(wide, bits);
@@ -411,17 +408,9 @@ static KERNEL void ask_in_order(struct search *s)
 {
     const struct nearest *n = s->n;
     int64_t blocks = blocks_of(n->count);
-    int first = s->wanted.count < FIRST ? s->wanted.count : FIRST;
-    ask_promising(s, first);
+    ask_promising(s);
     for (int64_t b = 0; b < blocks; b += LANES) {
-        int16_t *sums = n->bounds[b / LANES];
-        if (!within(sums, LANES, s->limit))
-            continue;
-        if (first < s->wanted.count) {
-            add_boxes(n, &n->boxes[b / LANES * n->places], &s->wanted, first, s->wanted.count, sums);
-            if (!within(sums, LANES, s->limit))
-                continue;
-        }
+        const int16_t *sums = n->bounds[b / LANES];
         for (uint32_t bits = lowest(within(sums, LANES, s->limit), blocks - b); bits; bits &= bits - 1) {
             int i = __builtin_ctz(bits);
             if (sums[i] <= s->limit)
