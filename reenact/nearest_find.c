@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-enum { STRIDE = 5 }; // places of a block's points that are looked at before it is passed over after all
+enum { BLOCKS_MOST = 32 }; // that are looked at together: what they lie in comes while others are found
 
 // What has to become part of each of ask_all's versions.
 #define KERNEL inline __attribute__((always_inline))
@@ -56,11 +56,10 @@ static inline int16_t apart(int16_t a, int16_t b)
     return d > e ? d : e;
 }
 
-static KERNEL void add_points(const struct nearest *n, int64_t block, const struct wanted *w, int from, int to,
-                              int16_t *restrict sums)
+static KERNEL void add_points(const struct nearest *n, int64_t block, const struct wanted *w, int16_t *restrict sums)
 {
     int16_t most = n->place_most;
-    for (int k = from; k < to; k++) {
+    for (int k = 0; k < w->count; k++) {
         if (!(n->heads[block].known >> w->place[k] & 1))
             continue;
         const struct point_lanes *p = &n->points[block * n->places + w->place[k]];
@@ -73,21 +72,20 @@ static KERNEL void add_points(const struct nearest *n, int64_t block, const stru
     }
 }
 
-// Bit i: sums[i] is at most `limit`; count: four, eight ... of them. A branch for each would be guessed wrong too
-// often.
+// Bit i: sums[i] is at most `limit`; count: eight or sixteen. A branch for each would be guessed wrong too often.
 static KERNEL uint32_t within(const int16_t *sums, int count, int16_t limit)
 {
-    int16_t low[LANES];
-    uint64_t bits = 0;
+    uint8_t is[LANES];
+    uint32_t bits = 0;
     for (int i = 0; i < count; i++)
-        low[i] = (int16_t)(sums[i] <= limit ? 1 << i : 0);
-    for (int i = 0; i < count; i += 4) {
-        uint64_t four;
-        memcpy(&four, low + i, sizeof four);
-        bits |= four;
+        is[i] = sums[i] <= limit;
+    for (int i = 0; i < count; i += 8) {
+        // The i-th byte, 0 or 1, times 2^(56 - 7 i) is bit i of the product's highest byte; no two meet below it.
+        uint64_t eight;
+        memcpy(&eight, is + i, sizeof eight);
+        bits |= (uint32_t)(eight * 0x0102040810204080 >> 56) << i;
     }
-    bits |= bits >> 32;
-    return (bits | bits >> 16) & 0xffff;
+    return bits;
 }
 
 // Of those whose bits are set, one or more, that with the least sum.
@@ -106,20 +104,6 @@ static inline uint32_t lowest(uint32_t bits, int64_t count) { return count < 32 
 
 // ---------------------------------------------------------------- finding
 
-// Points of the group looked at last that are yet to be asked, and their bounds.
-struct pending {
-    int count;
-    int64_t numbers[LANES * BLOCK];
-    int16_t bounds[LANES * BLOCK];
-};
-
-// Blocks of the group before that are yet to be looked at, and their bounds.
-struct waiting {
-    int64_t first;
-    uint32_t bits;
-    lanes sums;
-};
-
 struct search {
     const struct nearest *n;
     struct wanted wanted;
@@ -128,11 +112,15 @@ struct search {
     const void *context;
     int64_t best; // -1: none yet
     double best_m;
-    int16_t limit; // bounds above this cannot lead to a better point, nor to a tie
-    struct pending *pending;
-    struct waiting waiting;
-    int64_t promising; // group, where groups are settled
-    int block;         // in it; -1: none
+    int16_t limit;     // bounds above this cannot lead to a better point, nor to a tie
+    int64_t promising; // the group or block with the least bound; -1: none
+    uint32_t others;   // blocks of the promising group, as bits
+    lanes other_sums;  // and their bounds
+    int block_count;   // that are yet to be looked at
+    uint32_t blocks[BLOCKS_MOST];
+    int point_count; // that are yet to be asked
+    uint32_t numbers[BLOCKS_MOST * BLOCK];
+    int16_t sums[BLOCKS_MOST * BLOCK]; // their bounds
 };
 
 static void ask(struct search *s, int64_t number)
@@ -148,106 +136,7 @@ static void ask(struct search *s, int64_t number)
     s->limit = limit < SUM_MOST ? (int16_t)limit : SUM_MOST;
 }
 
-// The points of a block whose bounds are low enough, as bits.
-static KERNEL uint32_t near_points(const struct search *s, int64_t block, points_lanes sums)
-{
-    const struct nearest *n = s->n;
-    memcpy(sums, n->heads[block].own, sizeof(points_lanes));
-    uint32_t bits = within(sums, BLOCK, s->limit);
-    for (int k = 0, to; k < s->wanted.count && bits; k = to) {
-        to = k + STRIDE < s->wanted.count ? k + STRIDE : s->wanted.count;
-        add_points(n, block, &s->wanted, k, to, sums);
-        bits = within(sums, BLOCK, s->limit);
-    }
-    return lowest(bits, n->count - block * BLOCK);
-}
-
-// That with the least bound comes first: mostly, none of the others need be asked then.
-static KERNEL void ask_block(struct search *s, int64_t block)
-{
-    points_lanes sums;
-    uint32_t bits = near_points(s, block, sums);
-    while (bits) {
-        int i = least_of(sums, bits);
-        ask(s, s->n->heads[block].numbers[i]);
-        bits &= ~(1u << i) & within(sums, BLOCK, s->limit);
-    }
-}
-
-// What the cost of a point is worked out from is rarely in the near caches: it is on its way while the next blocks are
-// looked at.
-static KERNEL void ask_later(struct search *s, int64_t block)
-{
-    const struct nearest *n = s->n;
-    struct pending *pending = s->pending;
-    points_lanes sums;
-    for (uint32_t bits = near_points(s, block, sums); bits; bits &= bits - 1) {
-        int i = __builtin_ctz(bits);
-        int64_t number = n->heads[block].numbers[i];
-        pending->numbers[pending->count] = number;
-        pending->bounds[pending->count++] = sums[i];
-        for (size_t at = 0; at < n->cost_bytes; at += LINE)
-            __builtin_prefetch(n->costs_from + (size_t)number * n->cost_bytes + at);
-    }
-}
-
-static void ask_pending(struct search *s)
-{
-    struct pending *p = s->pending;
-    int least = 0;
-    for (int i = 1; i < p->count; i++)
-        least = p->bounds[i] < p->bounds[least] ? i : least;
-    if (p->count > 0)
-        ask(s, p->numbers[least]);
-    for (int i = 0; i < p->count; i++)
-        if (i != least && p->bounds[i] <= s->limit)
-            ask(s, p->numbers[i]);
-    p->count = 0;
-}
-
-static struct wanted wanted_of(const struct nearest *n, const struct nearest_point *point)
-{
-    struct wanted w = {0};
-    for (int p = 0; p < n->places; p++) {
-        if (!(point->known >> p & 1))
-            continue;
-        const double *place = &point->place[p].x;
-        for (int axis = 0; axis < 3; axis++)
-            w.at[w.count][axis] = units(place[axis], n->unit_m);
-        w.place[w.count++] = p;
-    }
-    return w;
-}
-
-// Every block's bound, then the block with the least: it sets the mark for all.
-static KERNEL void ask_promising(struct search *s)
-{
-    const struct nearest *n = s->n;
-    int64_t blocks = blocks_of(n->count), groups = groups_of(blocks), promising = -1;
-    int16_t least = SUM_MOST;
-    lanes leasts, where = {0}; // lane by lane, and in which group modulo 2^15
-    for (int i = 0; i < LANES; i++)
-        leasts[i] = SUM_MOST;
-    for (int64_t g = 0; g < groups; g++) {
-        int16_t *sums = n->bounds[g], here = (int16_t)(g & 0x7fff);
-        memcpy(sums, n->least_own[g], sizeof *n->bounds);
-        add_boxes(n, &n->boxes[g * n->places], &s->wanted, sums);
-        for (int i = 0; i < LANES; i++) {
-            where[i] = sums[i] < leasts[i] ? here : where[i];
-            leasts[i] = sums[i] < leasts[i] ? sums[i] : leasts[i];
-        }
-    }
-    for (int i = 0; i < LANES; i++)
-        if (leasts[i] < least && where[i] * LANES + i < blocks) {
-            least = leasts[i];
-            promising = where[i] * LANES + i;
-        }
-    if (promising >= 0)
-        ask_block(s, promising);
-}
-
-// Several indexes that are searched in turn are more than the near caches hold: what is going to be looked at is on
-// its way before.
+// What is going to be looked at is on its way before: takes are more than the near caches hold.
 static KERNEL void fetch(const void *from, size_t bytes)
 {
     for (size_t i = 0; i < bytes; i += LINE)
@@ -266,15 +155,119 @@ static KERNEL void fetch_group(const struct nearest *n, int64_t group)
     fetch(&n->least_own[group], sizeof *n->least_own);
 }
 
-// Those of the last two groups, whose points and costs are here by now.
-static KERNEL void ask_waiting(struct search *s)
+// Those points of the waiting blocks whose bounds are low enough wait to be asked.
+static KERNEL void look(struct search *s)
 {
-    struct waiting *w = &s->waiting;
-    ask_pending(s);
-    for (uint32_t bits = w->bits & within(w->sums, LANES, s->limit); bits; bits &= bits - 1)
-        ask_later(s, w->first + __builtin_ctz(bits));
-    w->bits = 0;
+    const struct nearest *n = s->n;
+    for (int b = 0; b < s->block_count; b++) {
+        int64_t block = s->blocks[b];
+        points_lanes sums;
+        memcpy(sums, n->heads[block].own, sizeof sums);
+        add_points(n, block, &s->wanted, sums);
+        uint32_t bits = lowest(within(sums, BLOCK, s->limit), n->count - block * BLOCK);
+        for (; bits; bits &= bits - 1) {
+            int i = __builtin_ctz(bits);
+            uint32_t number = n->heads[block].numbers[i];
+            s->numbers[s->point_count] = number;
+            s->sums[s->point_count++] = sums[i];
+            fetch(n->costs_from + (size_t)number * n->cost_bytes, n->cost_bytes);
+        }
+    }
+    s->block_count = 0;
 }
+
+// That with the least bound comes first: mostly, none of the others need be asked then.
+static KERNEL void ask_points(struct search *s)
+{
+    int least = 0;
+    for (int i = 1; i < s->point_count; i++)
+        least = s->sums[i] < s->sums[least] ? i : least;
+    if (s->point_count > 0)
+        ask(s, s->numbers[least]);
+    for (int i = 0; i < s->point_count; i++)
+        if (i != least && s->sums[i] <= s->limit)
+            ask(s, s->numbers[i]);
+    s->point_count = 0;
+}
+
+// Blocks from `first` on, as bits, wait to be looked at.
+static KERNEL void wait_for(struct search *s, int64_t first, uint32_t bits)
+{
+    for (; bits; bits &= bits - 1) {
+        if (s->block_count == BLOCKS_MOST) {
+            look(s);
+            ask_points(s);
+        }
+        int64_t block = first + __builtin_ctz(bits);
+        s->blocks[s->block_count++] = (uint32_t)block;
+        fetch_block(s->n, block);
+    }
+}
+
+static struct wanted wanted_of(const struct nearest *n, const struct nearest_point *point)
+{
+    struct wanted w = {0};
+    for (int p = 0; p < n->places; p++) {
+        if (!(point->known >> p & 1))
+            continue;
+        const double *place = &point->place[p].x;
+        for (int axis = 0; axis < 3; axis++)
+            w.at[w.count][axis] = units(place[axis], n->unit_m);
+        w.place[w.count++] = p;
+    }
+    return w;
+}
+
+// The bounds of `count` boxes into n->bounds; which is the least, -1: none.
+static KERNEL int64_t bound_all(struct search *s, const struct box_lanes *boxes, const int16_t *own, int64_t count)
+{
+    const struct nearest *n = s->n;
+    int64_t promising = -1;
+    int16_t least = SUM_MOST;
+    lanes leasts, where = {0}; // lane by lane, and in which sixteen modulo 2^15
+    for (int i = 0; i < LANES; i++)
+        leasts[i] = SUM_MOST;
+    for (int64_t g = 0; g < groups_of(count); g++) {
+        int16_t *sums = n->bounds[g], here = (int16_t)(g & 0x7fff);
+        memcpy(sums, own + g * LANES, sizeof *n->bounds);
+        add_boxes(n, &boxes[g * n->places], &s->wanted, sums);
+        for (int i = 0; i < LANES; i++) {
+            where[i] = sums[i] < leasts[i] ? here : where[i];
+            leasts[i] = sums[i] < leasts[i] ? sums[i] : leasts[i];
+        }
+    }
+    for (int i = 0; i < LANES; i++)
+        if ((promising < 0 || leasts[i] < least) && where[i] * LANES + i < count) {
+            least = leasts[i];
+            promising = where[i] * LANES + i;
+        }
+    return promising;
+}
+
+// Of the sixteen boxes from `first` on, those whose bounds are low enough, as bits.
+static KERNEL uint32_t near_boxes(const struct search *s, int64_t first, int64_t count)
+{
+    return lowest(within(s->n->bounds[first / LANES], LANES, s->limit), count - first);
+}
+
+// Where points are in the order in which they came: the promising block sets the mark for all.
+static KERNEL void ask_in_order(struct search *s)
+{
+    const struct nearest *n = s->n;
+    int64_t blocks = blocks_of(n->count), promising = bound_all(s, n->boxes, *n->least_own, blocks);
+    if (promising < 0)
+        return;
+    wait_for(s, promising, 1);
+    look(s);
+    ask_points(s);
+    n->bounds[promising / LANES][promising % LANES] = SUM_MOST; // once is enough
+    for (int64_t b = 0; b < blocks; b += LANES)
+        wait_for(s, b, near_boxes(s, b, blocks));
+    look(s);
+    ask_points(s);
+}
+
+// ---------------------------------------------------------------- settled
 
 // The blocks of a group whose bounds are low enough, as bits.
 static KERNEL uint32_t near_blocks(const struct search *s, int64_t group, lanes sums)
@@ -285,101 +278,55 @@ static KERNEL uint32_t near_blocks(const struct search *s, int64_t group, lanes 
     return lowest(within(sums, LANES, s->limit), blocks_of(n->count) - group * LANES);
 }
 
-static KERNEL void fetch_waiting(const struct search *s)
-{
-    for (uint32_t left = s->waiting.bits; left; left &= left - 1)
-        fetch_block(s->n, s->waiting.first + __builtin_ctz(left));
-}
-
-// Blocks are looked at when the next group's are on their way.
-static KERNEL void ask_group(struct search *s, int64_t group)
-{
-    struct waiting next = {.first = group * LANES};
-    next.bits = near_blocks(s, group, next.sums);
-    if (!next.bits)
-        return;
-    struct waiting last = s->waiting;
-    s->waiting = next;
-    fetch_waiting(s);
-    s->waiting = last;
-    ask_waiting(s);
-    s->waiting = next;
-}
-
-// Where groups are settled: the bounds of all, and of the least the boxes of its blocks.
 static KERNEL void find_group(struct search *s)
 {
     const struct nearest *n = s->n;
-    const int64_t groups = groups_of(blocks_of(n->count));
-    int16_t least = SUM_MOST;
-    s->promising = 0;
-    for (int64_t g = 0; g < groups; g += LANES) {
-        int16_t *wide = n->bounds[g / LANES];
-        memcpy(wide, n->wide_own[g / LANES], sizeof *n->wide_own);
-        add_boxes(n, &n->wide_boxes[g / LANES * n->places], &s->wanted, wide);
-        uint32_t bits = lowest(within(wide, LANES, least), groups - g);
-        if (bits) {
-            int i = least_of(wide, bits);
-            least = wide[i];
-            s->promising = g + i;
-        }
-    }
-    fetch_group(n, s->promising);
+    s->promising = bound_all(s, n->wide_boxes, *n->wide_own, groups_of(blocks_of(n->count)));
+    if (s->promising >= 0)
+        fetch_group(n, s->promising);
 }
 
-// Of its blocks the one with the least bound; the others wait.
+// Of its blocks the one with the least bound sets the mark for the others.
 static KERNEL void find_block(struct search *s)
 {
-    struct waiting *w = &s->waiting;
-    w->first = s->promising * LANES;
-    w->bits = s->n->count ? near_blocks(s, s->promising, w->sums) : 0;
-    s->block = w->bits ? least_of(w->sums, w->bits) : -1;
-    if (s->block < 0)
+    s->others = s->promising < 0 ? 0 : near_blocks(s, s->promising, s->other_sums);
+    if (!s->others)
         return;
-    w->bits &= ~(1u << s->block);
-    fetch_block(s->n, w->first + s->block);
+    uint32_t block = 1u << least_of(s->other_sums, s->others);
+    s->others &= ~block;
+    wait_for(s, s->promising * LANES, block);
 }
 
-static KERNEL void find_points(struct search *s)
+static KERNEL void find_others(struct search *s)
 {
-    if (s->block >= 0)
-        ask_later(s, s->waiting.first + s->block);
+    ask_points(s);
+    if (s->others)
+        wait_for(s, s->promising * LANES, s->others & within(s->other_sums, LANES, s->limit));
 }
 
-// Its points set the mark for the group's other blocks.
-static KERNEL void find_mark(struct search *s)
-{
-    ask_pending(s);
-    s->waiting.bits &= within(s->waiting.sums, LANES, s->limit);
-    fetch_waiting(s);
-}
-
-// And these the mark for the other groups.
+// And these for the other groups.
 static KERNEL void fetch_near_groups(struct search *s)
 {
     const struct nearest *n = s->n;
     const int64_t groups = groups_of(blocks_of(n->count));
-    ask_pending(s);
+    ask_points(s);
     for (int64_t g = 0; g < groups; g += LANES)
-        for (uint32_t bits = lowest(within(n->bounds[g / LANES], LANES, s->limit), groups - g); bits; bits &= bits - 1)
+        for (uint32_t bits = near_boxes(s, g, groups); bits; bits &= bits - 1)
             if (g + __builtin_ctz(bits) != s->promising)
                 fetch_group(n, g + __builtin_ctz(bits));
 }
 
-static KERNEL void ask_near_groups(struct search *s)
+static KERNEL void find_near_blocks(struct search *s)
 {
     const struct nearest *n = s->n;
     const int64_t groups = groups_of(blocks_of(n->count));
-    for (int64_t g = 0; g < groups; g += LANES) {
-        const int16_t *wide = n->bounds[g / LANES];
-        for (uint32_t bits = lowest(within(wide, LANES, s->limit), groups - g); bits; bits &= bits - 1) {
-            int i = __builtin_ctz(bits);
-            if (g + i != s->promising && wide[i] <= s->limit)
-                ask_group(s, g + i);
+    for (int64_t g = 0; g < groups; g += LANES)
+        for (uint32_t bits = near_boxes(s, g, groups); bits; bits &= bits - 1) {
+            int64_t group = g + __builtin_ctz(bits);
+            lanes sums;
+            if (group != s->promising)
+                wait_for(s, group * LANES, near_blocks(s, group, sums));
         }
-    }
-    ask_waiting(s);
-    ask_pending(s);
 }
 
 // All of them step by step, so that what one has to wait for comes while others work.
@@ -390,33 +337,19 @@ static KERNEL void ask_settled(struct search *all, int count)
     for (int i = 0; i < count; i++)
         find_block(&all[i]);
     for (int i = 0; i < count; i++)
-        find_points(&all[i]);
+        look(&all[i]);
     for (int i = 0; i < count; i++)
-        find_mark(&all[i]);
+        find_others(&all[i]);
     for (int i = 0; i < count; i++)
-        ask_waiting(&all[i]);
-    fetch_near_groups(&all[0]);
-    for (int i = 0; i < count; i++) {
-        if (i + 1 < count)
-            fetch_near_groups(&all[i + 1]);
-        ask_near_groups(&all[i]);
-    }
-}
-
-// In the order in which points came.
-static KERNEL void ask_in_order(struct search *s)
-{
-    const struct nearest *n = s->n;
-    int64_t blocks = blocks_of(n->count);
-    ask_promising(s);
-    for (int64_t b = 0; b < blocks; b += LANES) {
-        const int16_t *sums = n->bounds[b / LANES];
-        for (uint32_t bits = lowest(within(sums, LANES, s->limit), blocks - b); bits; bits &= bits - 1) {
-            int i = __builtin_ctz(bits);
-            if (sums[i] <= s->limit)
-                ask_block(s, b + i);
-        }
-    }
+        look(&all[i]);
+    for (int i = 0; i < count; i++)
+        fetch_near_groups(&all[i]);
+    for (int i = 0; i < count; i++)
+        find_near_blocks(&all[i]);
+    for (int i = 0; i < count; i++)
+        look(&all[i]);
+    for (int i = 0; i < count; i++)
+        ask_points(&all[i]);
 }
 
 #if defined(__x86_64__) && !defined(__SANITIZE_THREAD__)
@@ -435,23 +368,27 @@ ask_all(struct search *all, int count)
         ask_in_order(&all[i]);
 }
 
+// What waits is not cleared: it means nothing yet, and is more than all the rest.
+static void begin(struct search *s, const struct nearest_query *q, nearest_cost *cost)
+{
+    s->n = q->index;
+    s->wanted = wanted_of(q->index, &q->point);
+    s->scale = q->scale;
+    s->cost = cost;
+    s->context = q->context;
+    s->best = -1;
+    s->limit = SUM_MOST;
+    s->block_count = s->point_count = 0;
+}
+
 void nearest_find_all(struct nearest_query *queries, int count, nearest_cost *cost)
 {
     struct search all[NEAREST_QUERIES_MOST];
-    struct pending pending[NEAREST_QUERIES_MOST];
     assert(count > 0 && count <= NEAREST_QUERIES_MOST);
     for (int i = 0; i < count; i++) {
         const struct nearest_query *q = &queries[i];
         assert(q->scale > 0 && !q->index->wide_boxes == !queries[0].index->wide_boxes);
-        pending[i].count = 0; // the rest means nothing yet
-        all[i] = (struct search){.n = q->index,
-                                 .wanted = wanted_of(q->index, &q->point),
-                                 .scale = q->scale,
-                                 .cost = cost,
-                                 .context = q->context,
-                                 .best = -1,
-                                 .limit = SUM_MOST,
-                                 .pending = &pending[i]};
+        begin(&all[i], q, cost);
     }
     ask_all(all, count);
     for (int i = 0; i < count; i++) {

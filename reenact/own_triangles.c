@@ -1,6 +1,6 @@
 #include "reenact/own_triangles.h"
 
-static const double TOO_FAR_M = 0.09;                // from there on figure.frag takes nothing of the frame
+static const double TOO_FAR_M = 0.09;                // from there on borne_out.glsl lets nothing of the frame through
 static const double SLACK_PX = 1e-3, SLACK_M = 1e-4; // for what is lost where shaders round
 
 // A triangle in the frame's depth: its corners in texels, and how far away it is there.

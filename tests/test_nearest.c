@@ -197,6 +197,24 @@ static void places_far_away_and_no_numbers(void **state)
     }
 }
 
+// Six places and an own cost count up to 4681 each: that fills 16 bits to the last.
+static void all_that_counts_is_too_far_to_count(void **state)
+{
+    (void)state;
+    struct dice dice = {SEED + 7};
+    for (int round = 0; round < 20; round++) {
+        struct crowd *c = walk(6, 200, 0.05, &dice);
+        for (int i = 0; i < c->count; i++) {
+            c->points[i].own_m = 1e3;
+            for (int p = 0; p < c->places; p++)
+                c->points[i].place[p] = v3_add(c->wanted.place[p], v3(20 + dice_uniform(&dice), 20, 20));
+        }
+        for (int p = 0; p < c->places; p++)
+            c->wanted.place[p] = v3_scale(c->wanted.place[p], -1);
+        compare(c);
+    }
+}
+
 // Along this direction a place's bound is its distance, so rounding alone can make it too high.
 static void bounds_are_not_too_high_where_they_are_tight(void **state)
 {
@@ -221,6 +239,7 @@ int main(void)
         cmocka_unit_test(unknown_places_cost_nothing),
         cmocka_unit_test(what_a_point_costs_by_itself_counts),
         cmocka_unit_test(places_far_away_and_no_numbers),
+        cmocka_unit_test(all_that_counts_is_too_far_to_count),
         cmocka_unit_test(bounds_are_not_too_high_where_they_are_tight),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

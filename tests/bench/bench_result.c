@@ -21,7 +21,12 @@ static void print_cell(double value)
     if (isnan(value))
         printf(" %10s", "-");
     else
-        printf(" %10.*f", fabs(value) >= 100 ? 1 : fabs(value) >= 10 ? 2 : 3, value);
+        printf(" %10.*f",
+               fabs(value) >= 100                 ? 1
+               : fabs(value) >= 10                ? 2
+               : fabs(value) >= 0.1 || value == 0 ? 3
+                                                  : 5,
+               value);
 }
 
 void bench_print_table(const struct bench_result *r)
