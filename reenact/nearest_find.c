@@ -59,10 +59,12 @@ static inline int16_t apart(int16_t a, int16_t b)
 static KERNEL void add_points(const struct nearest *n, int64_t block, const struct wanted *w, int16_t *restrict sums)
 {
     int16_t most = n->place_most;
+    const uint32_t known = n->heads[block].known;
+    const struct point_lanes *points = &n->points[block * n->places];
     for (int k = 0; k < w->count; k++) {
-        if (!(n->heads[block].known >> w->place[k] & 1))
+        if (!(known >> w->place[k] & 1))
             continue;
-        const struct point_lanes *p = &n->points[block * n->places + w->place[k]];
+        const struct point_lanes *p = &points[w->place[k]];
         const int16_t *at = w->at[k];
         for (int i = 0; i < BLOCK; i++) {
             int16_t d =
