@@ -1,6 +1,7 @@
 #include "reenact/coat.h"
 
 #include "platform/parallel.h"
+#include "reenact/coat_fill.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -18,6 +19,7 @@ struct word {
 };
 
 struct coat_maker {
+    const struct rest *rest;
     const struct surface *surface;
     const struct skin *skins;
     struct calibration calibration;
@@ -26,12 +28,13 @@ struct coat_maker {
     float linear[256];
 };
 
-enum status coat_open(struct coat_maker **out, const struct surface *surface, const struct skin *skins,
-                      const struct calibration *calibration)
+enum status coat_open(struct coat_maker **out, const struct rest *rest, const struct surface *surface,
+                      const struct skin *skins, const struct calibration *calibration)
 {
     struct coat_maker *m = *out = calloc(1, sizeof *m);
     if (!m)
         return fail(ERR_MEMORY, "out of memory");
+    m->rest = rest;
     m->surface = surface;
     m->skins = skins;
     m->calibration = *calibration;
@@ -298,111 +301,7 @@ static void fit_light(struct lighting *l)
         l->light.term[r] = (float)(all.b[r] / all.b[0]);
 }
 
-// ---------------------------------------------------------------- what nobody saw
-
-// The points that somebody saw, by their height in the rest pose, for those near a place are asked for often.
-struct shelves {
-    double low; // height of the first
-    int count;
-    int32_t *first; // of each shelf's points, and behind the last
-    int32_t *points;
-};
-
-static const double SHELF_M = 0.01;
-
-static int shelf_of(const struct shelves *s, double height)
-{
-    double at = floor((height - s->low) / SHELF_M);
-    return at < 0 ? 0 : at >= s->count ? s->count - 1 : (int)at;
-}
-
-static enum status shelves_open(struct shelves *s, const struct surface *surface, const uint8_t *filled)
-{
-    double low = INFINITY, high = -INFINITY;
-    for (int i = 0; i < surface->point_count; i++) {
-        low = fmin(low, surface->points[i].y);
-        high = fmax(high, surface->points[i].y);
-    }
-    *s = (struct shelves){.low = low, .count = (int)fmin(fmax((high - low) / SHELF_M, 0), 1e6) + 1};
-    assert(s->count > 0);
-    s->first = calloc((size_t)s->count + 1, sizeof *s->first);
-    s->points = malloc(sizeof *s->points * (size_t)surface->point_count);
-    if (!s->first || !s->points) {
-        free(s->first);
-        free(s->points);
-        return fail(ERR_MEMORY, "out of memory");
-    }
-    for (int i = 0; i < surface->point_count; i++)
-        s->first[shelf_of(s, surface->points[i].y)] += !filled[i];
-    for (int k = 1; k <= s->count; k++)
-        s->first[k] += s->first[k - 1];
-    for (int i = surface->point_count - 1; i >= 0; i--)
-        if (!filled[i])
-            s->points[--s->first[shelf_of(s, surface->points[i].y)]] = i;
-    return OK;
-}
-
-// The lowest-numbered of the nearest; -1: none is nearer than `within`.
-static int nearest_seen(const struct shelves *s, const struct surface *surface, struct vec3 p, double within)
-{
-    int best = -1, middle = shelf_of(s, p.y);
-    double least = within * within;
-    for (int away = 0; away < s->count; away++) {
-        double beside = fmax(away - 1, 0) * SHELF_M; // at least so far off is what lies on such a shelf
-        if (beside * beside > least)
-            break;
-        for (int side = away ? -1 : 1; side <= 1; side += 2) {
-            int k = middle + side * away;
-            if (k < 0 || k >= s->count)
-                continue;
-            for (int at = s->first[k]; at < s->first[k + 1]; at++) {
-                int i = s->points[at];
-                struct vec3 d = v3_sub(surface->points[i], p);
-                double d2 = v3_dot(d, d);
-                if (d2 < least || (d2 == least && best > i))
-                    least = d2, best = i;
-            }
-        }
-    }
-    return best;
-}
-
-struct filling {
-    const struct surface *surface;
-    struct shelves shelves;
-    struct coat *coat;
-};
-
-// Only what nobody saw is written, and only what somebody saw is read.
-static void fill_stretch(void *context, int stretch)
-{
-    const struct filling *f = context;
-    struct coat *c = f->coat;
-    for (int i = stretch * STRETCH; i < (stretch + 1) * STRETCH && i < f->surface->point_count; i++) {
-        if (!c->filled[i])
-            continue;
-        struct vec3 p = f->surface->points[i];
-        int from = nearest_seen(&f->shelves, f->surface, v3(-p.x, p.y, p.z), 0.03); // the body's other half
-        if (from < 0)
-            from = nearest_seen(&f->shelves, f->surface, p, INFINITY);
-        if (from < 0)
-            continue;
-        memcpy(c->color[i], c->color[from], sizeof c->color[i]);
-        c->time_s[i] = c->time_s[from];
-    }
-}
-
-static enum status fill(const struct coat_maker *m, struct coat *c)
-{
-    struct filling f = {.surface = m->surface, .coat = c};
-    enum status status = shelves_open(&f.shelves, m->surface, c->filled);
-    if (status != OK)
-        return status;
-    parallel(THREADS, stretches(m), fill_stretch, &f);
-    free(f.shelves.first);
-    free(f.shelves.points);
-    return OK;
-}
+// ---------------------------------------------------------------- making
 
 struct coloring {
     const struct coat_maker *maker;
@@ -444,7 +343,7 @@ enum status coat_make(struct coat_maker *m, struct coat *out)
     out->light = lighting.light;
     struct coloring coloring = {m, out};
     parallel(THREADS, stretches(m), color_stretch, &coloring);
-    enum status status = fill(m, out);
+    enum status status = coat_fill(out, m->surface, m->skins, m->rest);
     if (status != OK)
         coat_free(out);
     return status;

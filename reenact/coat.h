@@ -20,14 +20,14 @@ float light_on(const struct light *light, const float n[3]); // n: unit
 struct coat {
     float (*color)[3]; // of each point of the surface, linear, in the mean light
     float *time_s;     // when it was seen best, since the take's first frame
-    uint8_t *filled;   // 1: nobody saw it; its colour is its mirror image's or its neighbour's
+    uint8_t *filled;   // 1: nobody saw it; its colour is made up (coat_fill.h)
     struct light light;
 };
 
 struct coat_maker;
-// surface, skins (of its points) and the take's things must outlive it. ERR_MEMORY.
-MUST_CHECK enum status coat_open(struct coat_maker **out, const struct surface *surface, const struct skin *skins,
-                                 const struct calibration *calibration);
+// rest, surface (in it) and skins (of its points) must outlive it. ERR_MEMORY.
+MUST_CHECK enum status coat_open(struct coat_maker **out, const struct rest *rest, const struct surface *surface,
+                                 const struct skin *skins, const struct calibration *calibration);
 void coat_close(struct coat_maker **m);
 
 // What one frame saw, the person being in `posture` (colour camera's axes), bent by `warp`.

@@ -349,7 +349,7 @@ static enum status make_coat(struct likeness *f, struct run *r, const struct lik
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < f->surface.point_count; i++)
         f->skins[i] = rest_skin(&f->rest, f->surface.points[i]);
-    enum status status = coat_open(&r->coat, &f->surface, f->skins, take_calibration(r->take));
+    enum status status = coat_open(&r->coat, &f->rest, &f->surface, f->skins, take_calibration(r->take));
     for (int i = 0; i < IN_FLIGHT && status == OK; i++)
         status = warp_open(&r->reading[i].warp, &f->rest, &f->surface, take_calibration(r->take));
     if (status == OK)

@@ -104,9 +104,8 @@ MUST_CHECK enum status painter_read_actor(struct painter *p, uint8_t *rgba);
 
 // Where each pixel of the actor last drawn is from, RGB, without smooth edges; needs options.sources.
 // Red: 0 nobody, 85 seen by the shown frame itself, 170 borrowed from another
-// frame, 255 filled in (a side that nobody saw drawn with what lies in front of
-// it). Green, blue: high and low byte of the borrowed frame's distance in time,
-// hundredths of a second, at most 65535. ERR_DEVICE, ERR_MEMORY.
+// frame, 255 filled in (a side that nobody saw; coat_fill.h). Green, blue: high and low byte of the borrowed frame's
+// distance in time, hundredths of a second, at most 65535. ERR_DEVICE, ERR_MEMORY.
 MUST_CHECK enum status painter_read_source(struct painter *p, uint8_t *rgb);
 
 // The actor last drawn alone as a texture, top row first, premultiplied alpha, for whoever shows it in a window.
