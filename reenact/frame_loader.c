@@ -217,14 +217,16 @@ static enum status know_triangles(const struct frame_loader *l, struct loaded_fr
 }
 
 // Lays the likeness on what the sight shows and bends it.
-static void fit(struct frame_loader *l, const struct posture *joints, struct adjustment *adjustment)
+static void fit(struct frame_loader *l, const struct posture *joints, struct loaded_frame *out)
 {
     const struct likeness *k = l->likeness;
-    const struct align_from from = {*joints, k->joint_errors, *adjustment, true};
-    *adjustment = align(k->volume, &l->sight, &from, NULL);
-    struct posture laid = posture_adjusted(joints, adjustment);
+    const struct align_from from = {*joints, k->joint_errors, out->adjustment, true};
+    out->adjustment = align(k->volume, &l->sight, &from, NULL);
+    struct posture laid = posture_adjusted(joints, &out->adjustment);
     const struct warp_model model = {k->volume, &k->surface, k->skins};
-    warp_fit(l->warp, &model, &l->sight, &laid);
+    const struct warp_colors colors = {&k->coat, l->rgb, take_calibration(l->take),
+                                       take_entry(l->take, out->frame)->world_from_camera.rotation};
+    warp_fit(l->warp, &model, &l->sight, &laid, out->seen ? &colors : NULL);
 }
 
 // Reads the frame and fits the likeness, which is in `joints`, to it. NOTHING: it does not show the person.
@@ -242,7 +244,7 @@ static enum status read_frame(struct frame_loader *l, const struct posture *join
         status = sight_colors(&l->sight, take_calibration(l->take), pictures.color, l->rgb);
     if (status < 0)
         return status;
-    fit(l, joints, &out->adjustment);
+    fit(l, joints, out);
     return out->seen ? OK : NOTHING;
 }
 

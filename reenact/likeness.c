@@ -202,7 +202,7 @@ static enum status lay(struct run *r, struct reading *reading, int i)
         turns_measure(r->turns, i, &frame);
     if (r->pass == LIKENESS_COLORS) {
         const struct warp_model model = {f->volume, &f->surface, f->skins};
-        warp_fit(reading->warp, &model, &reading->sight, &reading->posture);
+        warp_fit(reading->warp, &model, &reading->sight, &reading->posture, NULL);
     }
     return status;
 }
@@ -287,6 +287,8 @@ static enum status make_round(struct likeness *f, struct run *r, const struct ro
     volume_close(&f->volume);
     f->volume = r->into;
     r->into = NULL;
+    if (round->shape == LIKENESS_SHAPE)
+        volume_flatten_unseen(f->volume);
     if (round != &rounds[0])
         status = volume_smooth(f->volume, SMOOTH_PASSES);
     r->gaps = (struct outline_gaps){0};

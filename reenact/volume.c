@@ -9,8 +9,8 @@
 static const double REACH_M = 0.12;       // about the parts' cylinders
 static const double END_REACH_M = 0.27;   // about hands and feet, which lie beyond the last joint
 static const float CYLINDER_TRUST = 0.5F; // in frames
-static const double TRUNK_DEEP = 0.7;   // of how wide it is: of nine people .6 to .85 did alike, as deep as wide worse
-static const float NOWHERE_NEAR = 0.6F; // of the largest distance
+static const double TRUNK_DEEP = 0.7;     // of how wide it is; .6 to .85 do alike, as deep as wide is worse
+static const float NOWHERE_NEAR = 0.6F;   // of the largest distance
 
 enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
 
@@ -42,25 +42,12 @@ static void find_size(struct volume *v)
 
 static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (int)g; }
 
-// What a part is taken for where nobody looks: round from side to side, and from front to back so deep.
-struct capsule {
-    struct vec3 a, b;
-    double radius, deep; // deep: of the radius
-};
-
-// From the surface to a place so far off the bone, along the way from there; negative: inside.
-static double gap_of(const struct capsule *c, struct vec3 off)
+// Lays the capsule from a to b into the grid: `distance` has the least there, and what
+// lies nearer than `reach` is marked in `keep`.
+static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, double reach, uint8_t *keep)
 {
-    const double wide = v3_length(v3(off.x, off.y, off.z / c->deep)); // were it as deep as wide
-    return wide > 0 ? v3_length(off) * (1 - c->radius / wide) : -c->deep * c->radius;
-}
-
-// Lays it into the grid: `distance` has the least there, and what lies nearer than `reach`, were it all round, is
-// marked in `keep`.
-static void lay(struct volume *v, const struct capsule *c, double reach, uint8_t *keep)
-{
-    struct vec3 along = v3_sub(c->b, c->a), low = v3_sub(c->a, v->corner), high = v3_sub(c->b, v->corner);
-    double length2 = v3_dot(along, along), wide = c->radius + fmax(reach, (double)VOLUME_OUTSIDE_M);
+    struct vec3 along = v3_sub(b, a), low = v3_sub(a, v->corner), high = v3_sub(b, v->corner);
+    double length2 = v3_dot(along, along), wide = radius + fmax(reach, (double)VOLUME_OUTSIDE_M);
     const double lows[] = {fmin(low.x, high.x), fmin(low.y, high.y), fmin(low.z, high.z)};
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
@@ -72,12 +59,12 @@ static void lay(struct volume *v, const struct capsule *c, double reach, uint8_t
         for (int y = from[1]; y < to[1]; y++)
             for (int x = from[0]; x < to[0]; x++) {
                 int at = (z * v->size[1] + y) * v->size[0] + x;
-                struct vec3 p = v3_sub(point_at(v, at), c->a);
+                struct vec3 p = v3_sub(point_at(v, at), a);
                 double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
                 t = t < 0 ? 0 : t > 1 ? 1 : t;
-                struct vec3 off = v3_sub(p, v3_scale(along, t));
-                v->points[at].distance = fminf(v->points[at].distance, (float)gap_of(c, off));
-                keep[at] |= v3_length(off) - c->radius < reach;
+                double gap = v3_length(v3_sub(p, v3_scale(along, t))) - radius;
+                v->points[at].distance = fminf(v->points[at].distance, (float)gap);
+                keep[at] |= gap < reach;
             }
 }
 
@@ -85,19 +72,13 @@ static void lay_body(struct volume *v, uint8_t *keep)
 {
     static const enum joint ends[] = {JOINT_LEFT_HAND, JOINT_RIGHT_HAND, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, JOINT_HEAD};
     const struct skeleton *s = &v->rest.skeleton;
-    for (int p = 0; p < PART_COUNT; p++) {
-        const bool trunk = p == PART_UPPER_TORSO || p == PART_LOWER_TORSO;
-        const struct capsule part = {s->joint[part_ends[p].from], s->joint[part_ends[p].to], v->rest.radius[p],
-                                     trunk ? TRUNK_DEEP : 1};
-        if (v->rest.known[p])
-            lay(v, &part, REACH_M, keep);
-    }
     for (int p = 0; p < PART_COUNT; p++)
-        for (size_t e = 0; e < COUNT_OF(ends); e++) {
-            const struct capsule end = {s->joint[ends[e]], s->joint[ends[e]], 0, 1};
+        if (v->rest.known[p])
+            lay(v, s->joint[part_ends[p].from], s->joint[part_ends[p].to], v->rest.radius[p], REACH_M, keep);
+    for (int p = 0; p < PART_COUNT; p++)
+        for (size_t e = 0; e < COUNT_OF(ends); e++)
             if (v->rest.known[p] && part_ends[p].to == ends[e])
-                lay(v, &end, END_REACH_M, keep);
-        }
+                lay(v, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
 }
 
 enum { STRETCH = 8192, THREADS = 2 };
@@ -175,6 +156,33 @@ void volume_close(struct volume **v)
     free((*v)->witnesses);
     free(*v);
     *v = NULL;
+}
+
+// ---------------------------------------------------------------- what nobody saw
+
+static bool of_trunk(int bone) { return bone == PART_UPPER_TORSO || bone == PART_LOWER_TORSO; }
+
+// From a trunk's surface to a place, along the way from its bone; negative: inside. (Rest axes: z is the back.)
+static double flat_gap(const struct rest *rest, int bone, struct vec3 place)
+{
+    const struct part_frame *f = &rest->frame[bone];
+    const struct vec3 in = v3_sub(place, f->origin);
+    const double along = fmin(fmax(v3_dot(in, f->z), 0), f->length);
+    const struct vec3 off = v3_sub(in, v3_scale(f->z, along));
+    const double wide = v3_length(v3(off.x, off.y, off.z / TRUNK_DEEP)); // were it as deep as wide
+    return wide > 0 ? v3_length(off) * (1 - rest->radius[bone] / wide) : -TRUNK_DEEP * rest->radius[bone];
+}
+
+void volume_flatten_unseen(struct volume *v)
+{
+    for (int c = 0; c < v->cell_count; c++) {
+        struct point *point = &v->points[v->cells[c].at];
+        const int bone = v->cells[c].skin.bone[0];
+        if (!of_trunk(bone) || point->trust != CYLINDER_TRUST)
+            continue;
+        const float gap = (float)flat_gap(&v->rest, bone, point_at(v, v->cells[c].at));
+        point->distance = fmaxf(point->distance, fminf(gap, VOLUME_OUTSIDE_M));
+    }
 }
 
 // ---------------------------------------------------------------- growing, leaving alone

@@ -29,6 +29,10 @@ MUST_CHECK enum status volume_leave_empty(struct volume *v, const struct volume 
 const struct rest *volume_rest(const struct volume *v);
 const struct calibration *volume_calibration(const struct volume *v);
 
+// Once all is gathered: where nothing was seen of a trunk it is as deep as trunks are, not as it is wide. (While it is
+// gathered it is round: a back that is too near would draw the front with it, and with that every frame.)
+void volume_flatten_unseen(struct volume *v);
+
 // Evens out noise: `passes` times a binomial over neighbours. ERR_MEMORY.
 MUST_CHECK enum status volume_smooth(struct volume *v, int passes);
 

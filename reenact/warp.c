@@ -1,4 +1,4 @@
-#include "reenact/warp.h"
+#include "reenact/warp_parts.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -11,70 +11,11 @@ static const float OUTLINE_M = 0.01F; // a place of the outline to that,
 static const float BEND_M = 0.024F;   // neighbouring nodes shift alike within this,
 static const float SHIFT_M = 0.04F;   // and all of them little.
 static const double OUTLIER_M[ROUNDS] = {0.04, 0.03, 0.025};
+static const double COLOR_SIGMA_PX[ROUNDS] = {0, 2, 1.2}; // first the shape has to lie about right
 static const double ASIDE_PX = 12;      // an outline is looked for so far from where the surface has it
 static const double SURELY_SEEN = 1;    // frames
 static const double LEAST_FACING = 0.1; // cosine: what a reading shows faces the camera
 static const double GRAZING = 0.3;      // cosine: what may be at the outline
-
-// Point (x, y, z) lies at corner + (x, y, z) * WARP_STEP_M.
-struct warp_grid {
-    struct vec3 corner;
-    int size[3];
-};
-
-// x, y, z and a fourth that is nothing, for which processors have instructions.
-typedef float four __attribute__((vector_size(16)));
-typedef double four_doubles __attribute__((vector_size(32)));
-
-struct row { // share . shift along n = value
-    four n;
-    int32_t node[8];
-    float share[8], value, weight;
-};
-
-// A pixel of the person, and where in the rest pose its part has it.
-struct reading {
-    struct vec3 rest, ray; // ray: the direction in which the camera saw it, unit
-};
-
-// A place of the outline that the person has in the picture.
-struct edge {
-    struct pixel px;
-    double nx, ny; // outwards, unit
-    int part;
-};
-
-// A place of the surface that may be at the outline.
-struct brink {
-    struct pixel px;
-    double nx, ny; // outwards in the picture, unit
-    double z;      // depth camera's axes, metres
-    int point;
-    int next; // in the same tile; -1: none
-};
-
-struct warp {
-    struct rest rest;
-    struct lens depth_lens;
-    struct pose depth_from_color;
-    struct warp_grid grid;
-    int32_t *node;        // of each point of the grid; -1: none
-    int32_t (*beside)[3]; // of each node: the nodes that follow in x, y, z; -1: none
-    int node_count;
-    four *shift;                                    // of each node
-    four *right, *residual, *along, *image, *scale; // the solver's
-    struct row *rows;
-    int row_count, row_most;
-    struct reading *readings;
-    int reading_count;
-    struct edge *edges;
-    int edge_count;
-    struct brink *brinks;
-    int brink_count;
-    int32_t *tile;    // of the depth picture: the first of its brinks; -1: none
-    int across, down; // tiles
-    uint8_t *picture;
-};
 
 // ---------------------------------------------------------------- the grid
 
@@ -181,16 +122,17 @@ enum status warp_open(struct warp **out, const struct rest *rest, const struct s
     w->along = malloc(sizeof *w->along * nodes);
     w->image = malloc(sizeof *w->image * nodes);
     w->scale = malloc(sizeof *w->scale * nodes);
-    w->row_most = 3 * POINTS; // readings and outline
+    w->row_most = 3 * POINTS + 3 * WARP_COLOR_PLACES; // readings and outline; colours
     w->rows = malloc(sizeof *w->rows * (size_t)w->row_most);
     w->readings = malloc(sizeof *w->readings * 2 * POINTS);
     w->edges = malloc(sizeof *w->edges * POINTS);
     w->brinks = malloc(sizeof *w->brinks * (size_t)surface->point_count);
+    w->color_places = malloc(sizeof *w->color_places * WARP_COLOR_PLACES);
     w->across = (calibration->depth.width + TILE_PX - 1) / TILE_PX;
     w->down = (calibration->depth.height + TILE_PX - 1) / TILE_PX;
     w->tile = malloc(sizeof *w->tile * (size_t)w->across * (size_t)w->down);
     if (!w->node || !w->picture || !w->beside || !w->shift || !w->right || !w->residual || !w->along || !w->image ||
-        !w->scale || !w->rows || !w->readings || !w->edges || !w->brinks || !w->tile) {
+        !w->scale || !w->rows || !w->readings || !w->edges || !w->brinks || !w->color_places || !w->tile) {
         warp_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -204,8 +146,8 @@ void warp_close(struct warp **out)
     struct warp *w = *out;
     if (!w)
         return;
-    void *const all[] = {w->node,  w->beside, w->shift,    w->right, w->residual, w->along, w->image,
-                         w->scale, w->rows,   w->readings, w->edges, w->brinks,   w->tile,  w->picture};
+    void *const all[] = {w->node, w->beside,   w->shift, w->right,  w->residual,     w->along, w->image,  w->scale,
+                         w->rows, w->readings, w->edges, w->brinks, w->color_places, w->tile,  w->picture};
     for (size_t i = 0; i < COUNT_OF(all); i++)
         free(all[i]);
     free(w);
@@ -247,7 +189,7 @@ void warp_clear(struct warp *w)
 
 // ---------------------------------------------------------------- the evidence
 
-static struct vec3 shift_now(const struct warp *w, struct vec3 rest)
+struct vec3 warp_shift_now(const struct warp *w, struct vec3 rest)
 {
     struct vec3 sum = v3(0, 0, 0);
     double in[3];
@@ -264,8 +206,7 @@ static struct vec3 shift_now(const struct warp *w, struct vec3 rest)
     return sum;
 }
 
-// The place `rest` should go by `more` along n beyond what it is shifted now.
-static void add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more, double weight)
+void warp_add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more, double weight)
 {
     double in[3];
     int at;
@@ -279,7 +220,7 @@ static void add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more
             return;
     }
     r->n = (four){(float)n.x, (float)n.y, (float)n.z, 0};
-    r->value = (float)(v3_dot(n, shift_now(w, rest)) + more);
+    r->value = (float)(v3_dot(n, warp_shift_now(w, rest)) + more);
     r->weight = (float)weight;
     w->row_count++;
 }
@@ -333,7 +274,7 @@ static void add_readings(struct warp *w, const struct volume *volume, double out
 {
     for (int i = 0; i < w->reading_count; i++) {
         const struct reading *r = &w->readings[i];
-        struct vec3 gradient, rest = v3_sub(r->rest, shift_now(w, r->rest));
+        struct vec3 gradient, rest = v3_sub(r->rest, warp_shift_now(w, r->rest));
         double distance, seen;
         if (!volume_at(volume, rest, &distance, &gradient, &seen) || v3_length(gradient) < 0.3)
             continue;
@@ -341,7 +282,8 @@ static void add_readings(struct warp *w, const struct volume *volume, double out
         if (-v3_dot(n, r->ray) < LEAST_FACING)
             continue;
         double robust = outlier * outlier / (outlier * outlier + distance * distance);
-        add_row(w, rest, n, distance, robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
+        warp_add_row(w, rest, n, distance,
+                     robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
     }
 }
 
@@ -375,7 +317,7 @@ static bool place_brink(const struct warp *w, const struct warp_model *m, const 
 {
     const struct skin *skin = &m->skins[point];
     struct vec3 p = v3(0, 0, 0), n = p, rest = m->surface->points[point];
-    rest = v3_add(rest, shift_now(w, rest));
+    rest = v3_add(rest, warp_shift_now(w, rest));
     for (int i = 0; i < SKIN_BONES; i++) {
         const struct placed *by = &placed[skin->bone[i]];
         const double weight = (double)skin->weight[i];
@@ -487,8 +429,8 @@ static void add_outline(struct warp *w, const struct warp_model *m)
         double gap = ((e->px.x - b->px.x) * b->nx + (e->px.y - b->px.y) * b->ny) * b->z / w->depth_lens.fx;
         double outlier = ASIDE_PX / 2 * b->z / w->depth_lens.fx;
         double robust = outlier * outlier / (outlier * outlier + gap * gap);
-        add_row(w, m->surface->points[b->point], m->surface->normals[b->point], gap,
-                robust * robust / (double)(OUTLINE_M * OUTLINE_M));
+        warp_add_row(w, m->surface->points[b->point], m->surface->normals[b->point], gap,
+                     robust * robust / (double)(OUTLINE_M * OUTLINE_M));
     }
 }
 
@@ -572,7 +514,8 @@ static void solve(struct warp *w)
     }
 }
 
-void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight, const struct posture *posture)
+void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight, const struct posture *posture,
+              const struct warp_colors *colors)
 {
     memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
     find_readings(w, sight, posture);
@@ -582,6 +525,8 @@ void warp_fit(struct warp *w, const struct warp_model *model, const struct sight
         add_readings(w, model->volume, OUTLIER_M[round]);
         find_brinks(w, model, posture, round == 0);
         add_outline(w, model);
+        if (colors && COLOR_SIGMA_PX[round] > 0)
+            warp_add_colors(w, model, sight, posture, colors, COLOR_SIGMA_PX[round]);
         solve(w);
     }
     write_picture(w);

@@ -1,6 +1,6 @@
 // What rigid parts cannot follow: feet flex, shoulders rise, cloth sways. For one frame
 // a smooth field of small shifts over the rest pose, on a coarse grid, found from that
-// frame's depth and from the outline it shows; what it does not show goes along with
+// frame's depth, the outline and the colours it shows; what it does not show goes along with
 // what is beside it. (As in DynamicFusion, Newcombe et al. 2015, but within a skeleton's
 // posture.) Pure; deterministic.
 #pragma once
@@ -23,8 +23,19 @@ struct warp_model {
     const struct skin *skins;
 };
 
-// Lays the model, which is in `posture` (colour camera's axes), on what one frame shows.
-void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight, const struct posture *posture);
+// A frame's colours, and those that are known of the surface's points: stripes and prints tell what slides along it.
+struct coat;
+struct warp_colors {
+    const struct coat *coat;
+    const uint8_t *rgb; // nobody else's among them (sight_colors)
+    const struct calibration *calibration;
+    struct quat world_from_color;
+};
+
+// Lays the model, which is in `posture` (colour camera's axes), on what one frame shows. colors: NULL: by its depth and
+// outline alone.
+void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight, const struct posture *posture,
+              const struct warp_colors *colors);
 void warp_clear(struct warp *w);
 
 // How far a point of the rest pose is shifted; rest axes, metres.

@@ -182,6 +182,23 @@ static float brighter(struct set *s)
     return ratio;
 }
 
+// Bends the likeness, in `joints`, as the shown frame has it.
+static void bend(struct set *s, const struct sight *sight, const struct posture *joints, struct warp *warp)
+{
+    const struct likeness *l = &s->rehearsed.likeness;
+    struct take *take = s->rehearsed.take;
+    const struct calibration *calibration = take_calibration(take);
+    struct take_pictures seen;
+    EXPECT_STATUS(take_read(take, s->moment.frame, TAKE_COLOR, &seen), OK);
+    uint8_t *rgb = malloc(3 * (size_t)calibration->color.width * (size_t)calibration->color.height);
+    EXPECT_STATUS(sight_colors(sight, calibration, seen.color, rgb), OK);
+    const struct warp_model model = {l->volume, &l->surface, l->skins};
+    const struct warp_colors colors = {&l->coat, rgb, calibration,
+                                       take_entry(take, s->moment.frame)->world_from_camera.rotation};
+    warp_fit(warp, &model, sight, joints, &colors);
+    free(rgb);
+}
+
 // The same posture, laid on the shown frame.
 static void draw_reference(struct set *s, struct canvas *canvas)
 {
@@ -198,9 +215,8 @@ static void draw_reference(struct set *s, struct canvas *canvas)
     shown = posture_adjusted(&shown, &a);
     joints = posture_adjusted(&joints, &a);
     struct warp *warp;
-    const struct warp_model model = {l->volume, &l->surface, l->skins};
     EXPECT_STATUS(warp_open(&warp, &l->rest, &l->surface, take_calibration(s->rehearsed.take)), OK);
-    warp_fit(warp, &model, &sight, &joints);
+    bend(s, &sight, &joints, warp);
     for (int p = 0; p < BONE_COUNT; p++) {
         into_viewer.bone[p] = pose_multiply(pose_inverse(s->viewer), shown.bone[p]);
         into_world.bone[p] = pose_multiply(e->world_from_camera, joints.bone[p]);
