@@ -1,6 +1,7 @@
 // What a recording survives: a killed writer, a full disk, a cut, wrong bytes.
 #include "tests/recording_sample.h"
 
+#include "capture/recording/recording_schema.h"
 #include "platform/clock.h"
 #include "platform/database.h"
 
@@ -384,6 +385,34 @@ static void test_wrong_byte_in_a_tables_text(void **state)
     free(bytes);
 }
 
+// A take's calibration with a wrong size: its pictures know better.
+static void test_wrong_byte_in_a_size(void **state)
+{
+    (void)state;
+    struct calibration calibration = some_calibration();
+    uint8_t *bytes, *at, blob[CALIBRATION_BYTES];
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(path_of("whole"));
+    put_calibration(blob, &calibration);
+    int found = 0, undetected = 0;
+    for (size_t from = 0; (at = memmem(bytes + from, count - from, blob, sizeof blob)); found++) {
+        from = (size_t)(at - bytes) + sizeof blob;
+        const size_t sizes[] = {0, 4, 80, 84}; // width and height for colour, then for depth
+        for (size_t i = 0; i < COUNT_OF(sizes); i++) {
+            at[sizes[i]] ^= 2;
+            EXPECT_STATUS(file_write(path_of("size"), bytes, count), OK);
+            at[sizes[i]] ^= 2;
+            EXPECT_INT(use_damaged(path_of("size"), hash, &undetected), FRAMES + 3);
+            remove_with_log(path_of("size"));
+        }
+    }
+    printf("%d calibrations\n", found);
+    EXPECT_AT_LEAST(found, 1);
+    EXPECT_INT(undetected, 0);
+    free(bytes);
+}
+
 int main(void)
 {
     setvbuf(stdout, NULL, _IOLBF, 0);
@@ -398,6 +427,7 @@ int main(void)
         cmocka_unit_test(test_wrong_bytes_anywhere),
         cmocka_unit_test(test_wrong_byte_in_a_tables_name),
         cmocka_unit_test(test_wrong_byte_in_a_tables_text),
+        cmocka_unit_test(test_wrong_byte_in_a_size),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

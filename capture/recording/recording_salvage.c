@@ -2,8 +2,10 @@
 // over a damaged page, the next key may lie on a sound one.
 #include "capture/recording/recording_salvage.h"
 
+#include "capture/recording/bytes.h"
 #include "capture/recording/recording_reader.h"
 #include "capture/recording/recording_scribe.h"
+#include "platform/jpeg.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -107,6 +109,48 @@ static enum status copy_frames(struct salvage *v, struct take_row *take)
 
 // ------------------------------------------------------------- takes
 
+// What size a mask's or a depth picture's code says it has; both begin alike (docs/format.md).
+static void coded_size(const uint8_t *bytes, size_t count, struct lens *lens)
+{
+    if (!bytes || count < 1 + 2 + 2)
+        return;
+    const uint8_t *at = bytes + 1;
+    lens->width = get_u16(&at);
+    lens->height = get_u16(&at);
+}
+
+// A row that is not as it was written may have the size of its take's pictures wrong. These know it themselves: the
+// first that is sound is believed.
+static enum status ask_pictures(struct salvage *v, struct take_row *take)
+{
+    int64_t key = frame_key(take->id, 0), last = frame_key(take->id, FRAME_NUMBER_MOST);
+    struct take_entry entry;
+    enum status status;
+    for (bool found = false; !found && (status = next_frame(v, &key, last, &entry)) == OK; key++) {
+        statement_bind_number(v->pictures, 1, key);
+        if ((status = statement_step(v->pictures)) == OK) {
+            struct lens *color = &take->calibration.color, *depth = &take->calibration.depth;
+            size_t mask_bytes = 0, depth_bytes = 0, color_bytes = 0;
+            bool damaged = false;
+            const uint8_t *mask = sound(v->pictures, 4, 1, &mask_bytes, &damaged);
+            const uint8_t *depths = sound(v->pictures, 5, 2, &depth_bytes, &damaged);
+            const uint8_t *colors = sound(v->pictures, 6, 3, &color_bytes, &damaged);
+            found = !damaged && (mask || depths || colors);
+            if (found) {
+                coded_size(mask, mask_bytes, depth);
+                coded_size(depths, depth_bytes, depth);
+            }
+            int width, height;
+            if (found && colors && jpeg_size(colors, color_bytes, &width, &height) == OK)
+                color->width = width, color->height = height;
+        }
+        statement_reset(v->pictures);
+        if (is_fatal(status))
+            return status;
+    }
+    return OK;
+}
+
 static enum status copy_take(struct salvage *v, struct take_row *take)
 {
     // A name that was lost, or that a damaged neighbour has too, is made up.
@@ -127,11 +171,11 @@ static enum status copy_takes(struct salvage *v)
     for (int lost = 0; lost < LOST_TAKES_MOST; id++) {
         struct take_row take;
         bool usable = false;
+        enum status sense = OK;
         statement_bind_number(v->takes, 1, id);
         enum status status = statement_step(v->takes);
         if (status == OK) {
-            enum status sense = take_from_row(v->takes, &take, &usable);
-            (void)sense; // usable is all that counts here
+            sense = take_from_row(v->takes, &take, &usable);
             id = statement_number(v->takes, 0);
         }
         statement_reset(v->takes);
@@ -141,7 +185,9 @@ static enum status copy_takes(struct salvage *v)
             return status;
         lost = usable ? 0 : lost + 1;
         if (usable) {
-            status = copy_take(v, &take);
+            status = sense == OK ? OK : ask_pictures(v, &take);
+            if (status == OK)
+                status = copy_take(v, &take);
             if (status == OK)
                 status = scribe_go(v->scribe, scribe_stop(v->scribe)); // one take's row at a time
             if (status != OK)
