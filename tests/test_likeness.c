@@ -56,14 +56,18 @@ static void the_figure_lies_on_what_was_seen(void **state)
     struct likeness figure;
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
     EXPECT_STATUS(likeness_make(&figure, stage.take, rays, 10, NULL), OK);
-    long seen = 0, close = 0;
+    long all = 0, close = 0;
     for (int i = 0; i < figure.surface.point_count; i++) {
-        seen += !figure.coat.filled[i];
-        close += !figure.coat.filled[i] && fabs(rest_distance(&figure.rest, figure.surface.points[i])) < 0.015;
+        const int bone = figure.skins[i].bone[0];
+        if (figure.coat.filled[i] && (bone == PART_UPPER_TORSO || bone == PART_LOWER_TORSO))
+            continue; // a back that nobody saw is not round as this body's is (test_volume)
+        all++;
+        close += fabs(rest_distance(&figure.rest, figure.surface.points[i])) < 0.015;
     }
-    print_message("of %ld points that were seen %ld within 15 mm\n", seen, close);
-    EXPECT_AT_LEAST((double)seen, 5000);
-    EXPECT_AT_LEAST((double)close, 0.9 * (double)seen);
+    print_message("%d points, %ld of them anything but an unseen back, %ld within 15 mm\n", figure.surface.point_count,
+                  all, close);
+    EXPECT_AT_LEAST((double)all, 0.6 * figure.surface.point_count);
+    EXPECT_AT_LEAST((double)close, 0.9 * (double)all);
     uint64_t edges = 0; // every edge is there once in either direction
     for (int c = 0; c < figure.surface.corner_count; c++) {
         uint64_t from = (uint64_t)figure.surface.corners[c],

@@ -35,9 +35,7 @@ static void stage_open(struct stage *s, const struct body *body, struct painted 
     painted_take_close(&first);
     film(&s->take, body, seen);
     const struct likeness *l = &s->likeness;
-    struct posture told;
-    EXPECT_STATUS(posture_of(&l->rest, &joints, &told), OK);
-    s->posture = posture_adjusted(&told, &l->adjustments[0]); // as the likeness lay in the frame it was made of
+    EXPECT_STATUS(posture_of(&l->rest, &joints, &s->posture), OK);
     EXPECT_STATUS(warp_open(&s->warp, &l->rest, &l->surface, take_calibration(s->take.take)), OK);
     EXPECT_STATUS(sight_open(&s->sight, s->take.take, s->rays), OK);
     EXPECT_STATUS(sight_read(&s->sight, s->take.take, 0), OK);
