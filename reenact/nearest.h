@@ -22,26 +22,29 @@ struct nearest_point {
     double own_m;                           // of its cost, what does not depend on whom it is compared with; >= 0
 };
 
-// The cost of point `number`, metres; negative: it cannot be chosen. Never less
-// than `scale` (of a query) times the sum of the point's own and of the
+// The cost of the point at `slot`, metres; negative: it cannot be chosen. Never
+// less than `scale` (of a query) times the sum of the point's own and of the
 // distances between the places known in both points.
-typedef double nearest_cost(const void *context, int64_t number);
+typedef double nearest_cost(const void *context, int64_t slot);
 
 // places: of each point. unit_m: what bounds are counted in; places beyond
 // 8191 of it from 0 count as if they were there. capacity: of points, below 2^32 - 1.
 MUST_CHECK enum status nearest_open(struct nearest **out, int places, double unit_m, int64_t capacity);
 void nearest_close(struct nearest **n);
 
-// Its number is how many were there before.
+// Its number, and its slot until they are settled, is how many were there before. Not once they are settled.
 void nearest_add(struct nearest *n, const struct nearest_point *point);
 
-// Puts points that are alike side by side, wherever they were in the order of points, as the leaves of a k-d tree, so
-// that most searches pass over 128 at once. Changes no answer. Worth it for points of few places; of many places, those
-// next to each other in time are the more alike. Points may be added later; they are found, too, but are not in order.
-// costs_from: what the cost of point i is worked out from lies cost_bytes * i after it, as long as n is used; it is
-// fetched before the cost is asked for. NULL and 0: nothing is.
-// ERR_MEMORY: nothing has changed.
-MUST_CHECK enum status nearest_settle(struct nearest *n, const void *costs_from, size_t cost_bytes);
+// After the last point, once: puts points that are alike side by side, wherever they were in the order of points, as
+// the leaves of a k-d tree, so that most searches pass over 128 at once, and makes them smaller. Changes no answer.
+// Worth it for points of few places; of many places, those next to each other in time are the more alike.
+// of_points: what the caller keeps of each point and works costs out from, slot by slot, `bytes` each; put into the new
+// order, too. It stays where it is as long as n is used, and is fetched before a cost is asked for. NULL and 0:
+// nothing. ERR_MEMORY: nothing has changed.
+MUST_CHECK enum status nearest_settle(struct nearest *n, void *of_points, size_t bytes);
+
+// The slot of point `number`; takes as long as there are points.
+int64_t nearest_slot(const struct nearest *n, int64_t number);
 
 struct nearest_query {
     struct nearest *index;

@@ -1,13 +1,13 @@
-// The inside of nearest.h's index, for adding (nearest.c), finding (nearest_find.c)
-// and settling (nearest_settle.c) only.
+// The inside of nearest.h's index while points come, for adding (nearest.c), finding
+// (nearest_find.c) and settling (nearest_settle.c) only.
 #pragma once
 #include "reenact/nearest.h"
 
 enum {
-    BLOCK = 8,        // points in a block: they share a box, and are bounded side by side
-    LANES = 16,       // blocks in a group: their boxes are bounded side by side
-    FAR = 8191,       // the farthest coordinate, units
-    ANYWHERE = 24000, // a box this wide holds every place; its differences still fit 16 bits
+    BLOCK = 8,       // points in a block: they share a box, and are bounded side by side
+    LANES = 16,      // blocks in a group: their boxes are bounded side by side
+    FAR = 8191,      // the farthest coordinate, units
+    ANYWHERE = 8192, // a box from -ANYWHERE on, as wide as FAR goes, holds every place
     SUM_MOST = 32767,
     LINE = 64, // bytes that the caches move at once
 };
@@ -27,32 +27,39 @@ struct point_lanes {
 struct block_head {
     _Alignas(64) points_lanes own; // units, the points'
     uint32_t known;                // places known in every point
-    uint32_t numbers[BLOCK];
 };
 
 struct nearest {
     int places;
     double unit_m;
     int64_t count, capacity;
-    int16_t place_most;         // distances count up to this, so that their sum fits
+    int16_t place_most; // distances count up to this, so that their sum fits
+    lanes *bounds;      // [group], nearest_find_all's working memory
+    // Until they are settled:
     struct point_lanes *points; // [block][place]
     struct block_head *heads;   // [block]
     struct box_lanes *boxes;    // [group][place]
     lanes *least_own;           // [group], the blocks'
-    // Once settled: the boxes of whole groups, sixteen side by side.
-    struct box_lanes *wide_boxes; // [sixteen groups][place]
-    lanes *wide_own;              // [sixteen groups], the groups'
-    lanes *bounds;                // [group], nearest_find_all's working memory
-    const char *costs_from;       // what settle was told
-    size_t cost_bytes;
+    // From then on:
+    struct settled *settled;
+    uint32_t *numbers; // [slot]
 };
 
 static inline int64_t blocks_of(int64_t count) { return (count + BLOCK - 1) / BLOCK; }
 
 static inline int64_t groups_of(int64_t blocks) { return (blocks + LANES - 1) / LANES; }
 
-// The next point, in units.
-void nearest_put(struct nearest *n, int64_t number, int16_t (*places)[3], uint32_t known, int16_t own);
+// Of the point at `slot`.
+static inline int64_t nearest_number(const struct nearest *n, int64_t slot)
+{
+    return n->settled ? n->numbers[slot] : slot;
+}
+
+// Zeros from the first byte of a line on; NULL: no memory.
+void *nearest_cleared(size_t bytes);
+
+// What points are held in before they are settled.
+void nearest_free_points(struct nearest *n);
 
 static inline int16_t units(double m, double unit_m)
 {

@@ -3,6 +3,7 @@
 #include "reenact/nearest.h"
 
 #include <stdlib.h>
+#include <sys/mman.h>
 
 enum { LINE = 64 }; // bytes that the caches move at once
 
@@ -25,8 +26,8 @@ static_assert(sizeof(struct part_sight) == LINE, "a line of the caches");
 struct selector {
     int64_t count, capacity;
     int64_t *frames;
-    struct skeleton *skeletons; // camera axes
-    struct part_sight *sights[PART_COUNT];
+    struct skeleton *skeletons;                // camera axes
+    struct part_sight *sights[PART_COUNT];     // [slot] of parts; all of them in what sights[0] points to
     struct nearest *whole, *parts[PART_COUNT]; // which need not be looked at
 };
 
@@ -183,16 +184,28 @@ static struct nearest_point part_point(const struct part_sight *sight)
 
 // ---------------------------------------------------------------- candidates
 
+// A search looks here and there, each time in another page of 4 KiB; to find that takes longer than to read it. Where
+// the system has larger pages and they help, they are used.
+static void *in_large_pages(size_t bytes)
+{
+    enum { PAGE = 2 << 20 };
+    size_t unit = bytes < PAGE ? LINE : PAGE;
+    bytes = (bytes + unit - 1) / unit * unit;
+    void *pages = aligned_alloc(unit, bytes);
+    if (pages && unit == PAGE)
+        (void)madvise(pages, bytes, MADV_HUGEPAGE);
+    return pages;
+}
+
 static enum status open_arrays(struct selector *s)
 {
     size_t room = s->capacity > 0 ? (size_t)s->capacity : 1;
     s->frames = calloc(room, sizeof *s->frames);
     s->skeletons = calloc(room, sizeof *s->skeletons);
-    bool enough = s->frames && s->skeletons;
-    for (int p = 0; p < PART_COUNT; p++) {
-        s->sights[p] = aligned_alloc(LINE, room * sizeof *s->sights[p]);
-        enough = enough && s->sights[p];
-    }
+    struct part_sight *sights = in_large_pages(PART_COUNT * room * sizeof *sights);
+    bool enough = s->frames && s->skeletons && sights;
+    for (int p = 0; p < PART_COUNT && sights; p++)
+        s->sights[p] = sights + (size_t)p * room;
     enum status status = enough ? OK : fail(ERR_MEMORY, "out of memory");
     if (status == OK)
         status = nearest_open(&s->whole, COUNT_OF(whole_joints), WHOLE_UNIT_M, s->capacity);
@@ -221,10 +234,9 @@ void selector_close(struct selector **s)
     if (!*s)
         return;
     nearest_close(&(*s)->whole);
-    for (int p = 0; p < PART_COUNT; p++) {
+    for (int p = 0; p < PART_COUNT; p++)
         nearest_close(&(*s)->parts[p]);
-        free((*s)->sights[p]);
-    }
+    free((*s)->sights[0]);
     free((*s)->skeletons);
     free((*s)->frames);
     free(*s);
@@ -269,7 +281,7 @@ void selector_exclude(struct selector *s, int64_t frame, enum part p)
             high = middle;
     }
     if (low < s->count && s->frames[low] == frame)
-        s->sights[p][low].excluded = true;
+        s->sights[p][nearest_slot(s->parts[p], low)].excluded = true;
 }
 
 static enum status chosen(const struct selector *s, const struct nearest_query *q, struct selection *out)
@@ -328,10 +340,10 @@ struct part_wanted {
     struct part_sight sight;
 };
 
-static double part_cost(const void *context, int64_t number)
+static double part_cost(const void *context, int64_t slot)
 {
     const struct part_wanted *wanted = context;
-    const struct part_sight *k = &wanted->sight, *n = &wanted->sights[number];
+    const struct part_sight *k = &wanted->sight, *n = &wanted->sights[slot];
     if (!n->known || n->excluded)
         return -1;
     // Between known and unknown twist the side is anybody's guess: a right angle off.

@@ -8,10 +8,11 @@
 
 #include <string.h>
 
-enum { SEED = 47, MOST = 700 };
+enum { SEED = 47, MOST = 34000 };
 
 struct crowd {
     int places, count, asked;
+    int numbers[MOST]; // [slot]
     bool barred[MOST];
     struct nearest_point points[MOST];
     struct nearest_point wanted;
@@ -19,9 +20,10 @@ struct crowd {
 };
 
 // `scale` times the sum, and a little more for every third, so that it is not the bound itself.
-static double cost_of(const void *context, int64_t number)
+static double cost_of(const void *context, int64_t slot)
 {
     struct crowd *c = (struct crowd *)(uintptr_t)context;
+    const int number = c->numbers[slot];
     const struct nearest_point *p = &c->points[number];
     c->asked++;
     if (c->barred[number])
@@ -33,20 +35,16 @@ static double cost_of(const void *context, int64_t number)
     return c->scale * sum + (number % 3 ? 0 : 0.05);
 }
 
-// After which of its points the index is settled: never, after all, in between, and twice.
-enum { WAYS = 4 };
-
-static bool settles(int way, int added, int count)
-{
-    return (way == 1 && added == count) || (way == 2 && added == count / 2) ||
-           (way == 3 && (added == count / 3 || added == count));
-}
+// In the order in which they came, and settled.
+enum { WAYS = 2 };
 
 // Returns how many points were asked about, on average.
 static int compare(struct crowd *c)
 {
     int64_t wanted = -1;
     double least = 0;
+    for (int i = 0; i < c->count; i++)
+        c->numbers[i] = i;
     for (int i = 0; i < c->count; i++) {
         double here = cost_of(c, i);
         if (here >= 0 && (wanted < 0 || here < least)) {
@@ -58,17 +56,17 @@ static int compare(struct crowd *c)
     for (int way = 0; way < WAYS; way++) {
         struct nearest *n;
         EXPECT_STATUS(nearest_open(&n, c->places, 1.0 / 2048, c->count), OK);
-        for (int i = 0; i <= c->count; i++) {
-            if (settles(way, i, c->count))
-                EXPECT_STATUS(nearest_settle(n, NULL, 0), OK);
-            if (i < c->count)
-                nearest_add(n, &c->points[i]);
-        }
+        for (int i = 0; i < c->count; i++)
+            nearest_add(n, &c->points[i]);
+        if (way == 1)
+            EXPECT_STATUS(nearest_settle(n, c->numbers, sizeof *c->numbers), OK);
         struct nearest_query q = {n, c->wanted, c->scale, c, -1, 0};
         nearest_find_all(&q, 1, cost_of);
         EXPECT_INT(q.number, wanted);
         if (wanted >= 0)
             EXPECT_TRUE(q.cost_m == least);
+        for (int i = 0; i < c->count; i += 1 + c->count / 4)
+            EXPECT_INT(c->numbers[nearest_slot(n, i)], i);
         nearest_close(&n);
     }
     return c->asked / WAYS;
@@ -85,10 +83,11 @@ static struct nearest_point near_to(const struct nearest_point *p, int places, d
 static struct crowd *walk(int places, int count, double step_m, struct dice *dice)
 {
     static struct crowd c;
-    memset(&c, 0, sizeof c);
+    memset(c.barred, 0, (size_t)count * sizeof *c.barred);
     c.places = places;
     c.count = count;
     c.scale = 1;
+    c.asked = 0;
     struct nearest_point at = {.known = (1u << places) - 1};
     for (int i = 0; i < count; i++)
         c.points[i] = at = near_to(&at, places, step_m, dice);
@@ -103,7 +102,7 @@ static void every_count_up_to_three_groups(void **state)
     struct dice dice = {SEED};
     print_message("seed %d\n", SEED);
     int asked = 0, all = 0;
-    for (int count = 0; count < MOST; count += count < 40 || count % 256 > 250 || count % 256 < 5 ? 1 : 7) {
+    for (int count = 0; count < 700; count += count < 40 || count % 256 > 250 || count % 256 < 5 ? 1 : 7) {
         asked += compare(walk(1 + count % NEAREST_PLACES_MOST, count, 0.05, &dice));
         all += count;
     }
@@ -138,6 +137,22 @@ static void some_may_not_be_chosen(void **state)
         for (int i = 0; i < c->count; i++)
             c->barred[i] = dice_uniform(&dice) < round / 50.0; // in the last rounds none is left
         compare(c);
+    }
+}
+
+// Before one that may be chosen is found, all points, blocks and groups may hold it: more than can wait at once.
+static void where_nothing_can_be_passed_over(void **state)
+{
+    (void)state;
+    struct dice dice = {SEED + 8};
+    for (int round = 0; round < 4; round++) {
+        struct crowd *c = walk(1 + round, MOST, 0.002, &dice);
+        for (int i = 0; i < c->count; i++)
+            c->barred[i] = true;
+        if (round > 0)
+            c->barred[(int)(dice_uniform(&dice) * c->count)] = false;
+        int asked = compare(c);
+        EXPECT_TRUE(round > 0 || asked >= c->count);
     }
 }
 
@@ -236,6 +251,7 @@ int main(void)
         cmocka_unit_test(every_count_up_to_three_groups),
         cmocka_unit_test(ties_go_to_the_lowest),
         cmocka_unit_test(some_may_not_be_chosen),
+        cmocka_unit_test(where_nothing_can_be_passed_over),
         cmocka_unit_test(unknown_places_cost_nothing),
         cmocka_unit_test(what_a_point_costs_by_itself_counts),
         cmocka_unit_test(places_far_away_and_no_numbers),
