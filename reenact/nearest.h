@@ -36,7 +36,7 @@ void nearest_close(struct nearest **n);
 void nearest_add(struct nearest *n, const struct nearest_point *point);
 
 // After the last point, once: puts points that are alike side by side, wherever they were in the order of points, as
-// the leaves of a k-d tree, so that most searches pass over 128 at once, and makes them smaller. Changes no answer.
+// the leaves of a k-d tree, so that most searches pass over 256 at once, and makes them smaller. Changes no answer.
 // Worth it for points of few places; of many places, those next to each other in time are the more alike.
 // of_points: what the caller keeps of each point and works costs out from, slot by slot, `bytes` each; put into the new
 // order, too. It stays where it is as long as n is used, and is fetched before a cost is asked for. NULL and 0:

@@ -8,7 +8,6 @@ enum {
     BLOCKS_AT_ONCE = 64,
     POINTS_AT_ONCE = 256,
 };
-static_assert(FIRST_BLOCKS <= BLOCKS_AT_ONCE, "");
 
 // How far a search has come. What waits to be looked at comes from memory while other searches work.
 struct progress {
@@ -159,9 +158,8 @@ static KERNEL void find_others(struct progress *p)
             bits |= (uint64_t)within(p->point_bounds[b], LANES, p->s->limit) << LANES * (b - first);
         for (; bits; bits &= bits - 1) {
             int i = __builtin_ctzll(bits);
-            if (p->slot_count == POINTS_AT_ONCE) {
+            if (p->slot_count == POINTS_AT_ONCE)
                 ask_points(p);
-            }
             wait_for_point(p, first + i / LANES, i % LANES);
         }
     }

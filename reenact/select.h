@@ -26,12 +26,12 @@ struct selection {
 MUST_CHECK enum status selector_open(struct selector **out, int64_t capacity);
 void selector_close(struct selector **s);
 
-// Adds frame number `frame` (rising) with its skeleton in its camera's axes.
+// Adds frame number `frame` (rising) with its skeleton in its camera's axes. Not once it is settled.
 // ERR_INPUT: a known joint is not finite; nothing is added.
 MUST_CHECK enum status selector_add(struct selector *s, int64_t frame, const struct skeleton *in_camera,
                                     const struct body *body);
 
-// After the last frame of a take: parts are found faster from now on, alike. ERR_MEMORY: nothing has changed.
+// After the last frame of a take, once: parts are found faster from now on, alike. ERR_MEMORY: it can only be closed.
 MUST_CHECK enum status selector_settle(struct selector *s);
 
 // Never to be chosen again for this part: its pictures do not show it.
