@@ -5,8 +5,7 @@
 
 void *nearest_cleared(size_t bytes)
 {
-    bytes = (bytes + LINE - 1) / LINE * LINE;
-    void *zeros = aligned_alloc(LINE, bytes);
+    void *zeros = memory_in_lines(bytes);
     return zeros ? memset(zeros, 0, bytes) : NULL;
 }
 

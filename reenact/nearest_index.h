@@ -1,6 +1,7 @@
 // The inside of nearest.h's index while points come, for adding (nearest.c), finding
 // (nearest_find.c) and settling (nearest_settle.c) only.
 #pragma once
+#include "platform/memory.h"
 #include "reenact/nearest.h"
 
 enum {
@@ -9,7 +10,6 @@ enum {
     FAR = 8191,      // the farthest coordinate, units
     ANYWHERE = 8192, // a box from -ANYWHERE on, as wide as FAR goes, holds every place
     SUM_MOST = 32767,
-    LINE = 64, // bytes that the caches move at once
 };
 
 typedef int16_t lanes[LANES];
@@ -25,8 +25,8 @@ struct point_lanes {
 
 // What else there is to know of a block: a line of the caches.
 struct block_head {
-    _Alignas(64) points_lanes own; // units, the points'
-    uint32_t known;                // places known in every point
+    _Alignas(MEMORY_LINE) points_lanes own; // units, the points'
+    uint32_t known;                         // places known in every point
 };
 
 struct nearest {

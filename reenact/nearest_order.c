@@ -1,7 +1,7 @@
 #include "reenact/nearest_settled.h"
 
 enum {
-    TRIED = 5,    // the widest dimensions: halving another one leaves halves that are wider still
+    TRIED = 5,    // the widest dimensions: to try more than three gains little
     SAMPLE = 256, // of a range's points tell how wide it is
     DIMENSIONS_MOST = 3 * NEAREST_PLACES_MOST + 1,
 };

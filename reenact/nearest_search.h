@@ -56,7 +56,7 @@ static inline void ask(struct search *s, int64_t slot)
 // What is going to be looked at is on its way before: takes are more than the near caches hold.
 static KERNEL void fetch(const void *from, size_t bytes)
 {
-    for (size_t i = 0; i < bytes; i += LINE)
+    for (size_t i = 0; i < bytes; i += MEMORY_LINE)
         __builtin_prefetch((const char *)from + i);
 }
 

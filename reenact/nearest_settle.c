@@ -123,7 +123,7 @@ static void put_group(const struct nearest *n, struct settled *s, int64_t group,
     }
 }
 
-static size_t whole_lines(size_t bytes) { return (bytes + LINE - 1) / LINE * LINE; }
+static size_t whole_lines(size_t bytes) { return (bytes + MEMORY_LINE - 1) / MEMORY_LINE * MEMORY_LINE; }
 
 static struct settled *settled_open(const struct nearest *n)
 {

@@ -1,7 +1,8 @@
 // What nearest_settle makes of an index: alike points side by side, in eight bits
 // a coordinate. A search touches some points of nearly every group, and to have
 // them come from memory takes longer than to compare them, so the smaller they
-// are the better. For nearest_order.c, nearest_settle.c and nearest_find_settled.c.
+// are the better. For nearest_order.c, nearest_settle.c and nearest_find_settled.c,
+// and nearest.c, which frees it.
 //
 // A block is sixteen points, a group sixteen blocks. A coordinate counts steps
 // of 1 << shift units from where its record begins, and stands for all units of

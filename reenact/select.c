@@ -1,16 +1,14 @@
 #include "reenact/select.h"
 
+#include "platform/memory.h"
 #include "reenact/nearest.h"
 
 #include <stdlib.h>
-#include <sys/mman.h>
-
-enum { LINE = 64 }; // bytes that the caches move at once
 
 // What a part looked like in one frame, as far as joints tell. One line of the caches: so many are looked at in a
 // search, each somewhere else, that fetching them takes longer than comparing them.
 struct part_sight {
-    _Alignas(LINE) bool known;
+    _Alignas(MEMORY_LINE) bool known;
     bool excluded;
     bool bodily;          // eye and around are in bodily axes; else the twist is unknown and they are facing ones
     uint8_t around_known; // bit i: around[i] means something
@@ -19,7 +17,7 @@ struct part_sight {
     float eye[3];         // unit, to the camera, in the part's bodily axes
     float around[3][3];   // the joints of around_joints, in the part's bodily axes, metres
 };
-static_assert(sizeof(struct part_sight) == LINE, "a line of the caches");
+static_assert(sizeof(struct part_sight) == MEMORY_LINE, "a line of the caches");
 
 // One of each array for a frame that was added; they are looked at in different
 // searches, so they lie apart.
@@ -184,25 +182,12 @@ static struct nearest_point part_point(const struct part_sight *sight)
 
 // ---------------------------------------------------------------- candidates
 
-// A search looks here and there, each time in another page of 4 KiB; to find that takes longer than to read it. Where
-// the system has larger pages and they help, they are used.
-static void *in_large_pages(size_t bytes)
-{
-    enum { PAGE = 2 << 20 };
-    size_t unit = bytes < PAGE ? LINE : PAGE;
-    bytes = (bytes + unit - 1) / unit * unit;
-    void *pages = aligned_alloc(unit, bytes);
-    if (pages && unit == PAGE)
-        (void)madvise(pages, bytes, MADV_HUGEPAGE);
-    return pages;
-}
-
 static enum status open_arrays(struct selector *s)
 {
     size_t room = s->capacity > 0 ? (size_t)s->capacity : 1;
     s->frames = calloc(room, sizeof *s->frames);
     s->skeletons = calloc(room, sizeof *s->skeletons);
-    struct part_sight *sights = in_large_pages(PART_COUNT * room * sizeof *sights);
+    struct part_sight *sights = memory_in_lines(PART_COUNT * room * sizeof *sights);
     bool enough = s->frames && s->skeletons && sights;
     for (int p = 0; p < PART_COUNT && sights; p++)
         s->sights[p] = sights + (size_t)p * room;
