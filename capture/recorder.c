@@ -1,13 +1,13 @@
 #include "capture/recorder.h"
 
-#include "capture/background.h"
-#include "capture/representative.h"
+#include "capture/segmentation/background_depth.h"
+#include "capture/body_radii.h"
 #include "capture/sensor_pose.h"
-#include "capture/settle.h"
-#include "capture/tracker.h"
-#include "platform/clock.h"
+#include "capture/tracking/skeleton_smoother.h"
+#include "capture/tracking/tracker.h"
+#include "base/clock.h"
 #include "platform/jpeg.h"
-#include "platform/queue.h"
+#include "base/queue.h"
 
 #include <pthread.h>
 #include <stdio.h>

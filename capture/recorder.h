@@ -7,7 +7,7 @@
 // one waits. What is written depends on the frames alone, never on timing.
 //
 // When the take has ended and is complete, its depth is read again from the end
-// to the beginning and the joints are told anew, with the future known (settle.h);
+// to the beginning and the joints are told anew, with the future known (skeleton_smoother.h);
 // unless the sensor was moved by 5 cm, a degree or more. That takes about as long as tracking did. Whoever
 // stops or kills it meanwhile has the take with the joints as they were told at first.
 #pragma once

@@ -1,6 +1,6 @@
 #include "capture/sensor_pose.h"
 
-#include "capture/upright.h"
+#include "capture/gravity_align.h"
 
 #include <stdlib.h>
 

@@ -5,7 +5,7 @@
 // from there on get the new pose. Everything is decided by frame numbers, so
 // that the same frames give the same poses.
 #pragma once
-#include "locate/locate.h"
+#include "locate/locator.h"
 
 enum { SENSOR_POSE_SETTLE = 10 }; // frames that are located before the first pose is given
 

@@ -1,11 +1,11 @@
 // What the locator's files share: the place, the picture in hand, and what of it will
 // be looked for in the next one.
 #pragma once
-#include "locate/anchor.h"
-#include "locate/focal.h"
-#include "locate/locate.h"
-#include "locate/patch.h"
-#include "locate/points.h"
+#include "locate/pose_fusion.h"
+#include "locate/focal_estimate.h"
+#include "locate/locator.h"
+#include "locate/klt_patch.h"
+#include "locate/landmark_matching.h"
 
 enum { LOCATOR_MOST_TRACKS = 220, LOCATOR_ACROSS = 4, LOCATOR_DOWN = 3, LOCATOR_PARTS = LOCATOR_ACROSS * LOCATOR_DOWN };
 
@@ -100,7 +100,7 @@ static inline bool locator_in_picture(const struct lens *lens, struct vec3 p)
     return p.z > 0.1 && fabs(p.x) < lens->width / lens->fx * p.z && fabs(p.y) < lens->height / lens->fy * p.z;
 }
 
-// ---- own_shutter.c
+// ---- rolling_shutter_detect.c
 // Whether the tags of the picture in hand fit no pose (`found` is the best; NULL: there is none) unless the rows of a
 // camera that is said to read them at once were read one after the other. Then it is taken for such a one from now on.
 bool locator_notice_shutter(struct locator *l, const struct fit_tag *tags, const struct camera_fit *found);
@@ -111,7 +111,7 @@ bool locator_notice_shutter(struct locator *l, const struct fit_tag *tags, const
 void locator_note_moved(struct locator *l, const struct fit_tag *tags, int points,
                         const struct pose *camera_from_world);
 
-// ---- own_lens.c
+// ---- self_calibration.c
 // Before a picture: a lens whose focal length was unsure becomes what the pictures so far say. Whatever was
 // followed through the old one is forgotten when it does.
 void locator_learn_lens(struct locator *l);
@@ -122,7 +122,7 @@ void locator_ask_for_focal(struct locator *l, const struct fit_tag *tags, const 
 void locator_doubt_lens(const struct locator *l, const struct fit_tag *tags, const struct fit_point *points,
                         int point_count, const struct pose *camera_from_world, double covariance[36]);
 
-// ---- newcomers.c
+// ---- landmark_activation.c
 // Features that show points of the place become tracks, as far as there is room and none is near.
 // found: of l->matches.
 void locator_add_points(struct locator *l, int found, const struct pose *camera_from_world);
@@ -130,7 +130,7 @@ void locator_add_points(struct locator *l, int found, const struct pose *camera_
 MUST_CHECK enum status locator_look_for_new(struct locator *l, const uint16_t *depth,
                                             const struct pose *camera_from_world);
 
-// ---- follow.c
+// ---- tracking.c
 // Something of known place, seen at a pixel, will be followed. point: as in struct point_track.
 // seen: how surely, covariance in pixels^2.
 void locator_add_track(struct locator *l, int32_t point, struct vec3 world, const double seen[3], struct pixel at,

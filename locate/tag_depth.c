@@ -1,7 +1,7 @@
 #include "locate/tag_depth.h"
 
-#include "locate/linear.h"
-#include "locate/square.h"
+#include "base/linear_algebra.h"
+#include "locate/planar_pose.h"
 
 static const double ROBUST = 3;         // standard deviations from where on a reading loses weight
 static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together, even where the steps are fine

@@ -1,6 +1,6 @@
 // What a depth sensor reads of a tag, and how well it reads at all. Pure.
 #pragma once
-#include "locate/refine.h"
+#include "locate/tag_corners.h"
 
 enum { TAG_DEPTH_SAMPLES = 36 };
 

@@ -14,7 +14,7 @@
 // members are ignored.
 #include "platform/file.h"
 #include "platform/json.h"
-#include "platform/source_kinds.h"
+#include "platform/source_internal.h"
 
 #include <ctype.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 // General lossless compression of memory (zstd). The same bytes in, level and
 // version give the same bytes out. One handle, one thread.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 struct compressor; // working memory, kept between calls
 

@@ -2,7 +2,7 @@
 // SQLite's answers become a status and a sentence that names the file.
 // One handle and its statements belong to one thread at a time.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 struct database;
 struct statement; // one prepared SQL statement

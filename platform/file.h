@@ -1,6 +1,6 @@
 // Whole files and folders. Every error's sentence names the path.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 // *bytes is malloc'ed with a 0 behind its `count` bytes; the caller frees it.
 // ERR_MISSING, ERR_IO, ERR_MEMORY.

@@ -20,7 +20,7 @@
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
-#include "platform/source_kinds.h"
+#include "platform/source_internal.h"
 
 #include <stdio.h>
 #include <stdlib.h>

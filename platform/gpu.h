@@ -12,7 +12,7 @@
 // next call that can say so, always at gpu_target_read; the picture is then not
 // to be used and the way on is to close everything and open it again.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 struct gpu;
 struct gpu_program;
@@ -32,7 +32,7 @@ void gpu_close(struct gpu **g); // NULL is fine; sets *g = NULL. The same for al
 const char *gpu_renderer(const struct gpu *g); // the driver's own name for itself
 int gpu_max_size(const struct gpu *g);         // pixels, of a texture's or target's longer side
 
-// What was asked of the driver so far, and what it holds now; controls (gpu_flat.h) are not counted.
+// What was asked of the driver so far, and what it holds now; controls (gpu_draw2d.h) are not counted.
 struct gpu_counts {
     int64_t draws, uploads; // pictures' and meshes' bytes that were written, whole or in part
     int64_t made;           // programs, textures, meshes, targets
@@ -101,7 +101,7 @@ MUST_CHECK enum status gpu_target_open_flat(struct gpu_target **out, struct gpu 
 MUST_CHECK enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height);
 void gpu_target_close(struct gpu_target **t);
 // From here on pictures of that size are drawn into it, no larger than what it was opened for; if that is another size
-// it is cleared, but nothing is made. They take up its texture's top left, which is what is shown of it (gpu_flat.h),
+// it is cleared, but nothing is made. They take up its texture's top left, which is what is shown of it (gpu_draw2d.h),
 // the last row and column fading over half a pixel.
 void gpu_target_use(struct gpu_target *t, int width, int height);
 int gpu_target_width(const struct gpu_target *t); // as it is used

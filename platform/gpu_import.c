@@ -1,5 +1,5 @@
 #include "platform/gpu_import.h"
-#include "platform/gpu_parts.h"
+#include "platform/gpu_internal.h"
 
 #include <EGL/egl.h>
 #include <EGL/eglext.h>

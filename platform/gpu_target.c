@@ -1,4 +1,4 @@
-#include "platform/gpu_parts.h"
+#include "platform/gpu_internal.h"
 
 #include <stdlib.h>
 

@@ -2,7 +2,7 @@
 // Safe from any thread. Decoding uses the exact integer transform, so the same
 // bytes give the same pixels on every machine.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 // Size of a JPEG without decoding it. ERR_CORRUPT.
 MUST_CHECK enum status jpeg_size(const uint8_t *bytes, size_t count, int *width, int *height);

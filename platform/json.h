@@ -1,7 +1,7 @@
 // JSON, read and written (cJSON). Reading functions return a sentence that
 // names the file and the member at fault. One tree, one thread.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 struct json; // a value and everything below it
 

@@ -8,14 +8,14 @@
 // compressed can be lent; of the camera's buffers it always keeps some to go on with.
 //
 // libcamera knows no focal length; see camera_lens_read() and camera_lens_guess()
-// in source_kinds.h for where the calibration comes from.
+// in source_internal.h for where the calibration comes from.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic" // C headers: compound literals
 extern "C" {
 #include "platform/jpeg.h"
 }
-#include "platform/pixels.h"
-#include "platform/source_kinds.h"
+#include "base/pixels.h"
+#include "platform/source_internal.h"
 #pragma GCC diagnostic pop
 
 #include <libcamera/libcamera.h>

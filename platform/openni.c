@@ -20,9 +20,9 @@
 // a file's depth is registered is written nowhere; it is taken to be. A sensor
 // that cannot register is said to be not registered, with its two cameras in
 // one place, for OpenNI2 does not say how far they are apart.
-#include "platform/clock.h"
+#include "base/clock.h"
 #include "platform/file.h"
-#include "platform/openni_sensor.h"
+#include "platform/openni_internal.h"
 
 #include <dlfcn.h>
 #include <stdio.h>

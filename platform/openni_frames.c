@@ -1,7 +1,7 @@
 // Reading from OpenNI2: holding a file's player back, pairing depth and colour,
 // turning pictures round. See openni.c for what comes out.
-#include "platform/clock.h"
-#include "platform/openni_sensor.h"
+#include "base/clock.h"
+#include "platform/openni_internal.h"
 
 #include <stdio.h>
 #include <stdlib.h>

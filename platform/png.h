@@ -1,6 +1,6 @@
 // PNG pictures (libpng). Rows without padding, top row first. Safe from any thread.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 // 16-bit samples are in the machine's order.
 enum png_kind { PNG_GRAY8 = 1, PNG_GRAY16 = 2, PNG_RGB8 = 3, PNG_RGBA8 = 4 }; // bytes a pixel

@@ -1,6 +1,6 @@
 #include "platform/source.h"
 
-#include "platform/source_kinds.h"
+#include "platform/source_internal.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -9,8 +9,8 @@
 // a calibration.json beside it; colour and depth are paired by time, at most
 // half a frame apart. One handle belongs to one thread.
 #pragma once
-#include "platform/lens.h"
-#include "platform/loan.h"
+#include "base/lens.h"
+#include "platform/dmabuf_image.h"
 
 // One instant. A picture that is not there has NULL pixels.
 struct frame {

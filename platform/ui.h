@@ -8,7 +8,7 @@
 // Between ui_begin and ui_end everything is gathered; ui_draw puts it on a target
 // or a window. One ui in a process at a time, on one thread.
 #pragma once
-#include "platform/gpu_flat.h"
+#include "platform/gpu_draw2d.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,7 +1,7 @@
 # Writes OUT: a C file with the text of every file in SHADERS (a list), as bytes,
 # so that no quoting can go wrong. Run by cmake -P at build time. A line
 # #include "NAME" becomes the text of that one of PARTS (a list).
-set(code "// Made from shaders/ at build time.\n#include \"reenact/shaders.h\"\n\n")
+set(code "// Made from shaders/ at build time.\n#include \"reenact/render/shaders.h\"\n\n")
 set(table "")
 foreach(path ${SHADERS})
     get_filename_component(name ${path} NAME)

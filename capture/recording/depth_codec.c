@@ -7,9 +7,9 @@
 // pixels until the first that does not is kept. docs/format.md has the bytes.
 #include "capture/recording/depth_codec.h"
 
-#include "capture/recording/bytes.h"
-#include "capture/recording/depth_coder.h"
-#include "capture/recording/range_code.h"
+#include "capture/recording/little_endian.h"
+#include "capture/recording/codec_internal.h"
+#include "capture/recording/rans_coder.h"
 
 #include <stdlib.h>
 

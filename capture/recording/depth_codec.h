@@ -2,7 +2,7 @@
 // are described to the byte in docs/format.md. Each picture stands alone.
 // Decoding is safe on any bytes. One coder, one thread; deterministic.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 struct depth_coder; // working memory, kept between pictures
 

@@ -1,7 +1,7 @@
 // The mask code: each pixel against the one above it, the lengths of the runs
 // of equal and of different ones in turn, and zstd over those.
-#include "capture/recording/bytes.h"
-#include "capture/recording/depth_coder.h"
+#include "capture/recording/little_endian.h"
+#include "capture/recording/codec_internal.h"
 
 enum { HEADER = 1 + 2 + 2 + 4, VERSION = 0 };
 

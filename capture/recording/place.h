@@ -1,9 +1,9 @@
-// A place: what a camera can recognise there. Made by capture/mapper, kept in a
+// A place: what a camera can recognise there. Made by capture/mapping/mapper, kept in a
 // recording, used by locate. World axes: z up, z = 0 on the floor, metres; x
 // and y as the lowest-numbered tag has them; without tags x points to the right of the
 // sweep's first view, from below it.
 #pragma once
-#include "platform/lens.h"
+#include "base/lens.h"
 
 // A square tag. Its own axes: origin at its centre, x right, y up, z out of the
 // wall towards the reader, so its corners are (-+side/2, -+side/2, 0).

@@ -2,9 +2,9 @@
 // over a damaged page, the next key may lie on a sound one.
 #include "capture/recording/recording_salvage.h"
 
-#include "capture/recording/bytes.h"
+#include "capture/recording/little_endian.h"
 #include "capture/recording/recording_reader.h"
-#include "capture/recording/recording_scribe.h"
+#include "capture/recording/async_writer.h"
 #include "platform/jpeg.h"
 
 #include <stdio.h>

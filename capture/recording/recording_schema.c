@@ -1,6 +1,6 @@
 #include "capture/recording/recording_schema.h"
 
-#include "capture/recording/bytes.h"
+#include "capture/recording/little_endian.h"
 
 #include <stdio.h>
 

@@ -1,7 +1,7 @@
 // Writing a recording: checks and codes what is given; the scribe writes it.
 #include "capture/recording/depth_codec.h"
 #include "capture/recording/recording_reader.h"
-#include "capture/recording/recording_scribe.h"
+#include "capture/recording/async_writer.h"
 
 #include "platform/jpeg.h"
 

@@ -1,7 +1,7 @@
 // The body's words: 16 joints, 11 parts. Left is the person's own left.
 // Everything that speaks of a body, in capture and in reenact, speaks these.
 #pragma once
-#include "platform/geometry.h"
+#include "base/geometry.h"
 
 enum joint {
     JOINT_HEAD,

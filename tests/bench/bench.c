@@ -2,7 +2,7 @@
 #include "tests/bench/bench_result.h"
 #include "tests/bench/bench_stages.h"
 
-#include "platform/clock.h"
+#include "base/clock.h"
 
 #include <argp.h>
 #include <math.h>

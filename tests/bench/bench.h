@@ -22,7 +22,7 @@
 // and its line in bench_stages.h. A foreign library goes into a bench_NAME_*.cpp
 // of its own, behind a header in plain C.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 enum { BENCH_EXTRAS = 6 };
 

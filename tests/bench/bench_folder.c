@@ -1,6 +1,6 @@
 #include "tests/bench/bench_folder.h"
 
-#include "capture/mapper.h"
+#include "capture/mapping/mapper.h"
 #include "platform/source.h"
 
 #include <stdlib.h>

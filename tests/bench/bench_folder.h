@@ -2,7 +2,7 @@
 // tags.json, truth/).
 #pragma once
 #include "capture/recording/place.h"
-#include "platform/geometry.h"
+#include "base/geometry.h"
 
 #include <stdio.h>
 

@@ -1,6 +1,6 @@
 // A camera that looks at something, upright.
 #pragma once
-#include "platform/geometry.h"
+#include "base/geometry.h"
 
 static inline struct pose bench_look_at(struct vec3 from, struct vec3 at)
 {

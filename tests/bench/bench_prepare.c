@@ -3,8 +3,8 @@
 // recorded without a place. Made twice, it has to be the same.
 #include "tests/bench/bench.h"
 
-#include "platform/clock.h"
-#include "reenact/likeness.h"
+#include "base/clock.h"
+#include "reenact/avatar/avatar.h"
 #include "tests/bench/bench_record.h"
 #include "tests/support/film.h"
 
@@ -133,7 +133,7 @@ static bool went_on(void *self, double share)
     return share <= 1;
 }
 
-static void began(void *self, enum likeness_step step)
+static void began(void *self, int step)
 {
     struct split *s = self;
     s->began[step] = now();
@@ -176,7 +176,7 @@ static enum status measure(struct bench *b, struct take *take)
     struct source_rays *rays = NULL;
     struct likeness one = {0}, other = {0};
     struct split split = {0};
-    const struct likeness_watch watch = {.went_on = went_on, .self = &split, .began = began};
+    const struct progress_watch watch = {.went_on = went_on, .self = &split, .began = began};
     bench_columns(b, columns, COUNT_OF(columns));
     enum status status = source_rays_open(&rays, take_calibration(take));
     struct moment_of begun = now();

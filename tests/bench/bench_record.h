@@ -1,6 +1,6 @@
 // A take made for a stage to work on.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 // Records the source `uri` as "take" into `file`, which is new, with no place. As
 // recording_create, source_open and recorder_run.

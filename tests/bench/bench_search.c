@@ -9,8 +9,8 @@
 #include "tests/bench/bench_search_nanoflann.h"
 #include "tests/support/limbs.h"
 
-#include "reenact/nearest.h"
-#include "reenact/select.h"
+#include "reenact/retrieval/pose_index.h"
+#include "reenact/retrieval/frame_selection.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -63,7 +63,7 @@ static enum status search_ours(const struct take_of_limbs *t, const struct skele
     return status;
 }
 
-// Its answers are held by tests/test_select; here only the time is of interest.
+// Its answers are held by tests/reenact/test_frame_selection; here only the time is of interest.
 static enum status search_parts(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
     struct selection found[PART_COUNT];

@@ -1,7 +1,7 @@
 // What a user would take instead for the nearest pose: nanoflann's k-d tree, in
 // single precision and with the squared Euclidean distance that it has.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 #ifdef __cplusplus
 extern "C" {

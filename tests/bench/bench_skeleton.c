@@ -10,7 +10,7 @@
 #include "tests/bench/bench_skeleton_trials.h"
 #include "tests/bench/bench_tags_peers.h"
 
-#include "capture/tracker.h"
+#include "capture/tracking/tracker.h"
 
 #include <stdlib.h>
 

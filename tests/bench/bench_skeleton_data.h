@@ -1,7 +1,7 @@
 // What the skeleton's bench works on: depth and grey pictures with true joints.
 #pragma once
 #include "capture/recording/skeleton.h"
-#include "platform/lens.h"
+#include "base/lens.h"
 
 struct skeleton_frame {
     int64_t time_ns;

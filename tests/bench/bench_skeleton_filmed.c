@@ -1,7 +1,7 @@
 // People made and filmed in the small world: by motion and by body.
 #include "tests/bench/bench_skeleton_trials.h"
 
-#include "tests/bench/bench_settled.h"
+#include "tests/bench/bench_smoother.h"
 #include "tests/world/world.h"
 
 #include <glob.h>

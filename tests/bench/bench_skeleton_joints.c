@@ -1,7 +1,7 @@
 // One person joint by joint, next to truth that somebody else's figure carries: how far off each joint is, and how far
 // with what is constant of that taken out. Where a figure's knee lies within its leg is its maker's choice, which no
 // depth shows; how it moves is not.
-#include "tests/bench/bench_settled.h"
+#include "tests/bench/bench_smoother.h"
 #include "tests/bench/bench_skeleton_data.h"
 #include "tests/bench/bench_skeleton_trials.h"
 

@@ -1,5 +1,5 @@
 // Real people, next to what Kinect's own tracker made of the same pictures.
-#include "tests/bench/bench_settled.h"
+#include "tests/bench/bench_smoother.h"
 #include "tests/bench/bench_skeleton_trials.h"
 
 #include "platform/source.h"

@@ -5,9 +5,9 @@
 // it, by us alone.
 #include "tests/bench/bench.h"
 
-#include "locate/fit.h"
+#include "locate/pose_solver.h"
 #include "tests/bench/bench_tags_peers.h"
-#include "tests/tag_picture.h"
+#include "tests/support/tag_picture.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -8,7 +8,7 @@
 #include "tests/bench/bench_views_data.h"
 #include "tests/bench/bench_views_mesh.h"
 
-#include "reenact/painter.h"
+#include "reenact/render/actor_renderer.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,8 +1,8 @@
 #include "tests/bench/bench_views_data.h"
 
 #include "capture/recorder.h"
-#include "locate/refine.h"
-#include "locate/track.h"
+#include "locate/tag_corners.h"
+#include "locate/camera_tracker.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"

@@ -20,7 +20,7 @@
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic" // a C header: compound literals
-#include "platform/source_kinds.h"
+#include "platform/source_internal.h"
 #pragma GCC diagnostic pop
 
 #include <atomic>

@@ -6,7 +6,7 @@
 // things it writes when a picture ends on an even number of equal values and
 // one more, so that up to 31 pixels at the end of the bottom row may hold a
 // neighbour's depth. Everything else is the folder's, bit for bit.
-#include "platform/clock.h"
+#include "base/clock.h"
 #include "platform/file.h"
 #include "platform/source.h"
 #include "tests/openni_driver/keep_player.h"

@@ -2,7 +2,7 @@
 // depth pictures (TUM layout) and shows COUNT instants between two of its frames side by
 // side, depth as brightness, cut to the person. Limbs of the person's left are orange,
 // of their right blue; what is guessed is drawn thin, what is unknown not at all.
-#include "capture/tracker.h"
+#include "capture/tracking/tracker.h"
 #include "platform/png.h"
 #include "platform/source.h"
 

@@ -1,6 +1,6 @@
 #include "tests/support/film.h"
 
-#include "capture/mapper.h"
+#include "capture/mapping/mapper.h"
 #include "tests/support/align.h"
 
 #include "platform/file.h"

@@ -1,7 +1,7 @@
 #include "tests/support/glass.h"
 
-#include "platform/clock.h"
-#include "tests/test.h"
+#include "base/clock.h"
+#include "tests/support/test.h"
 
 #include <stdlib.h>
 

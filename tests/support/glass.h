@@ -1,6 +1,6 @@
 // A tablet without a window: the app drawn into memory, for tests that look at its screens.
 #pragma once
-#include "app/tablet.h"
+#include "app/viewer.h"
 
 enum { GLASS_LONG = 1280, GLASS_SHORT = 800 }; // px, of a tablet of 10 inches
 

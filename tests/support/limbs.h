@@ -3,7 +3,7 @@
 // hardest motion for whatever looks for a similar pose.
 #pragma once
 #include "capture/recording/skeleton.h"
-#include "tests/dice.h"
+#include "tests/support/random.h"
 
 enum { LIMB_WAVES = 4 };
 

@@ -1,6 +1,6 @@
 #include "tests/support/painted_person.h"
 
-#include "tests/test.h"
+#include "tests/support/test.h"
 
 #include "platform/jpeg.h"
 

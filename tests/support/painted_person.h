@@ -2,7 +2,7 @@
 // few frames; and what a painter makes of it. What fails is a failed check of the
 // test that asks for it.
 #pragma once
-#include "reenact/painter.h"
+#include "reenact/render/actor_renderer.h"
 
 enum { W = 320, H = 240, PIXELS = W * H };
 extern const struct lens ideal, bent; // W x H, without and with distortion

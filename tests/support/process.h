@@ -1,6 +1,6 @@
 // Runs a program as a user would and keeps what it said.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 #include <sys/types.h>
 

@@ -1,6 +1,6 @@
 // A rehearsal's recording, opened, for tests of what is drawn from it.
 #pragma once
-#include "reenact/likeness.h"
+#include "reenact/avatar/avatar.h"
 #include "tests/support/rehearsal.h"
 
 struct rehearsed {

@@ -1,7 +1,7 @@
 #include "tests/support/retake.h"
 
 #include "platform/jpeg.h"
-#include "tests/test.h"
+#include "tests/support/test.h"
 
 #include <stdlib.h>
 #include <string.h>

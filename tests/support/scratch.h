@@ -1,6 +1,6 @@
 // A folder of a test's own under the temporary folder, and files in it.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 struct scratch {
     char path[200];

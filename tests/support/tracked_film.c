@@ -1,6 +1,6 @@
 #include "tests/support/tracked_film.h"
 
-#include "tests/test.h"
+#include "tests/support/test.h"
 
 #include <string.h>
 

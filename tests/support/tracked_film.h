@@ -3,7 +3,7 @@
 #pragma once
 #include "tests/world/world.h"
 
-#include "capture/tracker.h"
+#include "capture/tracking/tracker.h"
 
 // Of cases of one kind, tests take one in so many: in an emulated machine a picture takes seconds.
 #ifdef EMULATED

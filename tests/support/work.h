@@ -1,7 +1,7 @@
 // What the program did, beside the clock: processor time of whoever draws and of all others, and what the machine
 // kept from it meanwhile. Linux; zeros where it does not tell. Asking costs some tenths of a millisecond.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 struct work {
     double cpu_ms;    // processor time of those that draw: the program's first thread and the driver's

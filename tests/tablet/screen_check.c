@@ -2,7 +2,7 @@
 // pictures? CAMERA: the folder the camera showed. DRAWN: what `reenact render --layers`
 // made of it. Finds which picture the screen shows and compares where the actor should
 // stand with what `render` draws and with the picture without him.
-#include "app/scene.h"
+#include "app/ui/view_compositor.h"
 #include "platform/png.h"
 #include "platform/source.h"
 

@@ -1,7 +1,7 @@
 // A USB camera without a camera: pictures of a folder, served by USB/IP to the kernel
 // this runs on (vhci-hcd, uvcvideo), over and over. Needs root.
-#include "app/command.h"
-#include "platform/clock.h"
+#include "app/commands/command.h"
+#include "base/clock.h"
 #include "platform/jpeg.h"
 #include "platform/source.h"
 #include "tests/usb_camera/uvc.h"

@@ -2,7 +2,7 @@
 // virtual host controller, vhci-hcd, sends requests through a socket, the device
 // answers them. The device lives in this process; no server and no network.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 enum { USB_MOST_BYTES = 65536 };
 

@@ -2,7 +2,7 @@
 // one line of numbers a frame. Axes and units are the file's own (by custom y up
 // and centimetres). Internal to tests/world.
 #pragma once
-#include "platform/geometry.h"
+#include "base/geometry.h"
 
 struct bvh;
 

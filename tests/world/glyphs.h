@@ -1,6 +1,6 @@
 // Letters and digits as strokes, for posters and shirts. Internal to tests/world.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 // The distance of (x, y) from the strokes of `letter` (A..Z, 0..9; others are blank),
 // in a cell 4 wide and 6 high, y up, origin at its lower left. Large where blank.

@@ -1,6 +1,6 @@
 // The named motions' key poses. Internal to tests/world.
 #pragma once
-#include "platform/geometry.h"
+#include "base/geometry.h"
 
 // One pose. Lengths for a figure of 1.75 m, scaled to its height (but x and y, which
 // are the room's). Angles in degrees; a positive yaw turns to the figure's own left,

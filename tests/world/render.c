@@ -1,5 +1,5 @@
 #include "tests/world/actor.h"
-#include "platform/parallel.h"
+#include "base/parallel.h"
 #include "tests/world/numbers.h"
 
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 #include "tests/world/shadow.h"
 
-#include "platform/parallel.h"
+#include "base/parallel.h"
 #include "tests/world/numbers.h"
 
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // Pictures to be laid on surfaces, filtered for the distance they are seen from.
 // Albedo: kept as 8-bit sRGB, mixed in linear light. Internal to tests/world.
 #pragma once
-#include "platform/base.h"
+#include "base/status.h"
 
 enum { TEXTURE_LEVELS = 12 };
 

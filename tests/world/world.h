@@ -7,7 +7,7 @@
 // World axes: x right, y away from the sensor, z up, metres; the floor is z = 0
 // and the room about 6.6 x 7.2 x 2.6 m. The sensor stands at y = -3.1 and looks
 // along +y; a figure whose heading is 0 faces it. Time is in seconds from the
-// motion's start. Camera axes as in platform/lens.h.
+// motion's start. Camera axes as in base/lens.h.
 //
 //     struct world *w;
 //     struct world_options o = world_default_options();

@@ -1,6 +1,6 @@
 // film-world: films the small world into folders, as a sensor and a tablet would
 // have, with the truth beside them.
-#include "app/command.h"
+#include "app/commands/command.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/json.h"
@@ -299,8 +299,8 @@ static enum status film_reel(const struct film *f, const struct world *w, const 
     add(&poses, "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
     add(&joints, "timestamp,joint,x_m,y_m,z_m\n");
     int count = (int)floor(length * rate_hz + 1e-6) + 1;
-    struct progress bar;
-    progress_start(&bar, r->name, count);
+    struct progress_bar bar;
+    progress_bar_start(&bar, r->name, count);
     for (int i = 0; i < count && !status && !command_stopped(); i++) {
         double t = i / rate_hz, stamp = r->start_s + t;
         struct pose pose = camera_at(w, r, t);
@@ -310,9 +310,9 @@ static enum status film_reel(const struct film *f, const struct world *w, const 
         add_pose(&poses, stamp, pose);
         struct skeleton s = world_joints(w, t);
         add_joints(&joints, stamp, &s);
-        progress_step(&bar);
+        progress_bar_step(&bar);
     }
-    progress_end(&bar);
+    progress_bar_end(&bar);
     char folder[PATH_BYTES], truth[PATH_BYTES], name[64];
     snprintf(folder, sizeof folder, "%s/%s", f->out, r->name);
     snprintf(truth, sizeof truth, "%s/truth", f->out);

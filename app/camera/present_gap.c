@@ -1,0 +1,66 @@
+#include "app/camera/present_gap.h"
+
+#include "base/clock.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <time.h>
+
+static const int64_t PATIENCE_NS = 50000000;
+
+struct lull {
+    pthread_mutex_t lock; // of what follows
+    pthread_cond_t changed;
+    int64_t count;
+};
+
+enum status lull_open(struct lull **out)
+{
+    struct lull *l = *out = calloc(1, sizeof *l);
+    if (!l)
+        return fail(ERR_MEMORY, "out of memory");
+    pthread_mutex_init(&l->lock, NULL);
+    pthread_condattr_t clock;
+    pthread_condattr_init(&clock);
+    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC); // clock_now_ns's
+    pthread_cond_init(&l->changed, &clock);
+    pthread_condattr_destroy(&clock);
+    return OK;
+}
+
+void lull_close(struct lull **l)
+{
+    if (*l) {
+        pthread_cond_destroy(&(*l)->changed);
+        pthread_mutex_destroy(&(*l)->lock);
+        free(*l);
+    }
+    *l = NULL;
+}
+
+void lull_begins(struct lull *l)
+{
+    pthread_mutex_lock(&l->lock);
+    l->count++;
+    pthread_cond_broadcast(&l->changed);
+    pthread_mutex_unlock(&l->lock);
+}
+
+int64_t lull_count(struct lull *l)
+{
+    pthread_mutex_lock(&l->lock);
+    const int64_t count = l->count;
+    pthread_mutex_unlock(&l->lock);
+    return count;
+}
+
+void lull_wait(struct lull *l, int64_t count)
+{
+    const int64_t until_ns = clock_now_ns() + PATIENCE_NS;
+    const struct timespec until = {(time_t)(until_ns / 1000000000), (long)(until_ns % 1000000000)};
+    pthread_mutex_lock(&l->lock);
+    while (l->count <= count && pthread_cond_timedwait(&l->changed, &l->lock, &until) != ETIMEDOUT)
+        continue;
+    pthread_mutex_unlock(&l->lock);
+}

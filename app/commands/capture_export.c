@@ -1,0 +1,67 @@
+#include "app/commands/commands.h"
+
+#include "capture/export.h"
+
+#include <string.h>
+
+static const struct format {
+    const char *name;
+    enum status (*write)(const struct take *take, const char *path);
+} formats[] = {{"joints-csv", export_joints_csv}, {"bvh", export_bvh}};
+
+struct arguments {
+    const char *file, *take, *out;
+    const struct format *as;
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct arguments *given = state->input;
+    switch (key) {
+    case COMMAND_KEY: given->take = value; return 0;
+    case COMMAND_KEY + 1:
+        for (size_t i = 0; i < COUNT_OF(formats); i++)
+            if (!strcmp(value, formats[i].name))
+                given->as = &formats[i];
+        if (!given->as)
+            argp_error(state, "--as knows joints-csv and bvh, not '%s'", value);
+        return 0;
+    case COMMAND_KEY + 2: given->out = value; return 0;
+    case ARGP_KEY_ARG:
+        if (given->file)
+            argp_error(state, "one FILE, not two");
+        given->file = value;
+        return 0;
+    case ARGP_KEY_END:
+        command_need(state, given->file, "FILE");
+        command_need(state, given->take, "--take NAME");
+        command_need(state, given->as, "--as FORMAT");
+        command_need(state, given->out, "--out PATH");
+        return 0;
+    }
+    return ARGP_ERR_UNKNOWN;
+}
+
+int capture_export(int argc, char **argv)
+{
+    static const struct argp_option options[] = {
+        {"take", COMMAND_KEY, "NAME", 0, "the take", 0},
+        {"as", COMMAND_KEY + 1, "FORMAT", 0,
+         "joints-csv (time, joint, position in the colour camera's axes, confidence) or bvh", 0},
+        {"out", COMMAND_KEY + 2, "PATH", 0, "the file to write", 0},
+        {0},
+    };
+    static const struct argp argp = {options, parse, "FILE", "Writes a take's joints for other programs.", 0, 0, 0};
+    struct arguments given = {0};
+    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    struct recording *recording = NULL;
+    struct take *take = NULL;
+    enum status status = recording_open(&recording, given.file);
+    if (status == OK)
+        status = take_open(&take, recording, given.take);
+    if (status == OK)
+        status = given.as->write(take, given.out);
+    take_close(&take);
+    recording_free(&recording);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

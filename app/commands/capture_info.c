@@ -1,0 +1,191 @@
+// reenact-capture info FILE: what a recording holds.
+#include "app/commands/commands.h"
+
+#include "capture/recording/recording.h"
+#include "platform/json.h"
+
+#include <stdio.h>
+#include <sys/stat.h>
+
+// What info says of a take, whichever way it is printed.
+struct take_summary {
+    const char *name;
+    int64_t frames, dropped, with_skeleton, located, representative;
+    double duration_s, fps;
+    const struct calibration *calibration;
+    bool complete;
+};
+
+static struct take_summary summarize(const struct take *t, const char *name)
+{
+    struct take_summary s = {
+        .name = name,
+        .frames = take_frame_count(t),
+        .dropped = take_dropped(t),
+        .representative = take_body(t)->representative_frame,
+        .calibration = take_calibration(t),
+        .complete = take_is_complete(t),
+    };
+    for (int64_t i = 0; i < s.frames; i++) {
+        s.with_skeleton += take_entry(t, i)->has_skeleton;
+        s.located += take_entry(t, i)->located;
+    }
+    if (s.frames > 1) {
+        // As double first: the times of a strange file may lie further apart than an int64 can say.
+        s.duration_s = ((double)take_entry(t, s.frames - 1)->time_ns - (double)take_entry(t, 0)->time_ns) * 1e-9;
+        s.fps = (double)(s.frames - 1) / s.duration_s;
+    }
+    return s;
+}
+
+// ------------------------------------------------------------- for people
+
+static void print_size(const char *what, const struct lens *lens)
+{
+    if (lens->width)
+        printf(", %s %d x %d", what, lens->width, lens->height);
+    else
+        printf(", no %s", what);
+}
+
+static void print_place(const struct place *p)
+{
+    printf("place: %d tags, %d points, %d views, residuals %.2f px", p->tag_count, p->point_count, p->view_count,
+           p->rms_px);
+    if (p->rms_m > 0)
+        printf(" and %.1f mm", p->rms_m * 1e3);
+    putchar('\n');
+    for (int32_t i = 0; i < p->tag_count; i++) {
+        const struct place_tag *t = &p->tags[i];
+        struct vec3 at = t->world_from_tag.translation;
+        printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d sightings\n", t->id, t->side_m * 1e3, at.x,
+               at.y, at.z, t->rms_px, t->sightings);
+    }
+}
+
+static void print_take(const struct take_summary *s)
+{
+    printf("take '%s': %lld frames, %.1f s", s->name, (long long)s->frames, s->duration_s);
+    if (s->fps > 0)
+        printf(" at %.1f Hz", s->fps);
+    print_size("colour", &s->calibration->color);
+    print_size("depth", &s->calibration->depth);
+    printf("\n  skeleton in %lld, located in %lld, ", (long long)s->with_skeleton, (long long)s->located);
+    if (s->representative >= 0)
+        printf("representative frame %lld, ", (long long)s->representative);
+    else
+        printf("no representative frame, ");
+    printf("%lld dropped, %s\n", (long long)s->dropped, s->complete ? "complete" : "interrupted");
+}
+
+// ------------------------------------------------------------- for programs
+
+static void add_point(struct json *parent, const char *name, struct vec3 p)
+{
+    struct json *at = json_add_array(parent, name);
+    json_push_number(at, p.x);
+    json_push_number(at, p.y);
+    json_push_number(at, p.z);
+}
+
+static void add_place(struct json *root, const struct place *p)
+{
+    struct json *place = json_add_object(root, "place");
+    json_add_number(place, "rms_px", p->rms_px);
+    json_add_number(place, "rms_m", p->rms_m);
+    json_add_number(place, "points", p->point_count);
+    json_add_number(place, "views", p->view_count);
+    struct json *tags = json_add_array(place, "tags");
+    for (int32_t i = 0; i < p->tag_count; i++) {
+        const struct place_tag *t = &p->tags[i];
+        struct json *tag = json_add_object(tags, NULL);
+        json_add_number(tag, "id", t->id);
+        json_add_number(tag, "side_m", t->side_m);
+        json_add_number(tag, "rms_px", t->rms_px);
+        json_add_number(tag, "sightings", t->sightings);
+        add_point(tag, "position_m", t->world_from_tag.translation);
+        struct vec3 corners[4];
+        place_tag_corners(t, corners);
+        struct json *list = json_add_array(tag, "corners_m");
+        for (int k = 0; k < 4; k++)
+            add_point(list, NULL, corners[k]);
+    }
+}
+
+static void add_take(struct json *takes, const struct take_summary *s)
+{
+    struct json *take = json_add_object(takes, NULL);
+    json_add_string(take, "name", s->name);
+    json_add_bool(take, "complete", s->complete);
+    json_add_number(take, "frames", (double)s->frames);
+    json_add_number(take, "duration_s", s->duration_s);
+    json_add_number(take, "fps", s->fps);
+    json_add_number(take, "color_width", s->calibration->color.width);
+    json_add_number(take, "color_height", s->calibration->color.height);
+    json_add_number(take, "depth_width", s->calibration->depth.width);
+    json_add_number(take, "depth_height", s->calibration->depth.height);
+    json_add_number(take, "frames_with_skeleton", (double)s->with_skeleton);
+    json_add_number(take, "frames_located", (double)s->located);
+    json_add_number(take, "representative_frame", (double)s->representative);
+    json_add_number(take, "dropped", (double)s->dropped);
+}
+
+// ------------------------------------------------------------- the command
+
+// Prints as it goes, or fills `root` where it is not NULL.
+static enum status report(struct recording *r, const char *path, struct json *root)
+{
+    struct stat about;
+    double bytes = stat(path, &about) ? 0 : (double)about.st_size;
+    struct place place;
+    enum status status = recording_read_place(r, &place);
+    if (status != OK && status != NOTHING)
+        return status;
+    if (root) {
+        json_add_string(root, "file", path);
+        json_add_number(root, "bytes", bytes);
+    } else {
+        printf("%s: %.1f MB\n", path, bytes / 1e6);
+    }
+    if (status == OK) {
+        if (root)
+            add_place(root, &place);
+        else
+            print_place(&place);
+        place_free(&place);
+    } else if (!root) {
+        printf("no place\n");
+    }
+    struct json *takes = root ? json_add_array(root, "takes") : NULL;
+    if (!root && !recording_take_count(r))
+        printf("no take\n");
+    for (int i = 0; i < recording_take_count(r); i++) {
+        struct take *take;
+        status = take_open(&take, r, recording_take_name(r, i));
+        if (status != OK)
+            return status;
+        struct take_summary summary = summarize(take, recording_take_name(r, i));
+        if (root)
+            add_take(takes, &summary);
+        else
+            print_take(&summary);
+        take_close(&take);
+    }
+    return OK;
+}
+
+int capture_info(int argc, char **argv)
+{
+    struct file_arguments a;
+    command_parse_file(argc, argv, "Says what a recording holds: its place, its takes, its size.", &a);
+    struct recording *r;
+    if (recording_open(&r, a.path) != OK)
+        return command_failed(argv[0]);
+    struct json *root = a.json ? json_new_object() : NULL;
+    enum status status = report(r, a.path, root);
+    if (status == OK && root)
+        status = command_print_json(&root);
+    json_free(&root);
+    recording_free(&r);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

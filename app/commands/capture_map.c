@@ -1,0 +1,337 @@
+#include "app/commands/commands.h"
+
+#include "capture/mapping/mapper.h"
+#include "capture/recording/recording.h"
+#include "platform/file.h"
+#include "platform/json.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+struct arguments {
+    const char *sensor, *camera, *tags, *out, *into; // one of the first two
+    double seconds, decimate;
+    bool json;
+};
+
+enum { KEY_SENSOR = COMMAND_KEY, KEY_CAMERA, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JSON, KEY_SECONDS, KEY_DECIMATE };
+
+static const struct argp_option options[] = {
+    {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags say how large the "
+     "place is, and points are what pictures from several places agree on",
+     0},
+    {"tags", KEY_TAGS, "TAGS.json", 0,
+     "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
+     "the side is the outer edge of the black square; without it natural points and depth make the place",
+     0},
+    {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
+    {"into", KEY_INTO, "FILE", 0,
+     "add to the place in this recording, in the same axes; begin where the place is known. Takes and tags stay as "
+     "they are; --tags lists new ones",
+     0},
+    {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
+     0},
+    {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
+    {"json", KEY_JSON, NULL, 0, "report as JSON", 0},
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct arguments *a = state->input;
+    switch (key) {
+    case KEY_SENSOR: a->sensor = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_TAGS: a->tags = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_INTO: a->into = value; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_SECONDS: a->seconds = command_number(state, "--seconds", value, 0.1, 1e6); return 0;
+    case KEY_DECIMATE: a->decimate = command_number(state, "--quad-decimate", value, 1, 8); return 0;
+    case ARGP_KEY_ARG: argp_error(state, "'%s' is one word too many", value); return 0;
+    case ARGP_KEY_END:
+        if (!a->sensor == !a->camera)
+            argp_error(state, "either --sensor URI, with depth, or --camera URI, without");
+        if (!a->into == !a->out)
+            argp_error(state, "either --out FILE, for a new recording, or --into FILE, for a place that is there");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+// Feeds the mapper until the source ends. NOTHING: stopped before the end of a source that has one.
+static enum status film(struct source *source, struct mapper *mapper, const struct arguments *a, int64_t *damaged)
+{
+    struct progress_bar bar;
+    struct frame frame;
+    enum status status = OK;
+    bool live = source_is_live(source);
+    int64_t first_ns = 0;
+    bool any = false;
+    progress_bar_start(&bar, live ? "filming the place, Ctrl-C when done" : "mapping", source_remaining(source));
+    while (status == OK) {
+        if (command_stopped()) {
+            status = live ? OK : NOTHING;
+            break;
+        }
+        status = source_next(source, &frame);
+        if (status == NOTHING) {
+            status = OK;
+            break;
+        }
+        if (status == ERR_INPUT) { // one damaged picture; the next call goes on behind it
+            ++*damaged;
+            status = OK;
+            continue;
+        }
+        if (status != OK)
+            break;
+        if (!any)
+            first_ns = frame.time_ns;
+        any = true;
+        if (a->seconds > 0 && (double)(frame.time_ns - first_ns) * 1e-9 > a->seconds)
+            break;
+        status = mapper_add(mapper, &frame);
+        progress_bar_step(&bar);
+    }
+    progress_bar_end(&bar);
+    return status;
+}
+
+// Everything is in the file, or there is no file.
+static enum status write_place(const char *path, const struct place *place)
+{
+    struct recording_writer *writer;
+    enum status status = recording_create(&writer, path);
+    if (status != OK)
+        return status;
+    status = recording_put_place(writer, place);
+    enum status closed = recording_close(&writer);
+    if (status == OK)
+        status = closed;
+    if (status != OK || command_stopped())
+        unlink(path);
+    return status;
+}
+
+// The place is replaced as a whole, or the file stays as it was.
+static enum status rewrite_place(const char *path, const struct place *place)
+{
+    struct recording_writer *writer;
+    enum status status = recording_append(&writer, path);
+    if (status != OK)
+        return status;
+    status = recording_put_place(writer, place);
+    enum status closed = recording_close(&writer);
+    return status != OK ? status : closed;
+}
+
+static enum status read_place(const char *path, struct place *out)
+{
+    struct recording *recording = NULL;
+    enum status status = recording_open(&recording, path);
+    if (status == OK)
+        status = recording_read_place(recording, out);
+    recording_free(&recording);
+    return status == NOTHING ? fail(ERR_INPUT, "%s holds no place yet; film one with map --out", path) : status;
+}
+
+static void print_json(const char *path, const struct place *before, const struct place *place,
+                       const struct mapper_report *r, int64_t damaged)
+{
+    struct json *root = json_new_object();
+    json_add_string(root, "file", path);
+    json_add_number(root, "frames", r->frames_seen);
+    json_add_number(root, "frames_used", r->frames);
+    json_add_number(root, "frames_placed", r->frames_placed);
+    json_add_number(root, "lost_from_s", r->lost_from_s);
+    json_add_number(root, "lost_to_s", r->lost_to_s);
+    json_add_number(root, "frames_damaged", (double)damaged);
+    json_add_number(root, "tags_unseen", r->tags_unseen);
+    json_add_number(root, "tags_apart", r->tags_apart);
+    json_add_number(root, "tags_unlisted", r->tags_unlisted);
+    json_add_number(root, "tags_moved", r->tags_moved);
+    json_add_number(root, "tags_astray", r->tags_astray);
+    json_add_number(root, "tags_new", place->tag_count - before->tag_count);
+    json_add_number(root, "points_new", place->point_count - before->point_count);
+    json_add_number(root, "views_new", place->view_count - before->view_count);
+    json_add_number(root, "points", place->point_count);
+    json_add_number(root, "views", place->view_count);
+    json_add_number(root, "rms_px", place->rms_px);
+    json_add_number(root, "rms_m", place->rms_m);
+    json_add_bool(root, "floor_seen", r->floor_from_depth);
+    struct json *tags = json_add_array(root, "tags");
+    for (int32_t i = 0; i < place->tag_count; i++) {
+        const struct place_tag *t = &place->tags[i];
+        struct json *tag = json_add_object(tags, NULL);
+        json_add_number(tag, "id", t->id);
+        json_add_number(tag, "side_m", t->side_m);
+        json_add_number(tag, "sightings", t->sightings);
+        json_add_number(tag, "rms_px", t->rms_px);
+        struct vec3 world[4];
+        place_tag_corners(t, world);
+        struct json *corners = json_add_array(tag, "corners");
+        for (int k = 0; k < 4; k++) {
+            struct json *corner = json_add_array(corners, NULL);
+            json_push_number(corner, world[k].x);
+            json_push_number(corner, world[k].y);
+            json_push_number(corner, world[k].z);
+        }
+    }
+    char *text = json_print(root);
+    fputs(text ? text : "{}\n", stdout);
+    free(text);
+    json_free(&root);
+}
+
+static void print_text(const char *path, const struct place *before, const struct place *place,
+                       const struct mapper_report *r)
+{
+    printf("%s: a place with %d tags and %d natural points, from %d of %d pictures\n", path, (int)place->tag_count,
+           (int)place->point_count, (int)r->frames_placed, (int)r->frames);
+    if (before->tag_count || before->point_count)
+        printf("new are %d tags and %d points\n", (int)(place->tag_count - before->tag_count),
+               (int)(place->point_count - before->point_count));
+    printf("%s fit to %.2f pixels", place->tag_count ? "tags" : "points", place->rms_px);
+    if (place->rms_m > 0)
+        printf(", depth to %.0f mm", place->rms_m * 1e3);
+    printf("; %d views kept\n", (int)place->view_count);
+}
+
+// The first tag that so few pictures show that nothing vouches for it; NULL: none.
+static const struct place_tag *seldom_seen(const struct place *place)
+{
+    enum { LEAST_SIGHTINGS = 3 };
+    for (int32_t i = 0; i < place->tag_count; i++)
+        if (place->tags[i].sightings < LEAST_SIGHTINGS)
+            return &place->tags[i];
+    return NULL;
+}
+
+static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
+{
+    const struct place_tag *seldom = seldom_seen(place);
+    if (!place->point_count)
+        fprintf(stderr,
+                "%s: warning: there are no natural points, so a camera is found only where it sees a tag; film "
+                "what can be recognised from two places\n",
+                program);
+    if (seldom)
+        fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,
+                (int)seldom->id, (int)seldom->sightings, seldom->sightings == 1 ? "" : "s");
+    if (r->tags_unseen)
+        fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
+                program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
+    if (r->tags_apart)
+        fprintf(stderr,
+                "%s: warning: tag %d%s never in one picture with the other tags, and left out; film it together "
+                "with one of them\n",
+                program, (int)r->first_apart, r->tags_apart > 1 ? " and others are" : " is");
+    if (r->tags_unlisted)
+        fprintf(stderr, "%s: warning: tag %d%s in the pictures but not listed, and ignored; measure it and list it\n",
+                program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
+    if (r->tags_astray)
+        fprintf(stderr,
+                "%s: warning: tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
+                "have this number; hang it firmly and film again\n",
+                program, (int)r->first_astray, r->tags_astray > 1 ? " and others are" : " is");
+    if (r->tags_moved)
+        fprintf(stderr,
+                "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
+                "as the sweep shows it beside others\n",
+                program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
+    if (!r->floor_from_depth)
+        fprintf(stderr,
+                "%s: warning: the floor is in no depth picture, so height 0 is the lowest thing that was recognised; "
+                "film the floor too\n",
+                program);
+    if (r->lost_to_s > r->lost_from_s)
+        fprintf(
+            stderr,
+            "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
+            "more slowly, with more of what was seen before in sight\n",
+            program, r->lost_from_s, r->lost_to_s);
+    if (damaged)
+        fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
+}
+
+static int map_place(const char *program, const struct arguments *a, const struct mapper_tag *tags, int32_t tag_count)
+{
+    struct source *source = NULL;
+    struct mapper *mapper = NULL;
+    struct place before = {0}, place = {0};
+    struct mapper_report report = {0};
+    struct mapper_options wanted = mapper_default_options();
+    const char *file = a->into ? a->into : a->out;
+    int64_t damaged = 0;
+    if (a->decimate > 0)
+        wanted.quad_decimate = a->decimate;
+    wanted.before = a->into ? &before : NULL;
+    enum status status = a->into ? read_place(a->into, &before) : OK;
+    if (status == OK)
+        status =
+            a->sensor ? source_open(&source, a->sensor, SOURCE_SENSOR) : source_open(&source, a->camera, SOURCE_CAMERA);
+    if (status == OK)
+        status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
+    if (status == OK)
+        command_catch_stop();
+    if (status == OK)
+        status = film(source, mapper, a, &damaged);
+    bool live = source && source_is_live(source);
+    source_close(&source);
+    if (status == OK)
+        status = mapper_finish(mapper, &place, &report);
+    if (status == OK && !live && command_stopped())
+        status = NOTHING;
+    if (status == OK)
+        status = a->into ? rewrite_place(a->into, &place) : write_place(a->out, &place);
+    if (status == OK) {
+        warn(program, &place, &report, damaged);
+        if (a->json)
+            print_json(file, &before, &place, &report, damaged);
+        else
+            print_text(file, &before, &place, &report);
+    }
+    mapper_close(&mapper);
+    place_free(&place);
+    place_free(&before);
+    if (status == NOTHING) {
+        fprintf(stderr, "%s: stopped; %s\n", program, a->into ? "the file stays as it was" : "no file was made");
+        return 1;
+    }
+    return status == OK ? 0 : command_failed(program);
+}
+
+int capture_map(int argc, char **argv)
+{
+    struct arguments a = {0};
+    const struct argp argp = {
+        options,
+        parse,
+        "(--sensor URI [--tags TAGS.json] | --camera URI --tags TAGS.json) (--out FILE | --into FILE)",
+        "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
+        "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
+        "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together. Without --tags "
+        "the place is known by its natural points alone: move slowly, and come back to where you began. "
+        "With --into another sweep adds what the first one did not see; what is known already must be in sight now "
+        "and then. With --camera any camera will do whose lens calibration.json describes: the places of printed tags "
+        "are all that it can tell.",
+        NULL,
+        NULL,
+        NULL};
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    if (a.out && file_exists(a.out)) {
+        (void)fail(ERR_EXISTS, "%s exists already; choose another name or remove it", a.out);
+        return command_failed(argv[0]);
+    }
+    struct mapper_tag *tags = NULL;
+    int32_t count = 0;
+    if (a.tags && mapper_read_tags(a.tags, &tags, &count) != OK)
+        return command_failed(argv[0]);
+    int code = map_place(argv[0], &a, tags, count);
+    free(tags);
+    return code;
+}

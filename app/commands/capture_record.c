@@ -1,0 +1,142 @@
+#include "app/commands/commands.h"
+
+#include "capture/recorder.h"
+#include "platform/json.h"
+
+#include <stdio.h>
+
+struct arguments {
+    const char *sensor, *into, *out, *take;
+    bool json;
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct arguments *given = state->input;
+    switch (key) {
+    case COMMAND_KEY: given->sensor = value; return 0;
+    case COMMAND_KEY + 1: given->into = value; return 0;
+    case COMMAND_KEY + 2: given->out = value; return 0;
+    case COMMAND_KEY + 3: given->take = value; return 0;
+    case COMMAND_KEY + 4: given->json = true; return 0;
+    case ARGP_KEY_ARG: argp_error(state, "'%s' is not understood", value); return 0;
+    case ARGP_KEY_END:
+        command_need(state, given->sensor, "--sensor URI");
+        command_need(state, given->take, "--take NAME");
+        if (!given->into == !given->out)
+            argp_error(state, "either --into FILE, for a recording that is there, or --out FILE, for a new one");
+        return 0;
+    }
+    return ARGP_ERR_UNKNOWN;
+}
+
+static void step(void *context) { progress_bar_step(context); }
+
+static void settle(void *context, int64_t frames)
+{
+    command_catch_stop(); // the one that ended the filming has been heard
+    progress_bar_end(context);
+    progress_bar_start(context, "thinking it over", frames);
+}
+
+static void report(const struct arguments *given, const struct recorder_result *r)
+{
+    if (given->json) {
+        struct json *root = json_new_object();
+        json_add_string(root, "take", given->take);
+        json_add_number(root, "frames", (double)r->frames);
+        json_add_number(root, "tracked", (double)r->tracked);
+        json_add_number(root, "dropped", (double)r->dropped);
+        json_add_number(root, "damaged", (double)r->damaged);
+        json_add_bool(root, "located", r->located);
+        json_add_number(root, "sensor_moves", r->sensor_moves);
+        json_add_number(root, "tags_moved", r->tags_moved);
+        json_add_number(root, "mean_ms", r->mean_ms);
+        json_add_number(root, "slowest_ms", r->slowest_ms);
+        json_add_number(root, "settle_ms", r->settle_ms);
+        (void)!command_print_json(&root);
+        return;
+    }
+    printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
+           (long long)r->tracked, (long long)r->dropped);
+    printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
+    if (r->settle_ms > 0)
+        printf("thinking it over took %.1f ms a frame\n", r->settle_ms);
+    else if (r->tracked)
+        printf("it was not thought over: the joints are as they were told at once\n");
+    if (r->sensor_moves)
+        printf("the sensor was moved %d times; keep it on a stand\n", r->sensor_moves);
+}
+
+// What went less than well, said but no reason to fail.
+static void warn(const char *program, bool has_place, const struct recorder_result *r)
+{
+    if (r->damaged)
+        fprintf(stderr, "%s: %lld pictures could not be read and were left out; the first: %s\n", program,
+                (long long)r->damaged, r->first_damage);
+    if (has_place && !r->located)
+        fprintf(stderr, "%s: the sensor recognised nothing of the place, so nobody will know where the actor stood\n",
+                program);
+    command_warn_moved_tags(program, r->tags_moved, r->first_moved);
+    if (r->frames && !r->tracked)
+        fprintf(stderr, "%s: no person was found in any frame\n", program);
+}
+
+static enum status read_place(const char *path, struct place *place)
+{
+    struct recording *recording = NULL;
+    enum status status = recording_open(&recording, path);
+    if (status == OK)
+        status = recording_read_place(recording, place);
+    recording_free(&recording);
+    return status == NOTHING ? OK : status; // a file without a place is fine
+}
+
+static enum status record(const struct arguments *given, struct place *place, struct recorder_result *result)
+{
+    struct source *source = NULL;
+    struct recording_writer *writer = NULL;
+    struct progress_bar progress;
+    enum status status = given->into ? read_place(given->into, place) : OK;
+    if (status == OK)
+        status = source_open(&source, given->sensor, SOURCE_SENSOR);
+    if (status == OK)
+        status = given->into ? recording_append(&writer, given->into) : recording_create(&writer, given->out);
+    if (status == OK) {
+        struct recorder_options options = {command_stopped, step, settle, step, &progress};
+        command_catch_stop();
+        progress_bar_start(&progress, "filming", source_remaining(source));
+        status = recorder_run(source, writer, given->take, place, &options, result);
+        progress_bar_end(&progress);
+    }
+    enum status closed = recording_close(&writer);
+    source_close(&source);
+    return status != OK ? status : closed;
+}
+
+int capture_record(int argc, char **argv)
+{
+    static const struct argp_option options[] = {
+        {"sensor", COMMAND_KEY, "URI", 0, "openni, openni:N, oni:FILE or folder:DIR", 0},
+        {"into", COMMAND_KEY + 1, "FILE", 0, "add the take to this recording, whose place the sensor is located in", 0},
+        {"out", COMMAND_KEY + 2, "FILE", 0, "make a new recording without a place", 0},
+        {"take", COMMAND_KEY + 3, "NAME", 0, "the take's name", 0},
+        {"json", COMMAND_KEY + 4, NULL, 0, "report as JSON", 0},
+        {0},
+    };
+    static const struct argp argp = {
+        options, parse, NULL, "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.",
+        0,       0,     0};
+    struct arguments given = {0};
+    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    struct place place = {0};
+    struct recorder_result result = {0};
+    enum status status = record(&given, &place, &result);
+    bool has_place = place.tag_count > 0 || place.point_count > 0;
+    place_free(&place);
+    if (result.frames)
+        report(&given, &result);
+    if (status == OK)
+        warn(argv[0], has_place, &result);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,27 @@
+// reenact-capture verify FILE: reads every byte of a recording.
+#include "app/commands/commands.h"
+
+#include "app/commands/recording_report.h"
+
+#include <stdio.h>
+
+static void print_report(const struct file_arguments *a, enum status status, const struct recording_report *r)
+{
+    if (a->json)
+        recording_report_print_json(a->path, status, r);
+    else if (status == OK)
+        printf("%s is sound: %d takes (%d interrupted), %lld frames, %.1f MB\n", a->path, r->takes,
+               r->interrupted_takes, (long long)r->frames, (double)r->bytes / 1e6);
+    else if (r->frames)
+        printf("%s: %lld of %lld frames are damaged\n", a->path, (long long)r->damaged_frames, (long long)r->frames);
+}
+
+int capture_verify(int argc, char **argv)
+{
+    struct file_arguments a;
+    command_parse_file(argc, argv, "Reads every byte of a recording and says whether all of it is sound.", &a);
+    struct recording_report report;
+    enum status status = recording_verify(a.path, &report);
+    print_report(&a, status, &report);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,172 @@
+#include "app/commands/command.h"
+
+#include "base/clock.h"
+#include "platform/json.h"
+
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static void print_commands(FILE *to, const char *about, const struct command *commands, size_t count,
+                           const char *program)
+{
+    fprintf(to, "%s\n\n", about);
+    for (size_t i = 0; i < count; i++)
+        fprintf(to, "  %s %-10s %s\n", program, commands[i].name, commands[i].about);
+    fprintf(to, "\n%s COMMAND --help says more.\n", program);
+}
+
+static int run(const struct command *command, const char *program, int argc, char **argv)
+{
+    char name[128];
+    snprintf(name, sizeof name, "%s %s", program, command->name);
+    argv[0] = name;
+    return command->run(argc, argv);
+}
+
+int command_main(const char *about, const struct command *commands, size_t count, const struct command *fallback,
+                 int argc, char **argv)
+{
+    argp_err_exit_status = 2;
+    const char *slash = strrchr(argv[0], '/');
+    const char *program = slash ? slash + 1 : argv[0];
+    if (argc > 1) {
+        for (size_t i = 0; i < count; i++)
+            if (!strcmp(argv[1], commands[i].name))
+                return run(&commands[i], program, argc - 1, argv + 1);
+        if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
+            print_commands(stdout, about, commands, count, program);
+            return 0;
+        }
+        if (fallback)
+            return run(fallback, program, argc, argv);
+        fprintf(stderr, "%s: there is no command '%s'\n", program, argv[1]);
+    }
+    print_commands(stderr, about, commands, count, program);
+    return 2;
+}
+
+int command_failed(const char *program)
+{
+    fprintf(stderr, "%s: %s\n", program, status_sentence());
+    return 1;
+}
+
+void command_warn_moved_tags(const char *program, int32_t count, int32_t first)
+{
+    if (count)
+        fprintf(stderr,
+                "%s: warning: tag %d%s not where the place has %s, and left out of account; put %s back, or add a new "
+                "sweep with reenact-capture map --into\n",
+                program, (int)first, count > 1 ? " and others are" : " is", count > 1 ? "them" : "it",
+                count > 1 ? "them" : "it");
+}
+
+void command_need(const struct argp_state *state, const void *given, const char *option)
+{
+    if (!given)
+        argp_error(state, "%s is needed", option);
+}
+
+double command_number(const struct argp_state *state, const char *option, const char *value, double least, double most)
+{
+    char *end;
+    const double x = strtod(value, &end);
+    if (end == value || *end || !(x >= least && x <= most)) // and a NaN
+        argp_error(state, "%s takes a number from %.12g to %.12g, not '%s'", option, least, most, value);
+    return x;
+}
+
+static error_t parse_file(int key, char *argument, struct argp_state *state)
+{
+    struct file_arguments *a = state->input;
+    switch (key) {
+    case COMMAND_KEY: a->json = true; return 0;
+    case ARGP_KEY_ARG:
+        if (a->path)
+            argp_error(state, "one FILE at a time");
+        a->path = argument;
+        return 0;
+    case ARGP_KEY_END: command_need(state, a->path, "FILE"); return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+void command_parse_file(int argc, char **argv, const char *doc, struct file_arguments *out)
+{
+    static const struct argp_option options[] = {
+        {"json", COMMAND_KEY, NULL, 0, "report as JSON", 0},
+        {0},
+    };
+    const struct argp argp = {.options = options, .parser = parse_file, .args_doc = "FILE", .doc = doc};
+    *out = (struct file_arguments){0};
+    argp_parse(&argp, argc, argv, 0, NULL, out);
+}
+
+enum status command_print_json(struct json **root)
+{
+    char *text = json_print(*root);
+    json_free(root);
+    if (!text)
+        return fail(ERR_MEMORY, "no memory to print the report");
+    fputs(text, stdout);
+    free(text);
+    return OK;
+}
+
+static volatile sig_atomic_t stopped;
+
+static void stop(int signal)
+{
+    (void)signal;
+    stopped = 1;
+}
+
+void command_catch_stop(void)
+{
+    struct sigaction action = {.sa_handler = stop};
+    stopped = 0;
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+bool command_stopped(void) { return stopped; }
+
+static void draw(struct progress_bar *p)
+{
+    enum { WIDTH = 30 };
+    if (p->total > 0) {
+        int filled = (int)(p->done * WIDTH / p->total);
+        fprintf(stderr, "\r%s [", p->what);
+        for (int i = 0; i < WIDTH; i++)
+            fputc(i < filled ? '#' : '.', stderr);
+        fprintf(stderr, "] %lld/%lld ", (long long)p->done, (long long)p->total);
+    } else {
+        fprintf(stderr, "\r%s %lld ", p->what, (long long)p->done);
+    }
+    fflush(stderr);
+}
+
+void progress_bar_start(struct progress_bar *p, const char *what, int64_t total)
+{
+    *p = (struct progress_bar){.what = what, .total = total};
+}
+
+void progress_bar_step(struct progress_bar *p)
+{
+    p->done++;
+    int64_t now = clock_now_ns();
+    if (isatty(STDERR_FILENO) && now - p->drawn_ns > 100000000) {
+        p->drawn_ns = now;
+        draw(p);
+    }
+}
+
+void progress_bar_end(struct progress_bar *p)
+{
+    if (p->drawn_ns)
+        fprintf(stderr, "\r\033[K");
+    p->drawn_ns = 0;
+}

@@ -1,0 +1,15 @@
+// The commands of both programs, each in the file of its name.
+#pragma once
+#include "app/commands/command.h"
+
+int capture_devices(int argc, char **argv);
+int capture_map(int argc, char **argv);
+int capture_record(int argc, char **argv);
+int capture_info(int argc, char **argv);
+int capture_verify(int argc, char **argv);
+int capture_repair(int argc, char **argv);
+int capture_export(int argc, char **argv);
+
+int reenact_render(int argc, char **argv);
+int reenact_locate(int argc, char **argv);
+int reenact_watch(int argc, char **argv);

@@ -1,0 +1,17 @@
+// reenact-capture: from a depth sensor to a recording.
+#include "app/commands/commands.h"
+
+int main(int argc, char **argv)
+{
+    static const struct command commands[] = {
+        {"devices", "list the depth sensors that can be opened", capture_devices},
+        {"map", "film the empty place", capture_map},
+        {"record", "film the actor", capture_record},
+        {"info", "say what a recording holds", capture_info},
+        {"verify", "read every byte of a recording", capture_verify},
+        {"repair", "save what can be read of a damaged recording", capture_repair},
+        {"export", "write a take's joints for other programs", capture_export},
+    };
+    return command_main("reenact-capture films a person with one depth camera.", commands, COUNT_OF(commands), NULL,
+                        argc, argv);
+}

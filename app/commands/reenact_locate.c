@@ -1,0 +1,243 @@
+#include "app/commands/commands.h"
+
+#include "capture/recording/recording.h"
+#include "locate/camera_tracker.h"
+#include "platform/file.h"
+#include "platform/json.h"
+#include "platform/source.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct arguments {
+    const char *file, *camera, *out;
+    double decimate;
+    bool json;
+};
+
+enum { KEY_CAMERA = COMMAND_KEY, KEY_OUT, KEY_JSON, KEY_DECIMATE };
+
+static const struct argp_option options[] = {
+    {"camera", KEY_CAMERA, "URI", 0, "the camera: libcamera, libcamera:N or folder:DIR", 0},
+    {"out", KEY_OUT, "trajectory.txt", 0,
+     "one line for each picture that could be placed: timestamp tx ty tz qx qy qz qw, world_from_camera (TUM format)",
+     0},
+    {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
+    {"json", KEY_JSON, NULL, 0, "report as JSON", 0},
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct arguments *a = state->input;
+    switch (key) {
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_DECIMATE: a->decimate = command_number(state, "--quad-decimate", value, 1, 8); return 0;
+    case ARGP_KEY_ARG:
+        if (a->file)
+            argp_error(state, "'%s' is one word too many", value);
+        a->file = value;
+        return 0;
+    case ARGP_KEY_END:
+        command_need(state, a->file, "FILE");
+        command_need(state, a->camera, "--camera");
+        command_need(state, a->out, "--out");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+// The lines of the trajectory, growing.
+struct text {
+    char *bytes;
+    size_t count, capacity;
+};
+
+static enum status add_line(struct text *t, int64_t time_ns, struct pose w)
+{
+    char line[256];
+    // The nanoseconds by integers: a double of today's seconds has no room for them.
+    int64_t micro = (time_ns + 500) / 1000;
+    int length = snprintf(line, sizeof line, "%lld.%06lld %.6f %.6f %.6f %.8f %.8f %.8f %.8f\n",
+                          (long long)(micro / 1000000), (long long)(micro % 1000000), w.translation.x, w.translation.y,
+                          w.translation.z, w.rotation.x, w.rotation.y, w.rotation.z, w.rotation.w);
+    if (t->count + (size_t)length > t->capacity) {
+        size_t capacity = 2 * t->capacity + 65536;
+        char *bytes = realloc(t->bytes, capacity);
+        if (!bytes)
+            return fail(ERR_MEMORY, "no memory for the trajectory");
+        t->bytes = bytes;
+        t->capacity = capacity;
+    }
+    memcpy(t->bytes + t->count, line, (size_t)length);
+    t->count += (size_t)length;
+    return OK;
+}
+
+struct summary {
+    int64_t pictures, placed, nothing, ambiguous, damaged;
+    int64_t tags_used, tags_rejected;
+    double sum_rms2;
+    bool focal_wrong;
+    double focal_scale; // that fits, over the calibration's
+    int32_t tags_moved, first_moved;
+    struct lens lens; // as it is known in the end
+    bool learnt;      // more than it was told
+};
+
+// One picture. Negative statuses only for what ends the run.
+static enum status place_one(struct camera_track *track, const struct frame *frame, struct text *lines,
+                             struct summary *s)
+{
+    struct location found;
+    struct camera_motion motion;
+    s->pictures++;
+    enum status status = camera_track_look(track, frame->color, NULL, frame->time_ns, &found, &motion);
+    if (status < 0)
+        return status;
+    if (status == NOTHING) {
+        s->nothing++;
+        return OK;
+    }
+    if (status == AMBIGUOUS) { // a coin's toss is no place
+        s->ambiguous++;
+        return OK;
+    }
+    s->placed++;
+    s->tags_used += found.tags_used;
+    s->tags_rejected += found.tags_rejected;
+    s->sum_rms2 += found.rms_px * found.rms_px;
+    return add_line(lines, frame->time_ns, found.world_from_camera);
+}
+
+static enum status run(struct camera_track *track, struct source *camera, struct text *lines, struct summary *s)
+{
+    struct progress_bar bar;
+    struct frame frame;
+    enum status status = OK;
+    progress_bar_start(&bar, "finding the camera", source_remaining(camera));
+    while (status == OK && !command_stopped()) {
+        status = source_next(camera, &frame);
+        if (status == NOTHING) {
+            status = OK;
+            break;
+        }
+        if (status == ERR_INPUT) {
+            s->damaged++;
+            status = OK;
+            continue;
+        }
+        if (status == OK && frame.color)
+            status = place_one(track, &frame, lines, s);
+        progress_bar_step(&bar);
+    }
+    progress_bar_end(&bar);
+    return status;
+}
+
+static void report(const struct arguments *a, const struct summary *s)
+{
+    double placed = s->placed > 0 ? (double)s->placed : 1, rms = sqrt(s->sum_rms2 / placed);
+    if (!a->json) {
+        printf("%s: %lld of %lld pictures placed, by %.1f tags in the mean, which fit to %.2f pixels\n", a->out,
+               (long long)s->placed, (long long)s->pictures, (double)s->tags_used / placed, rms);
+        if (s->learnt)
+            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, give or take %.1f %%\n",
+                   s->lens.fx, s->lens.fy, s->lens.focal_sigma * 100);
+        return;
+    }
+    struct json *root = json_new_object();
+    json_add_string(root, "trajectory", a->out);
+    json_add_number(root, "pictures", (double)s->pictures);
+    json_add_number(root, "placed", (double)s->placed);
+    json_add_number(root, "nothing_in_sight", (double)s->nothing);
+    json_add_number(root, "ambiguous", (double)s->ambiguous);
+    json_add_number(root, "damaged", (double)s->damaged);
+    json_add_number(root, "tags_mean", (double)s->tags_used / placed);
+    json_add_number(root, "tags_rejected", (double)s->tags_rejected);
+    json_add_number(root, "tags_moved", s->tags_moved);
+    json_add_number(root, "rms_px", rms);
+    json_add_bool(root, "focal_wrong", s->focal_wrong);
+    json_add_number(root, "focal_scale", s->focal_scale);
+    if (s->learnt) {
+        json_add_number(root, "fx", s->lens.fx);
+        json_add_number(root, "fy", s->lens.fy);
+        json_add_number(root, "focal_sigma", s->lens.focal_sigma);
+    }
+    char *text = json_print(root);
+    fputs(text ? text : "{}\n", stdout);
+    free(text);
+    json_free(&root);
+}
+
+static void warn(const char *program, const struct summary *s)
+{
+    command_warn_moved_tags(program, s->tags_moved, s->first_moved);
+    if (s->focal_wrong)
+        fprintf(stderr,
+                "%s: warning: the pictures fit a focal length %.1f %% %s than the calibration's; calibrate the camera "
+                "again\n",
+                program, fabs(s->focal_scale - 1) * 100, s->focal_scale > 1 ? "longer" : "shorter");
+}
+
+static enum status open_all(const struct arguments *a, struct camera_track **track, struct source **camera)
+{
+    struct recording *recording;
+    struct place place = {0};
+    struct locator_options wanted = locator_default_options();
+    if (a->decimate > 0)
+        wanted.quad_decimate = a->decimate;
+    enum status status = recording_open(&recording, a->file);
+    if (status == OK)
+        status = recording_read_place(recording, &place);
+    if (status == NOTHING)
+        status = fail(ERR_INPUT, "%s holds no place; make one with reenact-capture map", a->file);
+    recording_free(&recording);
+    if (status == OK)
+        status = source_open(camera, a->camera, SOURCE_CAMERA);
+    if (status == OK)
+        status = camera_track_open(track, &place, &source_calibration(*camera)->color, &wanted);
+    place_free(&place);
+    return status;
+}
+
+int reenact_locate(int argc, char **argv)
+{
+    struct arguments a = {0};
+    const struct argp argp = {options,
+                              parse,
+                              "FILE --camera URI --out trajectory.txt",
+                              "Find where the camera of each picture was in the place that FILE holds.",
+                              NULL,
+                              NULL,
+                              NULL};
+    argp_parse(&argp, argc, argv, 0, NULL, &a);
+    struct camera_track *track = NULL;
+    struct source *camera = NULL;
+    struct text lines = {0};
+    struct summary s = {0};
+    enum status status = open_all(&a, &track, &camera);
+    if (status == OK) {
+        command_catch_stop();
+        status = run(track, camera, &lines, &s);
+    }
+    if (status == OK)
+        status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
+    if (status == OK) {
+        s.focal_wrong = camera_track_doubts_focal(track, &s.focal_scale);
+        s.tags_moved = camera_track_moved_tags(track, &s.first_moved);
+        s.lens = *camera_track_lens(track);
+        s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
+        report(&a, &s);
+        warn(argv[0], &s);
+        const enum status kept = source_keep_lens(camera, &s.lens);
+        status = kept < 0 ? kept : OK;
+    }
+    free(lines.bytes);
+    camera_track_close(&track);
+    source_close(&camera);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,14 @@
+// reenact: from a recording to the picture.
+#include "app/commands/commands.h"
+
+int main(int argc, char **argv)
+{
+    static const struct command commands[] = {
+        {"render", "draw a take into a camera's pictures", reenact_render},
+        {"locate", "say where a camera was in the place", reenact_locate},
+    };
+    static const struct command watch = {"FILE", "watch, in a window", reenact_watch};
+    return command_main(
+        "reenact shows a recorded person again, from any side.\n\n  reenact FILE               watch, in a window",
+        commands, COUNT_OF(commands), &watch, argc, argv);
+}

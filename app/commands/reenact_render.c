@@ -1,0 +1,388 @@
+#include "app/commands/command.h"
+#include "app/commands/commands.h"
+
+#include "locate/camera_tracker.h"
+#include "base/clock.h"
+#include "platform/file.h"
+#include "platform/json.h"
+#include "platform/png.h"
+#include "platform/source.h"
+#include "reenact/render/actor_renderer.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct arguments {
+    const char *file, *take, *camera, *out;
+    enum detail detail;
+    bool layers, json, alone;
+    double start_s, error_px;
+};
+
+enum { KEY_TAKE = COMMAND_KEY, KEY_CAMERA, KEY_OUT, KEY_DETAIL, KEY_LAYERS, KEY_START, KEY_ERROR, KEY_ALONE, KEY_JSON };
+
+static const char *const detail_names[] = {[DETAIL_PAPER] = "paper", [DETAIL_FULL] = "full", [DETAIL_AUTO] = "auto"};
+
+static const struct argp_option options[] = {
+    {"take", KEY_TAKE, "NAME", 0, "the take to show", 0},
+    {"camera", KEY_CAMERA, "URI", 0, "the tablet's camera: libcamera, libcamera:N or folder:DIR", 0},
+    {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
+    {"detail", KEY_DETAIL, "LEVEL", 0,
+     "paper: the 2014 method to the letter; full: our best (default); auto: as much as the eye can tell", 0},
+    {"layers", KEY_LAYERS, NULL, 0,
+     "also write NAME_actor.png (the actor alone, RGBA, straight alpha) and NAME_source.png (where each of its "
+     "pixels is from: red 85 seen now, 170 borrowed from another moment, 255 filled in; 256 green + blue: how long "
+     "before or after, in hundredths of a second)",
+     0},
+    {"start", KEY_START, "SECONDS", 0, "show the take from here when the first image comes (default 0)", 0},
+    {"error", KEY_ERROR, "PX", 0, "with --detail auto, by how much the actor may be wrong (default 1)", 0},
+    {"alone", KEY_ALONE, NULL, 0, "no room that hides the actor, and no shadow under him; paper never has them", 0},
+    {"json", KEY_JSON, NULL, 0, "print what stats.json holds", 0},
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct arguments *a = state->input;
+    switch (key) {
+    case KEY_TAKE: a->take = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_OUT: a->out = value; return 0;
+    case KEY_LAYERS: a->layers = true; return 0;
+    case KEY_ERROR: a->error_px = command_number(state, "--error", value, 0, 1000); return 0;
+    case KEY_ALONE: a->alone = true; return 0;
+    case KEY_JSON: a->json = true; return 0;
+    case KEY_START: a->start_s = command_number(state, "--start", value, -1e6, 1e6); return 0;
+    case KEY_DETAIL:
+        for (int d = 0; d < (int)COUNT_OF(detail_names); d++)
+            if (!strcmp(value, detail_names[d])) {
+                a->detail = (enum detail)d;
+                return 0;
+            }
+        argp_error(state, "--detail takes paper, full or auto, not '%s'", value);
+        return EINVAL;
+    case ARGP_KEY_ARG:
+        if (a->file)
+            argp_error(state, "one FILE is enough");
+        a->file = value;
+        return 0;
+    case ARGP_KEY_END:
+        command_need(state, a->file, "FILE");
+        command_need(state, a->take, "--take NAME");
+        command_need(state, a->camera, "--camera URI");
+        command_need(state, a->out, "--out DIR");
+        a->alone |= a->detail == DETAIL_PAPER; // to the letter
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+enum stage { STAGE_CAMERA, STAGE_LOCATE, STAGE_DRAW, STAGE_READ, STAGE_WRITE, STAGE_COUNT };
+static const char *const stage_names[] = {"camera", "locate", "draw", "read", "write"};
+
+// One run, from the opened file to the last picture.
+struct run {
+    const struct arguments *arguments;
+    struct recording *recording;
+    struct place place;
+    struct take *take;
+    struct source *camera;
+    struct camera_track *track;
+    struct gpu *gpu;
+    struct painter *painter;
+    FILE *trajectory;
+    uint8_t *rgb, *rgba;
+    struct lens lens;
+
+    bool started;
+    int64_t first_ns; // the camera's clock at the first image
+    int64_t pictures, placed, ambiguous, with_actor, damaged, parts;
+    int64_t at_level[DETAIL_AUTO];
+    double error_px; // predicted, of all pictures with the actor
+    int64_t spent_ns[STAGE_COUNT], lap_ns;
+};
+
+static void lap(struct run *r, enum stage stage)
+{
+    int64_t now = clock_now_ns();
+    r->spent_ns[stage] += now - r->lap_ns;
+    r->lap_ns = now;
+}
+
+static enum status open_locator(struct run *r)
+{
+    enum status status = recording_read_place(r->recording, &r->place);
+    if (status == NOTHING)
+        return fail(ERR_INPUT,
+                    "%s holds no place, so the camera cannot be found in it; "
+                    "film the empty place first with reenact-capture map",
+                    r->arguments->file);
+    struct locator_options how = locator_default_options();
+    if (status == OK)
+        status = camera_track_open(&r->track, &r->place, &r->lens, &how);
+    return status;
+}
+
+static bool prepared(void *self, double share)
+{
+    struct progress_bar *progress = self;
+    while (progress->done < (int64_t)(share * (double)progress->total))
+        progress_bar_step(progress);
+    return !command_stopped();
+}
+
+static enum status open_painter(struct run *r)
+{
+    struct progress_bar progress;
+    const struct progress_watch watch = {.went_on = prepared, .self = &progress};
+    struct painter_options how = painter_default_options();
+    how.detail = r->arguments->detail;
+    how.sources = r->arguments->layers;
+    how.error_px = r->arguments->error_px;
+    how.shadow = !r->arguments->alone;
+    how.watch = &watch;
+    progress_bar_start(&progress, "preparing", 100);
+    enum status status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
+    progress_bar_end(&progress);
+    struct room room = {0};
+    if (status == OK && !r->arguments->alone)
+        status = room_make(&room, &r->place, r->take, NULL);
+    if (status == OK)
+        status = painter_give_room(r->painter, &room);
+    return status < 0 ? status : OK;
+}
+
+static enum status open_run(struct run *r)
+{
+    const struct arguments *a = r->arguments;
+    enum status status = recording_open(&r->recording, a->file);
+    if (status == OK)
+        status = take_open(&r->take, r->recording, a->take);
+    if (status == OK)
+        status = source_open(&r->camera, a->camera, SOURCE_CAMERA);
+    if (status != OK)
+        return status;
+    r->lens = source_calibration(r->camera)->color;
+    status = open_locator(r);
+    if (status == OK)
+        status = gpu_open(&r->gpu);
+    if (status == OK)
+        status = open_painter(r);
+    if (status == OK)
+        status = folder_make(a->out);
+    if (status != OK)
+        return status;
+    size_t pixels = (size_t)r->lens.width * (size_t)r->lens.height;
+    r->rgb = malloc(pixels * 3);
+    r->rgba = malloc(pixels * 4);
+    if (!r->rgb || !r->rgba)
+        return fail(ERR_MEMORY, "out of memory");
+    char path[4096];
+    snprintf(path, sizeof path, "%s/trajectory.txt", a->out);
+    r->trajectory = fopen(path, "w");
+    if (!r->trajectory)
+        return fail(ERR_IO, "%s cannot be written", path);
+    fprintf(r->trajectory,
+            "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
+    return OK;
+}
+
+static void close_run(struct run *r)
+{
+    if (r->trajectory)
+        fclose(r->trajectory);
+    free(r->rgb);
+    free(r->rgba);
+    painter_close(&r->painter);
+    gpu_close(&r->gpu);
+    camera_track_close(&r->track);
+    place_free(&r->place);
+    source_close(&r->camera);
+    take_close(&r->take);
+    recording_free(&r->recording);
+}
+
+static void write_pose(FILE *to, int64_t time_ns, struct pose p)
+{
+    fprintf(to, "%" PRId64 ".%09" PRId64 " %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time_ns / 1000000000,
+            time_ns % 1000000000, p.translation.x, p.translation.y, p.translation.z, p.rotation.x, p.rotation.y,
+            p.rotation.z, p.rotation.w);
+}
+
+static enum status write_picture(struct run *r, const char *name, const char *ending, enum png_kind kind,
+                                 const uint8_t *pixels)
+{
+    char path[4096];
+    snprintf(path, sizeof path, "%s/%s%s.png", r->arguments->out, name, ending);
+    // Level 3 is a third of the time for a few percent more bytes.
+    uint8_t *bytes;
+    size_t count;
+    enum status status = png_encode(kind, pixels, r->lens.width, r->lens.height, 3, &bytes, &count);
+    if (status != OK)
+        return status;
+    status = file_write(path, bytes, count);
+    free(bytes);
+    return status;
+}
+
+static enum status draw(struct run *r, const struct frame *frame)
+{
+    struct location location;
+    struct camera_motion motion;
+    enum status found = camera_track_look(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
+    lap(r, STAGE_LOCATE);
+    if (found < 0 && found != ERR_SOLVER) // a solver that gave up has not placed this image, no more
+        return found;
+    if (found != OK && found != AMBIGUOUS)
+        return painter_draw_nobody(r->painter, frame->color);
+    r->placed++;
+    r->ambiguous += found == AMBIGUOUS;
+    write_pose(r->trajectory, frame->time_ns, location.world_from_camera);
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(location.world_from_camera));
+    enum status status = painter_set_lens(r->painter, camera_track_lens(r->track));
+    if (status != OK)
+        return status;
+    struct painter_view view = {.world_from_camera = location.world_from_camera,
+                                .viewer_from_room = &viewer_from_room,
+                                .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
+                                .color = frame->color};
+    struct painter_result result;
+    status = painter_draw(r->painter, &view, &result);
+    if (status != OK)
+        return status;
+    r->with_actor += result.parts > 0;
+    r->parts += result.parts;
+    r->error_px += result.parts > 0 ? result.error_px : 0;
+    if (result.parts)
+        r->at_level[result.level]++;
+    return OK;
+}
+
+static enum status one_picture(struct run *r, const struct frame *frame)
+{
+    if (!r->started)
+        r->first_ns = frame->time_ns;
+    r->started = true;
+    r->pictures++;
+    enum status status = draw(r, frame);
+    lap(r, STAGE_DRAW);
+    if (status == OK)
+        status = painter_read(r->painter, r->rgb);
+    if (status == OK && r->arguments->layers)
+        status = painter_read_actor(r->painter, r->rgba);
+    lap(r, STAGE_READ);
+    if (status == OK)
+        status = write_picture(r, frame->name, "", PNG_RGB8, r->rgb);
+    if (status == OK && r->arguments->layers)
+        status = write_picture(r, frame->name, "_actor", PNG_RGBA8, r->rgba);
+    if (status == OK && r->arguments->layers)
+        status = painter_read_source(r->painter, r->rgb);
+    if (status == OK && r->arguments->layers)
+        status = write_picture(r, frame->name, "_source", PNG_RGB8, r->rgb);
+    lap(r, STAGE_WRITE);
+    return status;
+}
+
+static enum status all_pictures(struct run *r)
+{
+    struct progress_bar progress;
+    progress_bar_start(&progress, "drawing", source_remaining(r->camera));
+    enum status status = OK;
+    r->lap_ns = clock_now_ns();
+    while (!command_stopped()) {
+        struct frame frame;
+        status = source_next(r->camera, &frame);
+        lap(r, STAGE_CAMERA);
+        if (status == ERR_INPUT) { // one damaged picture; the next call goes on behind it
+            progress_bar_end(&progress);
+            fprintf(stderr, "reenact render: %s; left out\n", status_sentence());
+            r->damaged++;
+            continue;
+        }
+        if (status == OK && frame.color)
+            status = one_picture(r, &frame);
+        if (status != OK)
+            break;
+        progress_bar_step(&progress);
+    }
+    progress_bar_end(&progress);
+    if (status < 0)
+        return status;
+    if (!r->pictures)
+        return fail(ERR_INPUT, "%s gave no picture", r->arguments->camera);
+    return OK;
+}
+
+static enum status write_stats(struct run *r)
+{
+    struct json *root = json_new_object();
+    json_add_string(root, "take", r->arguments->take);
+    json_add_string(root, "detail", detail_names[r->arguments->detail]);
+    json_add_number(root, "pictures", (double)r->pictures);
+    json_add_number(root, "placed", (double)r->placed);
+    json_add_number(root, "ambiguous", (double)r->ambiguous);
+    json_add_number(root, "not_placed", (double)(r->pictures - r->placed));
+    json_add_number(root, "with_actor", (double)r->with_actor);
+    json_add_number(root, "damaged", (double)r->damaged);
+    struct json *levels = json_add_object(root, "pictures_at_level");
+    for (int d = 0; d < DETAIL_AUTO; d++)
+        json_add_number(levels, detail_names[d], (double)r->at_level[d]);
+    json_add_number(root, "parts_per_picture", r->with_actor ? (double)r->parts / (double)r->with_actor : 0);
+    json_add_number(root, "predicted_error_px", r->with_actor ? r->error_px / (double)r->with_actor : 0);
+    struct json *times = json_add_object(root, "ms_per_picture");
+    for (int s = 0; s < STAGE_COUNT; s++)
+        json_add_number(times, stage_names[s], (double)r->spent_ns[s] * 1e-6 / (double)r->pictures);
+    json_add_string(root, "renderer", gpu_renderer(r->gpu));
+    char *text = json_print(root);
+    json_free(&root);
+    if (!text)
+        return fail(ERR_MEMORY, "out of memory");
+    char path[4096];
+    snprintf(path, sizeof path, "%s/stats.json", r->arguments->out);
+    enum status status = file_write(path, text, strlen(text));
+    if (status == OK && r->arguments->json)
+        fputs(text, stdout);
+    free(text);
+    return status;
+}
+
+int reenact_render(int argc, char **argv)
+{
+    struct arguments arguments = {.detail = painter_default_options().detail,
+                                  .error_px = painter_default_options().error_px};
+    static const struct argp argp = {
+        options,
+        parse,
+        "FILE",
+        "Draws a take into a camera's pictures.\v"
+        "Every image is placed in FILE's place; the take starts with the first one. For image 0007.* this writes "
+        "0007.png. An image that cannot be placed is written as it came.",
+        NULL,
+        NULL,
+        NULL};
+    argp_parse(&argp, argc, argv, 0, NULL, &arguments);
+    command_catch_stop();
+    struct run run = {.arguments = &arguments};
+    enum status status = open_run(&run);
+    if (status == OK)
+        status = all_pictures(&run);
+    if (status == OK && (fflush(run.trajectory) || ferror(run.trajectory)))
+        status = fail(ERR_IO, "%s/trajectory.txt cannot be written; is the disk full?", arguments.out);
+    if (status == OK)
+        status = write_stats(&run);
+    if (status == OK) {
+        const enum status kept = source_keep_lens(run.camera, camera_track_lens(run.track));
+        status = kept < 0 ? kept : OK;
+    }
+    if (status == OK && !arguments.json)
+        printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.pictures, run.placed,
+               run.with_actor);
+    if (status == OK) {
+        int32_t first_moved, tags_moved = camera_track_moved_tags(run.track, &first_moved);
+        command_warn_moved_tags(argv[0], tags_moved, first_moved);
+    }
+    close_run(&run);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

@@ -1,0 +1,292 @@
+// The tablet: a take in its place, seen through a camera or by walking round with a
+// finger.
+#include "app/commands/commands.h"
+
+#include "app/viewer.h"
+#include "base/clock.h"
+#include "platform/window.h"
+#include "platform/source.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct arguments {
+    const char *file, *take, *camera, *photos;
+    bool fullscreen, light, stats;
+    int rotate, width, height;
+    double dpi, seconds;
+};
+
+enum {
+    KEY_TAKE = COMMAND_KEY,
+    KEY_CAMERA,
+    KEY_PHOTOS,
+    KEY_FULLSCREEN,
+    KEY_LIGHT,
+    KEY_ROTATE,
+    KEY_SIZE,
+    KEY_DPI,
+    KEY_SECONDS,
+    KEY_STATS
+};
+
+static const struct argp_option options[] = {
+    {"take", KEY_TAKE, "NAME", 0, "the take to watch", 0},
+    {"camera", KEY_CAMERA, "URI", 0,
+     "look through this camera: libcamera, libcamera:N, folder:DIR, or none (default: the first there is)", 0},
+    {"photos", KEY_PHOTOS, "DIR", 0, "folder for photographs (default: your pictures)", 0},
+    {"fullscreen", KEY_FULLSCREEN, NULL, 0, "fill the screen", 0},
+    {"light", KEY_LIGHT, NULL, 0, "light colours", 0},
+    {"rotate", KEY_ROTATE, "DEGREES", 0, "how the screen is mounted, clockwise: 0, 90, 180 or 270", 0},
+    {"size", KEY_SIZE, "WxH", 0, "of the window, pixels (default 1280x800)", 0},
+    {"dpi", KEY_DPI, "N", 0, "pixels an inch, where the screen itself does not say", 0},
+    {"seconds", KEY_SECONDS, "S", 0, "leave after this time", 0},
+    {"stats", KEY_STATS, NULL, 0, "say what the screen shows, and at the end how long each stage took", 0},
+    {0},
+};
+
+static error_t parse(int key, char *value, struct argp_state *state)
+{
+    struct arguments *a = state->input;
+    switch (key) {
+    case KEY_TAKE: a->take = value; return 0;
+    case KEY_CAMERA: a->camera = value; return 0;
+    case KEY_PHOTOS: a->photos = value; return 0;
+    case KEY_FULLSCREEN: a->fullscreen = true; return 0;
+    case KEY_LIGHT: a->light = true; return 0;
+    case KEY_STATS: a->stats = true; return 0;
+    case KEY_DPI: a->dpi = command_number(state, "--dpi", value, 50, 1000); return 0;
+    case KEY_SECONDS: a->seconds = command_number(state, "--seconds", value, 0.1, 1e6); return 0;
+    case KEY_ROTATE:
+        a->rotate = (int)command_number(state, "--rotate", value, 0, 270);
+        if (a->rotate % 90)
+            argp_error(state, "--rotate takes 0, 90, 180 or 270, not '%s'", value);
+        return 0;
+    case KEY_SIZE:
+        if (sscanf(value, "%dx%d", &a->width, &a->height) != 2 || a->width < 320 || a->height < 320 ||
+            a->width > 8192 || a->height > 8192)
+            argp_error(state, "--size takes a size like 1280x800, at least 320x320, not '%s'", value);
+        return 0;
+    case ARGP_KEY_ARG:
+        if (a->file)
+            argp_error(state, "one FILE, not two");
+        a->file = value;
+        return 0;
+    case ARGP_KEY_END: command_need(state, a->file, "FILE"); return 0;
+    }
+    return ARGP_ERR_UNKNOWN;
+}
+
+// The first camera there is; "" none.
+static const char *find_camera(void)
+{
+    static struct source_device devices[16];
+    int count = 0;
+    if (source_devices(devices, (int)COUNT_OF(devices), &count) != OK)
+        return "";
+    for (int i = 0; i < count && i < (int)COUNT_OF(devices); i++)
+        if (!strncmp(devices[i].uri, "libcamera", 9))
+            return devices[i].uri;
+    return "";
+}
+
+enum { LASTING_PICTURES = 5 };
+
+struct watch {
+    const struct arguments *arguments;
+    struct screen *screen;
+    struct gpu *gpu;
+    struct tablet tablet;
+    bool fullscreen, hidden;
+    int64_t shown_ns, until_ns;
+    char said[512];        // the sentence that the screen shows
+    int64_t placed_before; // pictures with the actor in his place when it began to show that
+};
+
+static void wake(void *self) { screen_wake(((struct watch *)self)->screen); }
+
+static enum status watch_open(struct watch *w)
+{
+    const struct arguments *a = w->arguments;
+    const struct screen_options screen = {"Reenact", a->width, a->height, a->fullscreen, a->rotate / 90, a->dpi};
+    const char *camera = a->camera ? a->camera : find_camera();
+    enum status status = screen_open(&w->screen, &screen);
+    if (status == OK)
+        status = gpu_adopt(&w->gpu);
+    if (status != OK)
+        return status;
+    const struct tablet_options how = {.file = a->file,
+                                       .take = a->take,
+                                       .camera = *camera && strcmp(camera, "none") ? camera : NULL,
+                                       .photos = a->photos,
+                                       .light = a->light,
+                                       .refresh_hz = screen_refresh_hz(w->screen),
+                                       .wake = wake,
+                                       .wake_self = w};
+    w->fullscreen = w->tablet.show.fullscreen = a->fullscreen;
+    return tablet_open(&w->tablet, w->gpu, &how);
+}
+
+static void watch_close(struct watch *w)
+{
+    tablet_close(&w->tablet);
+    gpu_close(&w->gpu);
+    screen_close(&w->screen);
+}
+
+// The graphics were lost: a driver was reset, a card slept. What lived in them is made anew, and the take begins again.
+static enum status watch_reopen(struct watch *w)
+{
+    const struct tablet *t = &w->tablet;
+    struct arguments again = *w->arguments;
+    char *take = t->stage ? strdup(t->library.cards[t->show.take].name) : NULL;
+    again.take = take ? take : again.take;
+    again.light = !t->show.dark;
+    again.fullscreen = w->fullscreen;
+    watch_close(w);
+    w->said[0] = 0;
+    w->placed_before = 0;
+    w->hidden = false;
+    const struct arguments *given = w->arguments;
+    w->arguments = &again;
+    enum status status = watch_open(w);
+    w->arguments = given;
+    w->tablet.options.take = given->take; // chosen by now
+    free(take);
+    return status;
+}
+
+// ---------------------------------------------------------------- the loop
+
+static double px_per_dp(const struct watch *w) { return tablet_px_per_dp(screen_dpi(w->screen)); }
+
+// Hears what happened, until there is something that has to be drawn first.
+static void hear(struct watch *w, int wait_ms)
+{
+    for (;;) {
+        struct screen_event event = screen_wait(w->screen, wait_ms);
+        wait_ms = 0;
+        if (event.kind == SCREEN_NOTHING)
+            return;
+        if (event.kind == SCREEN_HIDDEN || event.kind == SCREEN_SHOWN)
+            tablet_rest(&w->tablet, w->hidden = event.kind == SCREEN_HIDDEN, clock_now_ns());
+        if (hands_hear(&w->tablet.hands, &w->tablet.show, &event, px_per_dp(w), clock_now_ns()))
+            return;
+    }
+}
+
+// What is new on the screen, in words, for who cannot see it.
+static void say_news(struct watch *w)
+{
+    const struct tablet *t = &w->tablet;
+    const char *hint = show_hint(&t->show), *shown = hint                           ? hint
+                                                     : t->placed > w->placed_before ? "the actor in his place"
+                                                                                    : w->said;
+    if (strcmp(shown, w->said))
+        printf("shows     %s\n", shown);
+    fflush(stdout);
+    snprintf(w->said, sizeof w->said, "%s", shown);
+    if (hint)
+        w->placed_before = t->placed;
+}
+
+static enum status draw(struct watch *w, int64_t now_ns)
+{
+    struct tablet_glass glass = {.quarter_turns = screen_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
+    screen_size(w->screen, &glass.width, &glass.height);
+    if (w->fullscreen != w->tablet.show.fullscreen)
+        screen_fullscreen(w->screen, w->fullscreen = w->tablet.show.fullscreen);
+    enum status status = tablet_draw(&w->tablet, &glass, now_ns);
+    if (status != OK)
+        return status;
+    screen_show(w->screen);
+    w->shown_ns = clock_now_ns();
+    tablet_shown(&w->tablet, w->shown_ns);
+    if (w->arguments->stats)
+        say_news(w);
+    return OK;
+}
+
+static enum status watch_loop(struct watch *w)
+{
+    struct show *s = &w->tablet.show;
+    const int64_t frame_ns = (int64_t)(1e9 / screen_refresh_hz(w->screen));
+    int64_t due_ns = 0;
+    while (!command_stopped() && !s->quit) {
+        int64_t now_ns = clock_now_ns();
+        int64_t wait_ns = w->hidden ? 500000000 : due_ns - now_ns;
+        if (w->until_ns && w->until_ns - now_ns < wait_ns)
+            wait_ns = w->until_ns - now_ns;
+        hear(w, wait_ns > 500000000 ? 500 : wait_ns > 0 ? (int)((wait_ns + 999999) / 1000000) : 0);
+        now_ns = clock_now_ns();
+        if (w->until_ns && now_ns >= w->until_ns)
+            return OK;
+        if (w->hidden)
+            continue;
+        due_ns = tablet_update(&w->tablet, now_ns);
+        if (s->changed) {
+            enum status status = draw(w, now_ns);
+            if (status != OK)
+                return status;
+        }
+        // What moves by itself moves at the display's pace, also where showing does not wait for it.
+        if ((s->changed || due_ns <= now_ns) && due_ns < w->shown_ns + frame_ns)
+            due_ns = now_ns + frame_ns - (clock_now_ns() - now_ns);
+    }
+    return OK;
+}
+
+static void say_stats(const struct watch *w)
+{
+    const struct frame_times *t = &w->tablet.times;
+    struct eyes_state eyes = w->tablet.eyes ? eyes_state(w->tablet.eyes) : (struct eyes_state){0};
+    printf("screen    %s, %s\n", screen_driver(w->screen), gpu_renderer(w->gpu));
+    printf("pictures  %lld from the camera, %lld let go by, %lld drawn, %lld with the actor in his place\n",
+           (long long)eyes.came, (long long)eyes.let_go, (long long)t->frames, (long long)w->tablet.placed);
+    if (w->tablet.viewfinder) {
+        struct viewfinder_counts c = viewfinder_counts(w->tablet.viewfinder);
+        printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.borrowed,
+               (long long)c.uploaded, *c.why ? ": " : "", c.why);
+    }
+    for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
+        printf("%-9s %7.2f ms\n", frame_stage_names[i], t->sum_ms[i] / (double)t->frames);
+    printf("in all    %7.2f ms in the median, %.2f ms at most\n", frame_times_median(t), t->total_worst_ms);
+}
+
+int reenact_watch(int argc, char **argv)
+{
+    static const struct argp argp = {
+        options,
+        parse,
+        "FILE",
+        "Watch a recorded person, life-size, where they stood.\v"
+        "Through a camera the actor stands in its picture; without one, or with O, you walk round by dragging and come "
+        "nearer with two fingers or the wheel.\n\n"
+        "Keys: space play, arrows step, Home and End, - and + speed, L loop, M mirror, B skeleton, X where pixels come "
+        "from, I the sensor's picture, T times, G move the actor, R put back, P photograph, D dark or light, F "
+        "fullscreen, Escape back, Q leave. A game pad: A play, X photograph, Y move, shoulders speed, cross step, "
+        "sticks walk round, triggers wind.",
+        0,
+        0,
+        0};
+    struct arguments given = {.width = 1280, .height = 800};
+    argp_parse(&argp, argc, argv, 0, NULL, &given);
+    struct watch watch = {.arguments = &given};
+    command_catch_stop();
+    enum status status = watch_open(&watch);
+    if (given.seconds > 0)
+        watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
+    if (status == OK)
+        status = watch_loop(&watch);
+    // Graphics that do not even last for a few pictures are not worth trying again.
+    while (status == ERR_DEVICE && watch.tablet.times.frames >= LASTING_PICTURES) {
+        status = watch_reopen(&watch);
+        if (status == OK)
+            status = watch_loop(&watch);
+    }
+    if (status == OK && given.stats)
+        say_stats(&watch);
+    watch_close(&watch);
+    return status == OK ? 0 : command_failed(argv[0]);
+}

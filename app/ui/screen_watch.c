@@ -1,0 +1,252 @@
+#include "app/ui/screens.h"
+
+#include <math.h>
+#include <stdio.h>
+
+static const double PLAY = 74, PI = 3.14159265358979323846;
+
+// ---------------------------------------------------------------- the panel below
+
+static void time_row(const struct brush *b, struct show *s, struct ui_box row, int64_t now_ns)
+{
+    const struct theme *t = b->theme;
+    int64_t at = player_at(&s->player, now_ns), length = s->player.length_ns;
+    double label_w = label_time_width(b, length), y = row.y + row.h / 2 - 9;
+    struct ui_box before = cut_left(&row, label_w), behind = cut_right(&row, label_w);
+    label_time(b, (struct ui_point){before.x, y}, t->text, at);
+    label_time(b, (struct ui_point){behind.x, y}, t->quiet, length);
+    struct slide slide = slider(b, "timeline", length > 0 ? (double)at / (double)length : 0, row);
+    show_scrub(s, slide.held, slide.share, now_ns);
+}
+
+static void button_row(const struct brush *b, struct show *s, struct ui_box row, int64_t now_ns)
+{
+    char speed[16];
+    const struct player *p = &s->player;
+    double y = row.y + (row.h - TARGET) / 2;
+    struct ui_box left = {row.x, y, row.w, TARGET}, right = left;
+    if (icon_button(b, "loop", ICON_LOOP, p->loop ? BUTTON_ON : BUTTON_PLAIN, cut_left(&left, TARGET)))
+        show_do(s, DO_LOOP, now_ns);
+    if (icon_button(b, "mirror", ICON_MIRROR, s->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN,
+                    cut_left(&left, TARGET)))
+        show_do(s, DO_MIRROR, now_ns);
+    if (icon_button(b, "layers", ICON_LAYERS, s->sheet == SHEET_LAYERS ? BUTTON_ON : BUTTON_PLAIN,
+                    cut_right(&right, TARGET)))
+        show_do(s, DO_LAYERS, now_ns);
+    snprintf(speed, sizeof speed, "%g×", p->speed);
+    if (text_button(b, "speed", speed, s->sheet == SHEET_SPEED ? BUTTON_ON : BUTTON_PLAIN,
+                    cut_right(&right, fmax(TARGET, 64))))
+        show_do(s, DO_SPEED, now_ns);
+    double x = row.x + row.w / 2;
+    if (icon_button(b, "step-back", ICON_STEP_BACK, BUTTON_PLAIN,
+                    (struct ui_box){x - PLAY / 2 - GAP - TARGET, y, TARGET, TARGET}))
+        show_do(s, DO_STEP_BACK, now_ns);
+    if (icon_button(b, "play", p->playing ? ICON_PAUSE : ICON_PLAY, BUTTON_MAIN,
+                    (struct ui_box){x - PLAY / 2, row.y + (row.h - PLAY) / 2, PLAY, PLAY}))
+        show_do(s, DO_PLAY_PAUSE, now_ns);
+    if (icon_button(b, "step-on", ICON_STEP_ON, BUTTON_PLAIN, (struct ui_box){x + PLAY / 2 + GAP, y, TARGET, TARGET}))
+        show_do(s, DO_STEP_ON, now_ns);
+}
+
+static void moving_panel(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
+{
+    const struct theme *t = b->theme;
+    char text[32];
+    struct ui_box in = inner(box, 14), top = cut_top(&in, TARGET), words = top;
+    if (text_button(b, "move-done", "Done", BUTTON_MAIN, cut_right(&words, 96)))
+        show_do(s, DO_MOVE, now_ns);
+    if (text_button(b, "move-back", "Put back", BUTTON_RAISED, cut_right(&words, 124)))
+        show_do(s, DO_PUT_BACK, now_ns);
+    struct ui_box first = {words.x + 4, words.y + 2, words.w, 30}, second = {words.x + 4, words.y + 31, words.w, 24};
+    label(b, FACE_STRONG, first, t->text, "Move the actor");
+    label(b, FACE_SMALL, second, t->quiet, "Drag over the floor");
+    snprintf(text, sizeof text, "%+.0f°", s->placement.turn_rad * 180 / PI);
+    struct ui_box icon = cut_left(&in, 34), degrees = cut_right(&in, 60);
+    icon_draw(b->ui, ICON_ORBIT, middle(icon), 26, t->quiet);
+    label_centred(b, FACE_STRONG, degrees, t->text, text);
+    struct slide slide = slider(b, "turn", s->placement.turn_rad / (2 * PI) + 0.5, in);
+    if (slide.held)
+        show_set_turn(s, (slide.share - 0.5) * 2 * PI * 0.9999);
+}
+
+// ---------------------------------------------------------------- around the picture
+
+static void top_row(const struct brush *b, struct show *s, const struct watch_page *page, struct ui_box row,
+                    int64_t now_ns)
+{
+    const struct theme *t = b->theme;
+    if (icon_button(b, "back", s->take_count > 1 ? ICON_BACK : ICON_CLOSE, BUTTON_GLASS, cut_left(&row, TARGET)))
+        show_do(s, DO_BACK, now_ns);
+    if (s->camera.there &&
+        icon_button(b, "orbit", s->orbiting ? ICON_CAMERA : ICON_ORBIT, BUTTON_GLASS, cut_right(&row, TARGET)))
+        show_do(s, DO_ORBIT, now_ns);
+    if (icon_button(b, "move", ICON_MOVE, s->moving ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
+        show_do(s, DO_MOVE, now_ns);
+    double width = fmax(ui_text_width(b->ui, FACE_STRONG, page->take), ui_text_width(b->ui, FACE_SMALL, page->file));
+    struct ui_box name = {row.x, row.y, fmin(width + 44, row.w), row.h};
+    ui_shadow(b->ui, name, TARGET / 2, 8, t->shadow);
+    ui_fill(b->ui, name, TARGET / 2, t->glass);
+    label(b, FACE_STRONG, (struct ui_box){name.x + 22, name.y + 8, name.w - 40, 22}, t->text, page->take);
+    label(b, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, page->file);
+}
+
+static void shutter(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
+{
+    struct ui_touch touch = ui_area(b->ui, "photograph", box);
+    struct ui_point m = middle(box);
+    ui_shadow(b->ui, box, box.w / 2, 8, b->theme->shadow);
+    ui_disc(b->ui, m, box.w / 2, b->theme->glass);
+    ui_disc(b->ui, m, box.w / 2 - (touch.held ? 11 : 8), b->theme->accent);
+    icon_draw(b->ui, ICON_PHOTO, m, 32, b->theme->on_accent);
+    if (touch.tapped)
+        show_do(s, DO_PHOTOGRAPH, now_ns);
+}
+
+static void inset_card(const struct brush *b, const struct stage_picture *p, struct ui_box box)
+{
+    const struct ui_part whole = {0, 0, 1, 1};
+    ui_shadow(b->ui, box, 14, 12, b->theme->shadow);
+    ui_picture(b->ui, p->inset, box, whole, 14, 0xffffffff);
+    ui_outline(b->ui, box, 14, 2, b->theme->glass);
+    double width = ui_text_width(b->ui, FACE_SMALL, "Sensor") + 22;
+    struct ui_box name = {box.x + 8, box.y + box.h - 34, width, 26};
+    ui_fill(b->ui, name, 13, b->theme->glass);
+    label_centred(b, FACE_SMALL, name, b->theme->text, "Sensor");
+}
+
+static void sources_card(const struct brush *b, struct ui_box at)
+{
+    static const struct {
+        uint32_t color;
+        const char *text;
+    } rows[] = {{0x34d399ff, "seen at this instant"},
+                {0x38bdf8ff, "from a moment near it"},
+                {0xa73ef0ff, "from far away in time"},
+                {0xfb923cff, "nobody saw it: filled in"}};
+    struct ui_box box = {at.x, at.y, at.w, layout_sources_height()};
+    panel(b, box, true);
+    struct ui_box in = inner(box, 12);
+    for (size_t i = 0; i < COUNT_OF(rows); i++) {
+        double y = in.y + 28 * (double)i;
+        ui_disc(b->ui, (struct ui_point){in.x + 8, y + 14}, 6, rows[i].color);
+        label(b, FACE_SMALL, (struct ui_box){in.x + 26, y, in.w - 26, 28}, b->theme->text, rows[i].text);
+    }
+}
+
+// Cards that only show something, down the left side.
+static void cards(const struct brush *b, const struct show *s, const struct watch_page *page, struct ui_box column,
+                  struct ui_box strip)
+{
+    if (s->inset && page->picture->inset)
+        inset_card(b, page->picture, cut_top(&column, column.w / page->picture->inset_shape));
+    if (s->sources && page->picture->sources)
+        sources_card(b, column);
+    if (s->strip)
+        strip_draw(b, page->times, page->budget_ms, strip);
+}
+
+// What fingers do to the picture itself; asked last, so that every control comes first.
+static void feel_picture(const struct brush *b, struct screens *screens, struct ui_box all)
+{
+    screens->picture_held = ui_area(b->ui, "picture", all).held;
+}
+
+static void controls(const struct brush *b, struct show *s, const struct watch_page *page, const struct layout *l,
+                     int64_t now_ns)
+{
+    const struct ui_box low = l->panel;
+    if (s->sheet != SHEET_NONE && !s->moving) {
+        ui_layer(b->ui, 2);
+        sheets_draw(b, s, l->sheet, now_ns);
+    }
+    ui_layer(b->ui, 1);
+    panel(b, low, true);
+    if (s->moving) {
+        moving_panel(b, s, low, now_ns);
+    } else {
+        struct ui_box in = {low.x + 20, low.y + 4, low.w - 40, low.h - 12};
+        time_row(b, s, (struct ui_box){in.x, in.y, in.w, TARGET}, now_ns);
+        button_row(b, s, (struct ui_box){in.x - 6, in.y + TARGET, in.w + 12, PLAY}, now_ns);
+        if (s->sheet == SHEET_NONE) // else a sheet may lie over it
+            shutter(b, s, l->shutter, now_ns);
+    }
+    top_row(b, s, page, l->top, now_ns);
+    cards(b, s, page, l->cards, l->strip);
+    (void)ui_area(b->ui, "panel", low);
+    ui_layer(b->ui, 0);
+}
+
+void screen_watch(const struct brush *b, struct screens *screens, struct show *s, const struct watch_page *page,
+                  int64_t now_ns)
+{
+    struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)};
+    const struct layout l = layout_of(all.w, all.h, s, page->picture);
+    scene_draw(b, all, page->picture, s);
+    if (show_controls(s)) {
+        controls(b, s, page, &l, now_ns);
+    } else if (s->strip || s->inset || s->sources) {
+        const struct ui_box column = {l.cards.x, MARGIN, l.cards.w, l.cards.h};
+        const struct ui_box strip = {l.strip.x, all.h - MARGIN - l.strip.h, l.strip.w, l.strip.h};
+        ui_layer(b->ui, 1);
+        cards(b, s, page, column, strip);
+        ui_layer(b->ui, 0);
+    }
+    feel_picture(b, screens, all);
+}
+
+// How far the take's preparing is.
+static void preparing(const struct brush *b, const struct show *s)
+{
+    const struct theme *t = b->theme;
+    double w = fmin(360, ui_width(b->ui) - 2 * MARGIN);
+    struct ui_box box = {(ui_width(b->ui) - w) / 2, MARGIN + TARGET + 2 * GAP, w, TARGET};
+    struct ui_box words = {box.x + 24, box.y + 9, w - 48, 24}, groove = {box.x + 24, box.y + TARGET - 20, w - 48, 6};
+    ui_layer(b->ui, 2);
+    ui_shadow(b->ui, box, TARGET / 2, 16, t->shadow);
+    ui_fill(b->ui, box, TARGET / 2, t->glass);
+    label(b, FACE_SMALL, words, t->text, "Getting to know the actor from all sides");
+    ui_fill(b->ui, groove, 3, faint(t->text, 0.2));
+    ui_fill(b->ui, (struct ui_box){groove.x, groove.y, fmax(6, groove.w * s->prepared), groove.h}, 3, t->accent);
+    ui_layer(b->ui, 0);
+}
+
+void screen_words(const struct brush *b, const struct show *s)
+{
+    const struct theme *t = b->theme;
+    const char *hint = show_hint(s), *text = s->notice[0] ? s->notice : hint;
+    if (!text && s->page == PAGE_WATCH && s->prepared < 1)
+        preparing(b, s);
+    if (!text)
+        return;
+    const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->ailing && !s->frozen;
+    double most = fmin(ui_width(b->ui) - 2 * MARGIN, 640), room = most - 72;
+    double width = fmin(ui_text_width(b->ui, FACE_STRONG, text), room);
+    double height = ui_text_height(b->ui, FACE_STRONG, text, room);
+    double w = width + 78, h = fmax(height + 28, TARGET);
+    struct ui_box box = {(ui_width(b->ui) - w) / 2, MARGIN + TARGET + 2 * GAP, w, h};
+    ui_layer(b->ui, 2);
+    ui_shadow(b->ui, box, h / 2, 16, t->shadow);
+    ui_fill(b->ui, box, fmin(h / 2, 29), t->glass);
+    const bool done = is_notice && !s->notice_warns;
+    const uint32_t color = done || tag ? t->accent : t->warn;
+    const enum icon icon = done ? ICON_CHECK : tag ? ICON_TAG : ICON_WARNING;
+    icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
+    ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, room + 1, t->text, text);
+    ui_layer(b->ui, 0);
+}
+
+void screen_trouble(const struct brush *b, struct show *s, int64_t now_ns)
+{
+    const struct theme *t = b->theme;
+    double w = ui_width(b->ui), h = ui_height(b->ui), column = fmin(w - 4 * MARGIN, 560), x = (w - column) / 2;
+    ui_fill(b->ui, (struct ui_box){0, 0, w, h}, 0, t->ground);
+    ui_disc(b->ui, (struct ui_point){w / 2, h / 2 - 150}, 46, faint(t->warn, 0.16));
+    icon_draw(b->ui, ICON_WARNING, (struct ui_point){w / 2, h / 2 - 152}, 44, t->warn);
+    label_centred(b, FACE_HEAD, (struct ui_box){x, h / 2 - 80, column, 36}, t->text, "This cannot be watched");
+    double height = ui_text_height(b->ui, FACE_BODY, s->trouble, column);
+    double width = fmin(ui_text_width(b->ui, FACE_BODY, s->trouble), column);
+    ui_text_lines(b->ui, FACE_BODY, (struct ui_point){(w - width) / 2, h / 2 - 32}, column + 1, t->quiet, s->trouble);
+    struct ui_box close = {(w - 160) / 2, h / 2 - 32 + height + 32, 160, TARGET};
+    if (text_button(b, "close", s->take_count > 1 ? "Other takes" : "Close", BUTTON_MAIN, close))
+        show_do(s, DO_BACK, now_ns);
+}

@@ -1,0 +1,258 @@
+#include "app/ui/view_compositor.h"
+
+#include <math.h>
+
+static const double PI = 3.14159265358979323846, NEAR_M = 0.1;
+// Of his joints: how far his hands, head and clothes reach, and how far his shadow on the floor can be seen.
+static const double BODY_M = 0.5, SHADOW_M = 0.7;
+static const double SOFT_DP = 8;
+
+struct cover cover_of(const struct lens *lens, struct ui_box box)
+{
+    double scale = fmax(box.w / lens->width, box.h / lens->height);
+    return (struct cover){scale, box.x + (box.w - scale * lens->width) / 2, box.y + (box.h - scale * lens->height) / 2};
+}
+
+// False: it lies behind the camera.
+static bool on_screen(const struct stage_picture *p, struct cover cover, struct vec3 world, struct ui_point *out)
+{
+    struct vec3 c = pose_apply(pose_inverse(p->world_from_camera), world);
+    if (!(c.z > NEAR_M))
+        return false;
+    struct pixel px = lens_project(&p->lens, c);
+    *out = (struct ui_point){cover.x + (px.x + 0.5) * cover.scale, cover.y + (px.y + 0.5) * cover.scale};
+    return isfinite(out->x) && isfinite(out->y) && fabs(out->x) < 1e5 && fabs(out->y) < 1e5;
+}
+
+bool cover_floor(const struct stage_picture *p, struct cover cover, struct ui_point at, struct vec3 *floor)
+{
+    struct pixel px = {(at.x - cover.x) / cover.scale - 0.5, (at.y - cover.y) / cover.scale - 0.5};
+    struct vec3 ray = quat_rotate(p->world_from_camera.rotation, lens_ray(&p->lens, px));
+    struct vec3 from = p->world_from_camera.translation;
+    double along = -from.z / ray.z;
+    if (!(ray.z < -1e-6) || !(along > 0) || !(along * v3_length(ray) < 15))
+        return false;
+    *floor = v3_add(from, v3_scale(ray, along));
+    return true;
+}
+
+// ---------------------------------------------------------------- a studio
+
+// Where the horizon lies, dp; the camera is never rolled.
+static double horizon(const struct stage_picture *p, struct cover cover)
+{
+    struct vec3 ahead = quat_rotate(p->world_from_camera.rotation, v3(0, 0, 1));
+    struct vec3 level = v3_unit(v3(ahead.x, ahead.y, 0));
+    struct ui_point at;
+    return on_screen(p, cover, v3_add(p->world_from_camera.translation, v3_scale(level, 1000)), &at) ? at.y : cover.y;
+}
+
+static void draw_grid_line(const struct brush *b, const struct stage_picture *p, struct cover cover, struct vec3 from,
+                           struct vec3 to)
+{
+    enum { PIECES = 20 };
+    const double reach_m = 4;
+    struct vec3 middle_of = p->standing;
+    struct ui_point before = {0, 0};
+    bool had = false;
+    for (int i = 0; i <= PIECES; i++) {
+        struct vec3 w = v3_mix(from, to, (double)i / PIECES);
+        struct ui_point now;
+        bool has = on_screen(p, cover, w, &now);
+        double away = v3_distance(w, middle_of) / reach_m;
+        if (had && has && away < 1)
+            ui_line(b->ui, before, now, 1, faint(b->theme->grid, 1 - away * away));
+        before = now;
+        had = has;
+    }
+}
+
+static void draw_studio(const struct brush *b, const struct stage_picture *p, struct cover cover, struct ui_box box)
+{
+    const struct theme *t = b->theme;
+    double y = fmin(fmax(horizon(p, cover), box.y), box.y + box.h);
+    ui_fade(b->ui, (struct ui_box){box.x, box.y, box.w, y - box.y}, t->sky, t->floor);
+    // Just under the horizon the floor is as the wall is; nearer it grows lighter.
+    ui_fade(b->ui, (struct ui_box){box.x, y, box.w, box.y + box.h - y}, t->floor, t->sky);
+    const double step = 0.5;
+    double x0 = floor(p->standing.x / step) * step, y0 = floor(p->standing.y / step) * step;
+    for (int i = -8; i <= 8; i++) {
+        draw_grid_line(b, p, cover, v3(x0 + i * step, y0 - 4, 0), v3(x0 + i * step, y0 + 4, 0));
+        draw_grid_line(b, p, cover, v3(x0 - 4, y0 + i * step, 0), v3(x0 + 4, y0 + i * step, 0));
+    }
+}
+
+// ---------------------------------------------------------------- the actor
+
+enum { ROUND_POINTS = 40 };
+
+static bool floor_circle(const struct stage_picture *p, struct cover cover, double radius_m, struct ui_point *out)
+{
+    for (int i = 0; i < ROUND_POINTS; i++) {
+        double a = 2 * PI * i / ROUND_POINTS;
+        struct vec3 at = v3_add(p->standing, v3(radius_m * cos(a), radius_m * sin(a), 0));
+        if (!on_screen(p, cover, at, &out[i]))
+            return false;
+    }
+    return true;
+}
+
+static void draw_ring(const struct brush *b, const struct stage_picture *p, struct cover cover)
+{
+    struct ui_point points[ROUND_POINTS];
+    if (!floor_circle(p, cover, 0.55, points))
+        return;
+    ui_polygon(b->ui, points, ROUND_POINTS, faint(b->theme->accent, 0.16));
+    ui_stroke(b->ui, points, ROUND_POINTS, true, 3, b->theme->accent);
+}
+
+static void draw_skeleton(const struct brush *b, const struct stage_picture *p, struct cover cover, double presence)
+{
+    struct ui_point at[JOINT_COUNT];
+    bool seen[JOINT_COUNT];
+    for (int j = 0; j < JOINT_COUNT; j++)
+        seen[j] = p->skeleton.confidence[j] > 0 && on_screen(p, cover, p->skeleton.joint[j], &at[j]);
+    static const struct part_ends across[] = {{JOINT_LEFT_SHOULDER, JOINT_NECK},
+                                              {JOINT_RIGHT_SHOULDER, JOINT_NECK},
+                                              {JOINT_LEFT_HIP, JOINT_WAIST},
+                                              {JOINT_RIGHT_HIP, JOINT_WAIST}};
+    for (int pass = 0; pass < 2; pass++) { // a dark seam, so that it shows on every ground
+        uint32_t color = pass ? faint(b->theme->accent, presence) : faint(0x000000a0, presence);
+        double thickness = pass ? 3.5 : 6.5;
+        for (int i = 0; i < PART_COUNT + (int)COUNT_OF(across); i++) {
+            struct part_ends bone = i < PART_COUNT ? part_ends[i] : across[i - PART_COUNT];
+            if (seen[bone.from] && seen[bone.to])
+                ui_line(b->ui, at[bone.from], at[bone.to], thickness, color);
+        }
+        for (int j = 0; j < JOINT_COUNT; j++)
+            if (seen[j])
+                ui_disc(b->ui, at[j], pass ? 5 : 6.8,
+                        pass && p->skeleton.confidence[j] < 1 ? faint(b->theme->warn, presence)
+                        : pass                                ? faint(0xffffffff, presence)
+                                                              : color);
+    }
+}
+
+// What his joints take up.
+static void extent_of(const struct stage_picture *p, struct vec3 *low, struct vec3 *high)
+{
+    *low = v3(INFINITY, INFINITY, 0), *high = v3(-INFINITY, -INFINITY, 0);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const struct vec3 at = p->skeleton.joint[j];
+        if (!(p->skeleton.confidence[j] > 0))
+            continue;
+        *low = v3(fmin(low->x, at.x), fmin(low->y, at.y), fmin(low->z, at.z));
+        *high = v3(fmax(high->x, at.x), fmax(high->y, at.y), fmax(high->z, at.z));
+    }
+}
+
+// All of the box where one of them lies behind the camera.
+static struct ui_box box_around(const struct stage_picture *p, struct cover cover, struct ui_box box,
+                                const struct vec3 *points, int count)
+{
+    double left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY;
+    for (int i = 0; i < count; i++) {
+        struct ui_point at;
+        if (!on_screen(p, cover, points[i], &at))
+            return box;
+        left = fmin(left, at.x), right = fmax(right, at.x);
+        top = fmin(top, at.y), bottom = fmax(bottom, at.y);
+    }
+    left = fmax(left - SOFT_DP, box.x), right = fmin(right + SOFT_DP, box.x + box.w);
+    top = fmax(top - SOFT_DP, box.y), bottom = fmin(bottom + SOFT_DP, box.y + box.h);
+    return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
+}
+
+// Of a block that stands around all joints, square, wider than they are and up to above them.
+static struct ui_box block_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+{
+    struct vec3 low, high, points[27];
+    extent_of(p, &low, &high);
+    high.z += BODY_M;
+    const double half = fmax(high.x - low.x, high.y - low.y) / 2 + BODY_M;
+    const struct vec3 middle = v3_mix(low, high, 0.5);
+    for (int i = 0; i < 27; i++) // edges too, which a lens may bend outwards
+        points[i] = v3(middle.x + (i % 3 - 1) * half, middle.y + (i / 3 % 3 - 1) * half,
+                       low.z + i / 9 * 0.5 * (high.z - low.z));
+    return box_around(p, cover, box, points, 27);
+}
+
+static struct ui_box common_box(struct ui_box a, struct ui_box b)
+{
+    const double left = fmax(a.x, b.x), right = fmin(a.x + a.w, b.x + b.w);
+    const double top = fmax(a.y, b.y), bottom = fmin(a.y + a.h, b.y + b.h);
+    return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
+}
+
+struct ui_box scene_actor_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+{
+    const struct ui_box block = block_box(p, cover, box);
+    if (p->former)
+        return block; // which is drawn otherwise
+    const double w = cover.scale * p->lens.width, h = cover.scale * p->lens.height;
+    const struct ui_part *of = &p->actor_part;
+    const struct ui_box part = {cover.x + of->u0 * w - SOFT_DP, cover.y + of->v0 * h - SOFT_DP,
+                                (of->u1 - of->u0) * w + 2 * SOFT_DP, (of->v1 - of->v0) * h + 2 * SOFT_DP};
+    return common_box(block, part);
+}
+
+struct ui_box scene_shadow_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+{
+    struct vec3 low, high, points[ROUND_POINTS];
+    extent_of(p, &low, &high);
+    // It is round, and a polygon around it a little larger.
+    const double reach = (fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M) / cos(PI / ROUND_POINTS);
+    for (int i = 0; i < ROUND_POINTS; i++) {
+        const double a = 2 * PI * i / ROUND_POINTS;
+        points[i] = v3((low.x + high.x) / 2 + reach * cos(a), (low.y + high.y) / 2 + reach * sin(a), 0);
+    }
+    return box_around(p, cover, box, points, ROUND_POINTS);
+}
+
+// Where all of the picture lies.
+static struct ui_box whole_of(const struct stage_picture *p, struct cover cover)
+{
+    return (struct ui_box){cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
+}
+
+// What was drawn of him, one over the other.
+static void draw_actor(const struct brush *b, struct ui_box box, const struct stage_picture *p, const struct show *show)
+{
+    const struct cover cover = cover_of(&p->lens, box);
+    const struct ui_box all = whole_of(p, cover);
+    const struct ui_part upright = {0, 0, 1, 1}, over = {1, 0, 0, 1}, part = p->turned_over ? over : upright;
+    const uint32_t tint = faint(0xffffffff, show->presence);
+    if (p->shadow) {
+        ui_clip(b->ui, scene_shadow_box(p, cover, box));
+        ui_picture(b->ui, p->shadow, all, part, 0, tint);
+        ui_unclip(b->ui);
+    }
+    ui_clip(b->ui, scene_actor_box(p, cover, box));
+    // The new one comes in over the old, which then goes: nowhere is he thinner meanwhile.
+    double fresh = p->former ? show->freshness : 1;
+    if (p->former)
+        ui_picture(b->ui, p->former, all, part, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
+    if (p->actor && fresh > 0)
+        ui_picture(b->ui, p->actor, all, part, 0, faint(tint, fmin(1, 2 * fresh)));
+    if (p->sources)
+        ui_picture(b->ui, p->sources, all, part, 0, tint);
+    ui_unclip(b->ui);
+}
+
+void scene_draw(const struct brush *b, struct ui_box box, const struct stage_picture *p, const struct show *show)
+{
+    struct cover cover = cover_of(&p->lens, box);
+    ui_clip(b->ui, box);
+    if (p->camera)
+        ui_picture(b->ui, p->camera, whole_of(p, cover), (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    else
+        draw_studio(b, p, cover, box);
+    if (show->presence > 0 && p->has_skeleton) {
+        if (show->moving)
+            draw_ring(b, p, cover);
+        draw_actor(b, box, p, show);
+        if (show->skeleton)
+            draw_skeleton(b, p, cover, show->presence);
+    }
+    ui_unclip(b->ui);
+}

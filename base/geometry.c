@@ -1,0 +1,121 @@
+#include "base/geometry.h"
+
+struct vec3 v3_perpendicular(struct vec3 a)
+{
+    // Cross with the axis that `a` leans on least, so the product cannot vanish.
+    double ax = fabs(a.x), ay = fabs(a.y), az = fabs(a.z);
+    struct vec3 other = ax <= ay && ax <= az ? v3(1, 0, 0) : ay <= az ? v3(0, 1, 0) : v3(0, 0, 1);
+    struct vec3 p = v3_unit(v3_cross(a, other));
+    return v3_dot(p, p) > 0 ? p : v3(1, 0, 0);
+}
+
+struct quat quat_unit(struct quat q)
+{
+    double n = sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+    if (!(n > 1e-300))
+        return (struct quat){0, 0, 0, 1};
+    return (struct quat){q.x / n, q.y / n, q.z / n, q.w / n};
+}
+
+struct quat quat_multiply(struct quat a, struct quat b)
+{
+    return (struct quat){
+        a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+        a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+        a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+        a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+    };
+}
+
+struct quat quat_from_rotation_vector(struct vec3 r)
+{
+    double angle = v3_length(r);
+    // sin(a/2)/a by series near zero, where the quotient loses all digits
+    double s = angle < 1e-4 ? 0.5 - angle * angle / 48 : sin(angle / 2) / angle;
+    return quat_unit((struct quat){r.x * s, r.y * s, r.z * s, cos(angle / 2)});
+}
+
+struct vec3 quat_to_rotation_vector(struct quat q)
+{
+    if (q.w < 0)
+        q = (struct quat){-q.x, -q.y, -q.z, -q.w};
+    struct vec3 u = v3(q.x, q.y, q.z);
+    double s = v3_length(u);
+    double scale = s < 1e-8 ? 2 / q.w : 2 * atan2(s, q.w) / s;
+    return v3_scale(u, scale);
+}
+
+struct quat quat_from_matrix(double m[3][3])
+{
+    // Branches on the largest of the four squared components (Shepperd 1978).
+    double trace = m[0][0] + m[1][1] + m[2][2];
+    struct quat q;
+    if (trace >= m[0][0] && trace >= m[1][1] && trace >= m[2][2])
+        q = (struct quat){m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], 1 + trace};
+    else if (m[0][0] >= m[1][1] && m[0][0] >= m[2][2])
+        q = (struct quat){1 + m[0][0] - m[1][1] - m[2][2], m[0][1] + m[1][0], m[0][2] + m[2][0], m[2][1] - m[1][2]};
+    else if (m[1][1] >= m[2][2])
+        q = (struct quat){m[0][1] + m[1][0], 1 + m[1][1] - m[0][0] - m[2][2], m[1][2] + m[2][1], m[0][2] - m[2][0]};
+    else
+        q = (struct quat){m[0][2] + m[2][0], m[1][2] + m[2][1], 1 + m[2][2] - m[0][0] - m[1][1], m[1][0] - m[0][1]};
+    return quat_unit(q);
+}
+
+void quat_to_matrix(struct quat q, double m[3][3])
+{
+    double x = q.x, y = q.y, z = q.z, w = q.w;
+    m[0][0] = 1 - 2 * (y * y + z * z);
+    m[0][1] = 2 * (x * y - z * w);
+    m[0][2] = 2 * (x * z + y * w);
+    m[1][0] = 2 * (x * y + z * w);
+    m[1][1] = 1 - 2 * (x * x + z * z);
+    m[1][2] = 2 * (y * z - x * w);
+    m[2][0] = 2 * (x * z - y * w);
+    m[2][1] = 2 * (y * z + x * w);
+    m[2][2] = 1 - 2 * (x * x + y * y);
+}
+
+struct quat quat_between(struct vec3 a, struct vec3 b)
+{
+    struct vec3 ua = v3_unit(a), ub = v3_unit(b);
+    double d = v3_dot(ua, ub);
+    if (v3_dot(ua, ua) == 0 || v3_dot(ub, ub) == 0)
+        return (struct quat){0, 0, 0, 1};
+    if (d < -1 + 1e-12) { // opposite: any half turn about a perpendicular axis
+        struct vec3 axis = v3_perpendicular(ua);
+        return (struct quat){axis.x, axis.y, axis.z, 0};
+    }
+    struct vec3 c = v3_cross(ua, ub);
+    return quat_unit((struct quat){c.x, c.y, c.z, 1 + d});
+}
+
+struct quat quat_slerp(struct quat a, struct quat b, double t)
+{
+    struct quat turn = quat_multiply(b, quat_conjugate(a));
+    return quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(quat_to_rotation_vector(turn), t)), a));
+}
+
+struct pose pose_multiply(struct pose a_from_b, struct pose b_from_c)
+{
+    return (struct pose){
+        quat_unit(quat_multiply(a_from_b.rotation, b_from_c.rotation)),
+        pose_apply(a_from_b, b_from_c.translation),
+    };
+}
+
+struct pose pose_inverse(struct pose a_from_b)
+{
+    struct quat back = quat_conjugate(a_from_b.rotation);
+    return (struct pose){back, v3_scale(quat_rotate(back, a_from_b.translation), -1)};
+}
+
+bool pose_finite(struct pose p)
+{
+    return v3_finite(p.translation) && isfinite(p.rotation.x) && isfinite(p.rotation.y) && isfinite(p.rotation.z) &&
+           isfinite(p.rotation.w);
+}
+
+double pose_angle(struct pose a, struct pose b)
+{
+    return v3_length(quat_to_rotation_vector(quat_multiply(a.rotation, quat_conjugate(b.rotation))));
+}

@@ -1,0 +1,111 @@
+#include "base/lens.h"
+
+bool lens_is_ideal(const struct lens *lens)
+{
+    return lens->k1 == 0 && lens->k2 == 0 && lens->p1 == 0 && lens->p2 == 0 && lens->k3 == 0;
+}
+
+bool lens_same(const struct lens *a, const struct lens *b)
+{
+    return a->width == b->width && a->height == b->height && a->fx == b->fx && a->fy == b->fy && a->cx == b->cx &&
+           a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
+}
+
+struct lens lens_coarser(const struct lens *lens, double share)
+{
+    const double least_px = 16;
+    struct lens l = *lens;
+    if (share == 1)
+        return l;
+    l.width = (int)fmax(fmin(least_px, lens->width), round(lens->width * share));
+    l.height = (int)fmax(fmin(least_px, lens->height), round(lens->height * share));
+    const double kx = (double)l.width / lens->width, ky = (double)l.height / lens->height;
+    l.fx *= kx, l.fy *= ky;
+    l.cx = (l.cx + 0.5) * kx - 0.5, l.cy = (l.cy + 0.5) * ky - 0.5; // (0, 0) is a pixel's centre
+    return l;
+}
+
+// Brown-Conrady on the plane z = 1: (x, y) ideal to distorted.
+static void distort(const struct lens *l, double x, double y, double *xd, double *yd)
+{
+    double r2 = x * x + y * y;
+    double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+    *xd = x * radial + 2 * l->p1 * x * y + l->p2 * (r2 + 2 * x * x);
+    *yd = y * radial + l->p1 * (r2 + 2 * y * y) + 2 * l->p2 * x * y;
+}
+
+struct pixel lens_project(const struct lens *l, struct vec3 p)
+{
+    double x = p.x / p.z, y = p.y / p.z, xd, yd;
+    distort(l, x, y, &xd, &yd);
+    return (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
+}
+
+double lens_largest_r2(const struct lens *l)
+{
+    double largest = 0;
+    const struct pixel corners[] = {
+        {-0.5, -0.5}, {l->width - 0.5, -0.5}, {-0.5, l->height - 0.5}, {l->width - 0.5, l->height - 0.5}};
+    for (int i = 0; i < 4; i++) {
+        struct vec3 ray = lens_ray(l, corners[i]);
+        largest = fmax(largest, ray.x * ray.x + ray.y * ray.y);
+    }
+    return largest * 1.21;
+}
+
+struct pixel lens_project_held(const struct lens *l, double largest_r2, struct vec3 p)
+{
+    double x = p.x / p.z, y = p.y / p.z, r2 = largest_r2;
+    if (x * x + y * y <= r2)
+        return lens_project(l, p);
+    double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+    return (struct pixel){l->fx * x * radial + l->cx, l->fy * y * radial + l->cy};
+}
+
+struct vec3 lens_ray(const struct lens *l, struct pixel px)
+{
+    double xd = (px.x - l->cx) / l->fx, yd = (px.y - l->cy) / l->fy;
+    if (lens_is_ideal(l))
+        return v3(xd, yd, 1);
+    double x = xd, y = yd;
+    for (int i = 0; i < 20; i++) {
+        double fx, fy;
+        distort(l, x, y, &fx, &fy);
+        double ex = fx - xd, ey = fy - yd;
+        if (ex * ex + ey * ey < 1e-20)
+            break;
+        // Newton with the analytic Jacobian of distort()
+        double r2 = x * x + y * y;
+        double radial = 1 + r2 * (l->k1 + r2 * (l->k2 + r2 * l->k3));
+        double slope = 2 * (l->k1 + r2 * (2 * l->k2 + 3 * r2 * l->k3)); // d radial / d x = slope * x
+        double a = radial + slope * x * x + 2 * l->p1 * y + 6 * l->p2 * x;
+        double b = slope * x * y + 2 * l->p1 * x + 2 * l->p2 * y;
+        double d = radial + slope * y * y + 6 * l->p1 * y + 2 * l->p2 * x;
+        double det = a * d - b * b;
+        if (!(fabs(det) > 1e-12))
+            break;
+        x -= (d * ex - b * ey) / det;
+        y -= (a * ey - b * ex) / det;
+    }
+    return v3(x, y, 1);
+}
+
+enum status lens_check(const struct lens *l, const char *what)
+{
+    if (l->width <= 0 || l->height <= 0 || l->width > 16384 || l->height > 16384)
+        return fail(ERR_INPUT, "the %s camera's calibration gives a picture of %d x %d pixels", what, l->width,
+                    l->height);
+    double numbers[] = {l->fx, l->fy, l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3};
+    for (size_t i = 0; i < COUNT_OF(numbers); i++)
+        if (!isfinite(numbers[i]))
+            return fail(ERR_INPUT, "the %s camera's calibration holds a number that is not finite", what);
+    if (!(l->fx > 0) || !(l->fy > 0))
+        return fail(ERR_INPUT, "the %s camera's focal length must be greater than 0, not %g x %g", what, l->fx, l->fy);
+    if (!(l->readout_s >= 0 && l->readout_s <= LENS_MOST_READOUT_S))
+        return fail(ERR_INPUT, "the %s camera's readout_ms must be from 0 (no rolling shutter) to %g, not %g", what,
+                    LENS_MOST_READOUT_S * 1e3, l->readout_s * 1e3);
+    if (!(l->focal_sigma >= 0 && l->focal_sigma <= LENS_MOST_FOCAL_SIGMA))
+        return fail(ERR_INPUT, "the %s camera's focal_sigma must be from 0 (measured) to %g, not %g", what,
+                    LENS_MOST_FOCAL_SIGMA, l->focal_sigma);
+    return OK;
+}

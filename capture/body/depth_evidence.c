@@ -1,0 +1,202 @@
+#include "capture/body/depth_evidence.h"
+
+#include "capture/segmentation/segment.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { CELLS_ACROSS = 160, FAR_AWAY = 4000, AREA_MARGIN = 12 };
+
+// Cloth and the model's own coarseness, metres (standard deviation).
+#define SURFACE_SIGMA_M 0.012
+
+enum status evidence_open(struct body_evidence **out, const struct lens *lens)
+{
+    *out = NULL;
+    struct body_evidence *e = calloc(1, sizeof *e);
+    if (e) {
+        e->lens = *lens;
+        e->step = (lens->width + CELLS_ACROSS - 1) / CELLS_ACROSS;
+        e->width = (lens->width + e->step - 1) / e->step;
+        e->height = (lens->height + e->step - 1) / e->step;
+        size_t n = (size_t)e->width * (size_t)e->height;
+        e->inside = calloc(n, 1);
+        e->nearest = calloc(n, sizeof *e->nearest);
+    }
+    if (!e || !e->inside || !e->nearest) {
+        evidence_close(&e);
+        return fail(ERR_MEMORY, "not enough memory to track a person in pictures of %d x %d", lens->width,
+                    lens->height);
+    }
+    *out = e;
+    return OK;
+}
+
+void evidence_close(struct body_evidence **e)
+{
+    if (!*e)
+        return;
+    free((*e)->inside);
+    free((*e)->nearest);
+    free(*e);
+    *e = NULL;
+}
+
+// Takes a neighbour's nearest cell over when it is nearer.
+static void take_over(struct body_evidence *e, int x, int y, int i, int j)
+{
+    int16_t *mine = e->nearest[y * e->width + x];
+    const int16_t *theirs = e->nearest[(y + j) * e->width + x + i];
+    int dx = theirs[0] + i, dy = theirs[1] + j;
+    if (theirs[0] != FAR_AWAY && dx * dx + dy * dy < mine[0] * mine[0] + mine[1] * mine[1]) {
+        mine[0] = (int16_t)dx;
+        mine[1] = (int16_t)dy;
+    }
+}
+
+// Two sweeps of vectors (Danielsson 1980), within the area; exact to a fraction of a cell.
+static void spread_nearest(struct body_evidence *e)
+{
+    const struct cell_area a = e->area;
+    for (int y = a.top; y <= a.bottom; y++)
+        for (int x = a.left; x <= a.right; x++) {
+            int i = y * e->width + x;
+            e->nearest[i][0] = e->nearest[i][1] = e->inside[i] ? 0 : FAR_AWAY;
+        }
+    for (int y = a.top; y <= a.bottom; y++) {
+        for (int x = a.left; x <= a.right; x++) {
+            if (y > a.top)
+                take_over(e, x, y, 0, -1);
+            if (y > a.top && x > a.left)
+                take_over(e, x, y, -1, -1);
+            if (y > a.top && x < a.right)
+                take_over(e, x, y, 1, -1);
+            if (x > a.left)
+                take_over(e, x, y, -1, 0);
+        }
+        for (int x = a.right - 1; x >= a.left; x--)
+            take_over(e, x, y, 1, 0);
+    }
+    for (int y = a.bottom; y >= a.top; y--) {
+        for (int x = a.right; x >= a.left; x--) {
+            if (y < a.bottom)
+                take_over(e, x, y, 0, 1);
+            if (y < a.bottom && x < a.right)
+                take_over(e, x, y, 1, 1);
+            if (y < a.bottom && x > a.left)
+                take_over(e, x, y, -1, 1);
+            if (x < a.right)
+                take_over(e, x, y, 1, 0);
+        }
+        for (int x = a.left + 1; x <= a.right; x++)
+            take_over(e, x, y, -1, 0);
+    }
+}
+
+static int within(int low, int x, int high) { return x < low ? low : x > high ? high : x; }
+
+// The person's cells and some around them.
+static void find_area(struct body_evidence *e)
+{
+    e->area.left = within(0, e->left / e->step - AREA_MARGIN, e->width - 1);
+    e->area.right = within(0, e->right / e->step + AREA_MARGIN, e->width - 1);
+    e->area.top = within(0, e->top / e->step - AREA_MARGIN, e->height - 1);
+    e->area.bottom = within(0, e->bottom / e->step + AREA_MARGIN, e->height - 1);
+}
+
+bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted)
+{
+    const struct lens *l = &e->lens;
+    e->depth = depth;
+    e->mask = mask;
+    e->count = e->pixels = 0;
+    e->left = l->width, e->top = l->height, e->right = e->bottom = -1;
+    memset(e->inside, 0, (size_t)e->width * (size_t)e->height);
+    for (int y = 0; y < l->height; y++) {
+        const uint8_t *row = mask + (size_t)y * (size_t)l->width;
+        if (!memchr(row, 255, (size_t)l->width))
+            continue;
+        for (int x = 0; x < l->width; x++)
+            if (row[x]) {
+                e->inside[(y / e->step) * e->width + x / e->step] = 1;
+                e->pixels++;
+                e->left = x < e->left ? x : e->left;
+                e->right = x > e->right ? x : e->right;
+                e->top = y < e->top ? y : e->top;
+                e->bottom = y;
+            }
+    }
+    if (e->pixels < 40)
+        return false;
+    e->picture = picture_bounds(depth, l);
+    find_area(e);
+    spread_nearest(e);
+    if (wanted > EVIDENCE_POINTS_MAX)
+        wanted = EVIDENCE_POINTS_MAX;
+    int stride = (int)ceil(sqrt((double)e->pixels / wanted));
+    if (stride < 1)
+        stride = 1;
+    e->low = v3(1e9, 1e9, 1e9);
+    e->high = v3(-1e9, -1e9, -1e9);
+    double z2 = 0;
+    for (int y = e->top; y <= e->bottom; y += stride)
+        for (int x = e->left + (y / stride % 2) * (stride / 2); x <= e->right; x += stride) {
+            int d = depth[y * l->width + x];
+            if (!mask[y * l->width + x] || !d || e->count == EVIDENCE_POINTS_MAX)
+                continue;
+            double z = d * 0.001, sigma = depth_sigma_m(z);
+            struct vec3 p = v3_scale(lens_ray(l, (struct pixel){x, y}), z);
+            z2 += z * z;
+            e->point[e->count++] = (struct evidence_point){p, 1 / (SURFACE_SIGMA_M * SURFACE_SIGMA_M + sigma * sigma)};
+            e->low = v3(fmin(e->low.x, p.x), fmin(e->low.y, p.y), fmin(e->low.z, p.z));
+            e->high = v3(fmax(e->high.x, p.x), fmax(e->high.y, p.y), fmax(e->high.z, p.z));
+        }
+    e->extent_m2 = e->count ? e->pixels * z2 / e->count / (l->fx * l->fy) : 0;
+    return e->count >= 30;
+}
+
+enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
+                               double *dy)
+{
+    *depth_m = *dx = *dy = 0;
+    if (!(px.x >= e->picture.left && px.y >= e->picture.top && px.x <= e->picture.right && px.y <= e->picture.bottom))
+        return EVIDENCE_OUTSIDE;
+    int x = (int)(px.x + 0.5), y = (int)(px.y + 0.5);
+    x = x < e->lens.width ? x : e->lens.width - 1;
+    y = y < e->lens.height ? y : e->lens.height - 1;
+    double there = e->depth[y * e->lens.width + x] * 0.001;
+    if (e->mask[y * e->lens.width + x]) {
+        *depth_m = there;
+        return EVIDENCE_PERSON;
+    }
+    if (there > 0 && there < z - 0.15 - 3 * depth_sigma_m(z))
+        return EVIDENCE_HIDDEN;
+    x /= e->step;
+    y /= e->step;
+    int at_x = within(e->area.left, x, e->area.right), at_y = within(e->area.top, y, e->area.bottom);
+    const int16_t *way = e->nearest[at_y * e->width + at_x];
+    if (way[0] == 0 && way[1] == 0 && x == at_x && y == at_y)
+        return EVIDENCE_PERSON;
+    *dx = (way[0] + at_x - x) * e->step; // beyond the area: by way of its edge
+    *dy = (way[1] + at_y - y) * e->step;
+    return EVIDENCE_BESIDE;
+}
+
+int evidence_shown(const struct body_evidence *e, struct vec3 c, double radius, bool *outside)
+{
+    int shown = 0;
+    *outside = true;
+    for (int k = 0; k < EVIDENCE_ABOUT; k++) {
+        struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
+                                     (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
+        if (p.z < 0.1)
+            continue;
+        double measured, dx, dy;
+        enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, p), p.z, &measured, &dx, &dy);
+        *outside = *outside && kind == EVIDENCE_OUTSIDE;
+        if (kind == EVIDENCE_PERSON && measured > 0 &&
+            fabs(measured - (p.z - radius)) < 0.05 + radius + 2 * depth_sigma_m(measured))
+            shown++;
+    }
+    return shown;
+}

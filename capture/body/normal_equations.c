@@ -1,0 +1,175 @@
+#include "capture/body/normal_equations.h"
+
+#include <string.h>
+
+void fit_system_start(struct fit_system *s, bool with_shape)
+{
+    memset(s, 0, sizeof *s);
+    s->count = with_shape ? FIT_COUNT : FIT_POSE_COUNT;
+}
+
+void fit_system_pull(struct fit_system *s, const struct body_build *build, enum segment segment, struct vec3 point,
+                     struct vec3 n, double residual, double weight, const double shape[SHAPE_COUNT])
+{
+    if (!s)
+        return;
+    struct vec3 turn = v3_cross(v3_sub(point, build->origin[0]), n);
+    const double j[TWIST_COUNT] = {n.x, n.y, n.z, turn.x, turn.y, turn.z};
+    struct segment_sum *sum = &s->sum[segment];
+    for (int a = 0; a < TWIST_COUNT; a++) {
+        double w = weight * j[a];
+        sum->g[a] += w * residual;
+        for (int b = 0; b <= a; b++)
+            sum->h[a][b] += w * j[b];
+    }
+    for (int k = 0; shape && k < SHAPE_COUNT; k++) {
+        double w = weight * shape[k];
+        if (w == 0)
+            continue;
+        for (int a = 0; a < TWIST_COUNT; a++)
+            sum->shape[k][a] += w * j[a];
+        s->g[FIT_POSE_COUNT + k] += w * residual;
+        for (int b = 0; b <= k; b++)
+            s->h[FIT_POSE_COUNT + k][FIT_POSE_COUNT + b] += w * shape[b];
+    }
+}
+
+static void add_sum(struct segment_sum *to, const struct segment_sum *from, bool shape)
+{
+    for (int a = 0; a < TWIST_COUNT; a++) {
+        to->g[a] += from->g[a];
+        for (int b = 0; b <= a; b++)
+            to->h[a][b] += from->h[a][b];
+    }
+    for (int k = 0; shape && k < SHAPE_COUNT; k++)
+        for (int a = 0; a < TWIST_COUNT; a++)
+            to->shape[k][a] += from->shape[k][a];
+}
+
+static double dot6(const double a[TWIST_COUNT], const double b[TWIST_COUNT])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
+}
+
+// How the twist of everything below segment s grows with its turn about axis k of its parent.
+static void twist_of(const struct body_build *build, int s, int k, double out[TWIST_COUNT])
+{
+    struct vec3 axis = v3(build->parent_axes[s][0][k], build->parent_axes[s][1][k], build->parent_axes[s][2][k]),
+                along = v3_cross(v3_sub(build->origin[s], build->origin[0]), axis);
+    out[0] = along.x, out[1] = along.y, out[2] = along.z, out[3] = axis.x, out[4] = axis.y, out[5] = axis.z;
+}
+
+// Segment by segment from the ends inwards, as a composite body's inertia is
+// (Featherstone, Rigid Body Dynamics Algorithms, section 6.2).
+void fit_system_gather(struct fit_system *s, const struct body_build *build)
+{
+    double twist[SEG_COUNT][3][TWIST_COUNT];
+    bool shape = s->count == FIT_COUNT;
+    for (int i = 0; i < SEG_COUNT; i++)
+        for (int k = 0; k < 3; k++)
+            twist_of(build, i, k, twist[i][k]);
+    for (int i = SEG_COUNT - 1; i >= 0; i--) {
+        struct segment_sum *sum = &s->sum[i];
+        for (int k = 0; k < 3; k++) {
+            double force[TWIST_COUNT];
+            for (int a = 0; a < TWIST_COUNT; a++) {
+                force[a] = 0;
+                for (int b = 0; b < TWIST_COUNT; b++)
+                    force[a] += sum->h[a > b ? a : b][a > b ? b : a] * twist[i][k][b];
+            }
+            int row = 3 + 3 * i + k;
+            s->g[row] += dot6(sum->g, twist[i][k]);
+            for (int m = 0; m < 3; m++)
+                s->h[row][m] += force[m];
+            for (int up = i; up >= 0; up = body_parent((enum segment)up))
+                for (int m = 0; m < (up == i ? k + 1 : 3); m++)
+                    s->h[row][3 + 3 * up + m] += dot6(force, twist[up][m]);
+            for (int a = 0; shape && a < SHAPE_COUNT; a++)
+                s->h[FIT_POSE_COUNT + a][row] += dot6(sum->shape[a], twist[i][k]);
+        }
+        if (i > 0)
+            add_sum(&s->sum[body_parent((enum segment)i)], sum, shape);
+    }
+    for (int m = 0; m < 3; m++) { // the root's way
+        s->g[m] += s->sum[0].g[m];
+        for (int b = 0; b <= m; b++)
+            s->h[m][b] += s->sum[0].h[m][b];
+        for (int a = 0; shape && a < SHAPE_COUNT; a++)
+            s->h[FIT_POSE_COUNT + a][m] += s->sum[0].shape[a][m];
+    }
+}
+
+// Unknowns in the order in which they are eliminated: limbs from their ends inwards, the shape last. What is not above
+// or below one another has nothing in common then, and stays so (Featherstone, section 6.5): of each row only what is
+// not left of the outermost segment that hangs on its own is ever not zero.
+struct elimination {
+    int unknown[FIT_COUNT], first[FIT_COUNT]; // by row
+};
+
+static struct elimination elimination(int count)
+{
+    struct elimination e;
+    int outermost[SEG_COUNT];
+    for (int s = SEG_COUNT - 1; s >= 0; s--)
+        outermost[s] = s;
+    for (int s = SEG_COUNT - 1; s > 0; s--) {
+        int up = body_parent((enum segment)s);
+        outermost[up] = outermost[s] > outermost[up] ? outermost[s] : outermost[up];
+    }
+    for (int row = 0; row < count; row++) {
+        int i = row < FIT_POSE_COUNT ? FIT_POSE_COUNT - 1 - row : row;
+        e.unknown[row] = i;
+        e.first[row] = i < 3 || i >= FIT_POSE_COUNT ? 0 : FIT_POSE_COUNT - 1 - (5 + 3 * outermost[i / 3 - 1]);
+    }
+    return e;
+}
+
+bool fit_system_solve(const struct fit_system *s, double damping, double x[FIT_COUNT])
+{
+    double l[FIT_COUNT][FIT_COUNT], y[FIT_COUNT];
+    struct elimination e = elimination(s->count);
+    for (int i = 0; i < s->count; i++) {
+        int a = e.unknown[i];
+        for (int j = e.first[i]; j <= i; j++) {
+            int b = e.unknown[j], from = e.first[i] > e.first[j] ? e.first[i] : e.first[j];
+            double sum = a > b ? s->h[a][b] : s->h[b][a];
+            if (i == j)
+                sum += damping * sum + 1e-3;
+            for (int k = from; k < j; k++)
+                sum -= l[i][k] * l[j][k];
+            if (i == j && !(sum > 1e-9))
+                return false;
+            l[i][j] = i == j ? sqrt(sum) : sum / l[j][j];
+        }
+        y[i] = s->g[a];
+        for (int k = e.first[i]; k < i; k++)
+            y[i] -= l[i][k] * y[k];
+        y[i] /= l[i][i];
+    }
+    for (int i = s->count - 1; i >= 0; i--) {
+        y[i] /= l[i][i];
+        x[e.unknown[i]] = y[i];
+        for (int k = e.first[i]; k < i; k++)
+            y[k] -= l[i][k] * y[i];
+    }
+    return true;
+}
+
+void fit_system_shape(const struct fit_system *s, double information[SHAPE_COUNT][SHAPE_COUNT])
+{
+    double l[FIT_COUNT][FIT_COUNT];
+    for (int i = 0; i < FIT_COUNT; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = s->h[i][j] + (i == j ? 1e-3 : 0);
+            int last = j < FIT_POSE_COUNT ? j : FIT_POSE_COUNT;
+            for (int k = 0; k < last; k++)
+                sum -= l[i][k] * l[j][k];
+            if (i < FIT_POSE_COUNT && i == j)
+                l[i][i] = sqrt(fmax(sum, 1e-9));
+            else
+                l[i][j] = j < FIT_POSE_COUNT ? sum / l[j][j] : sum;
+        }
+    for (int a = 0; a < SHAPE_COUNT; a++)
+        for (int b = 0; b <= a; b++)
+            information[a][b] = information[b][a] = l[FIT_POSE_COUNT + a][FIT_POSE_COUNT + b];
+}

@@ -1,0 +1,220 @@
+#include "capture/body_radii.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// lambda of equation 3. The two arm terms, each theta * sin(theta) at most, reach
+// 3.64 together; lambda is above that, so that a frame with crossed legs, in
+// which neither thigh nor shin can be measured, never beats one without.
+static const double LAMBDA = 4;
+
+// Samples along a part between these shares of its length; near the joints the
+// neighbouring part's flesh would be measured.
+static const double FIRST_SHARE = 0.25, LAST_SHARE = 0.85;
+enum { SAMPLES = 13, FEWEST_SAMPLES = 5 };
+
+// No part of a person is wider than this from its bone, metres.
+static const double WIDEST_M = 0.35;
+
+// Depth steps by less than this between neighbouring pixels of one limb: four
+// standard deviations of a Kinect's reading (1.5e-3 z^2 m, Khoshelham and
+// Elberink 2012) and a slope of 60 degrees over a pixel at f = 525.
+static double largest_step_m(double z_m) { return 4 * 1.5e-3 * z_m * z_m + 0.0033 * z_m + 0.005; }
+
+void representative_start(struct representative *r)
+{
+    *r = (struct representative){.body.representative_frame = -1, .best = -1};
+    for (int p = 0; p < PART_COUNT; p++)
+        r->part_best[p] = -1;
+}
+
+static bool known(const struct skeleton *s, enum joint a) { return s->confidence[a] > 0; }
+
+// theta_n * a_n of equation 3 for one arm: the angle between torso and arm, times
+// how parallel to the picture the arm lies.
+static double arm_term(const struct skeleton *s, enum joint shoulder, enum joint hand)
+{
+    if (!known(s, shoulder) || !known(s, hand) || !known(s, JOINT_NECK) || !known(s, JOINT_TORSO))
+        return 0;
+    struct vec3 arm = v3_unit(v3_sub(s->joint[hand], s->joint[shoulder]));
+    struct vec3 torso = v3_unit(v3_sub(s->joint[JOINT_TORSO], s->joint[JOINT_NECK]));
+    double theta = acos(fmax(-1, fmin(1, v3_dot(arm, torso))));
+    return theta * fabs(arm.x);
+}
+
+// g of equation 2: 1 when the legs are not crossed. For a person who shows the
+// back, left and right have changed sides in the picture.
+static double legs_uncrossed(const struct skeleton *s)
+{
+    const enum joint need[] = {JOINT_LEFT_HIP, JOINT_LEFT_FOOT, JOINT_RIGHT_HIP, JOINT_RIGHT_FOOT};
+    for (size_t i = 0; i < COUNT_OF(need); i++)
+        if (!known(s, need[i]))
+            return 0;
+    struct vec3 left = v3_unit(v3_sub(s->joint[JOINT_LEFT_FOOT], s->joint[JOINT_LEFT_HIP]));
+    struct vec3 right = v3_unit(v3_sub(s->joint[JOINT_RIGHT_FOOT], s->joint[JOINT_RIGHT_HIP]));
+    bool faces_us = s->joint[JOINT_LEFT_HIP].x >= s->joint[JOINT_RIGHT_HIP].x;
+    // phi is the angle to the x axis, so phi_R > phi_L says that the left leg leans more to +x.
+    return faces_us ? left.x > right.x : right.x > left.x;
+}
+
+double representative_value(const struct skeleton *s)
+{
+    return arm_term(s, JOINT_LEFT_SHOULDER, JOINT_LEFT_HAND) + arm_term(s, JOINT_RIGHT_SHOULDER, JOINT_RIGHT_HAND) +
+           LAMBDA * legs_uncrossed(s);
+}
+
+// A skeleton as the depth camera sees it.
+struct seen {
+    struct vec3 joint[JOINT_COUNT]; // depth camera's axes
+    struct pixel pixel[JOINT_COUNT];
+    bool usable[JOINT_COUNT]; // known and in front of the camera
+};
+
+static struct seen see(const struct calibration *calibration, const struct skeleton *s)
+{
+    struct seen seen;
+    struct pose depth_from_color = pose_inverse(calibration->color_from_depth);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        seen.joint[j] = pose_apply(depth_from_color, s->joint[j]);
+        seen.usable[j] = s->confidence[j] > 0 && v3_finite(seen.joint[j]) && seen.joint[j].z > 0.1;
+        seen.pixel[j] = seen.usable[j] ? lens_project(&calibration->depth, seen.joint[j]) : (struct pixel){0, 0};
+    }
+    return seen;
+}
+
+// Distance of pixel (x, y) from a part's bone; *along is where its foot falls, 0
+// at `from` and 1 at `to`, beyond either for a pixel that is not alongside.
+static double distance_to_part(const struct seen *seen, enum part p, double x, double y, double *along)
+{
+    struct pixel a = seen->pixel[part_ends[p].from], b = seen->pixel[part_ends[p].to];
+    double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
+    *along = length2 > 0 ? ((x - a.x) * dx + (y - a.y) * dy) / length2 : 0;
+    double t = fmax(0, fmin(1, *along));
+    return hypot(x - a.x - t * dx, y - a.y - t * dy);
+}
+
+// How thick the parts are to each other, as shares of the thickest: half the
+// widths of an adult (Drillis and Contini 1966), wanted only to say which of two
+// bones a pixel between them belongs to.
+static const double thickness[PART_COUNT] = {
+    [PART_HEAD] = 0.55,         [PART_UPPER_TORSO] = 1,       [PART_LOWER_TORSO] = 0.95,   [PART_LEFT_UPPER_ARM] = 0.3,
+    [PART_LEFT_FOREARM] = 0.25, [PART_RIGHT_UPPER_ARM] = 0.3, [PART_RIGHT_FOREARM] = 0.25, [PART_LEFT_THIGH] = 0.5,
+    [PART_LEFT_SHIN] = 0.35,    [PART_RIGHT_THIGH] = 0.5,     [PART_RIGHT_SHIN] = 0.35,
+};
+
+// No other bone that the pixel lies alongside of is nearer, measured in their
+// thicknesses: the walk off the torso ends where a lowered arm begins.
+static bool belongs_to(const struct seen *seen, enum part part, double x, double y)
+{
+    double along, own = distance_to_part(seen, part, x, y, &along) / thickness[part];
+    for (int p = 0; p < PART_COUNT; p++) {
+        const struct part_ends ends = part_ends[p];
+        if (p == (int)part || !seen->usable[ends.from] || !seen->usable[ends.to])
+            continue;
+        double other = distance_to_part(seen, (enum part)p, x, y, &along) / thickness[p];
+        if (along >= 0 && along <= 1 && other < own)
+            return false;
+    }
+    return true;
+}
+
+struct picture {
+    const struct lens *lens;
+    const uint16_t *depth;
+    const uint8_t *mask;
+};
+
+// Millimetres of the person at (x, y), rounded to the pixel; 0 off the person or the picture.
+static int person_mm(const struct picture *picture, double x, double y)
+{
+    int ix = (int)lround(x), iy = (int)lround(y);
+    if (ix < 0 || iy < 0 || ix >= picture->lens->width || iy >= picture->lens->height)
+        return 0;
+    size_t at = (size_t)iy * (size_t)picture->lens->width + (size_t)ix;
+    return picture->mask[at] ? picture->depth[at] : 0;
+}
+
+// Walks from (x, y) along (dx, dy), a unit step in pixels, to the limb's edge.
+// Returns the pixels walked, or -1 when the picture's edge cut the limb.
+static double walk_to_edge(const struct seen *seen, const struct picture *picture, enum part part, double x, double y,
+                           double dx, double dy, double furthest_px)
+{
+    double z = person_mm(picture, x, y) / 1000.0;
+    for (double step = 1; step <= furthest_px; step++) {
+        double px = x + step * dx, py = y + step * dy;
+        if (px < 0.5 || py < 0.5 || px > picture->lens->width - 1.5 || py > picture->lens->height - 1.5)
+            return -1;
+        int mm = person_mm(picture, px, py);
+        if (!mm || fabs(mm / 1000.0 - z) > largest_step_m(z) || !belongs_to(seen, part, px, py))
+            return step - 0.5; // the edge lies between this pixel and the last
+        z = mm / 1000.0;
+    }
+    return furthest_px;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+double representative_part_radius(const struct calibration *calibration, const struct skeleton *skeleton,
+                                  const uint16_t *depth, const uint8_t *mask, enum part part)
+{
+    struct seen seen = see(calibration, skeleton);
+    struct part_ends ends = part_ends[part];
+    // A guessed joint is no place to measure at.
+    if (!seen.usable[ends.from] || !seen.usable[ends.to] || skeleton->confidence[ends.from] < 1 ||
+        skeleton->confidence[ends.to] < 1)
+        return 0;
+    struct pixel a = seen.pixel[ends.from], b = seen.pixel[ends.to];
+    double length_px = hypot(b.x - a.x, b.y - a.y);
+    if (length_px < 4) // seen end-on: no rectangle
+        return 0;
+    double nx = -(b.y - a.y) / length_px, ny = (b.x - a.x) / length_px;
+    struct picture picture = {&calibration->depth, depth, mask};
+    double widths[SAMPLES];
+    int count = 0;
+    for (int i = 0; i < SAMPLES; i++) {
+        double t = FIRST_SHARE + (LAST_SHARE - FIRST_SHARE) * i / (SAMPLES - 1);
+        double x = a.x + t * (b.x - a.x), y = a.y + t * (b.y - a.y);
+        int mm = person_mm(&picture, x, y);
+        double bone_z = seen.joint[ends.from].z + t * (seen.joint[ends.to].z - seen.joint[ends.from].z);
+        // What is seen here must be this part: its surface lies before its bone, and not by much.
+        if (!mm || fabs(mm / 1000.0 - bone_z) > WIDEST_M)
+            continue;
+        double px_per_m = calibration->depth.fx / (mm / 1000.0);
+        double one = walk_to_edge(&seen, &picture, part, x, y, nx, ny, WIDEST_M * px_per_m);
+        double other = walk_to_edge(&seen, &picture, part, x, y, -nx, -ny, WIDEST_M * px_per_m);
+        if (one >= 0 && other >= 0)
+            widths[count++] = (one + other) / px_per_m;
+    }
+    if (count < FEWEST_SAMPLES)
+        return 0;
+    qsort(widths, (size_t)count, sizeof *widths, by_value);
+    return widths[count / 2] / 2;
+}
+
+bool representative_offer(struct representative *r, int64_t index, const struct calibration *calibration,
+                          const struct skeleton *skeleton, const uint16_t *depth, const uint8_t *mask)
+{
+    double value = representative_value(skeleton);
+    bool changed = false;
+    if (value > r->best) {
+        r->best = value;
+        r->body.representative_frame = index;
+        changed = true;
+    }
+    for (int p = 0; p < PART_COUNT; p++) {
+        if (value <= r->part_best[p])
+            continue;
+        double length = v3_distance(skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]);
+        double radius = representative_part_radius(calibration, skeleton, depth, mask, (enum part)p);
+        if (radius > 0 && length > 0.01) {
+            r->body.radius_rate[p] = radius / length;
+            r->part_best[p] = value;
+            changed = true;
+        }
+    }
+    return changed;
+}

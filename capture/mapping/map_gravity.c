@@ -1,0 +1,351 @@
+#include "capture/mapping/map_internal.h"
+
+#include "base/linear_algebra.h"
+
+#include <stdlib.h>
+
+static const double AGREE_COS = 0.985; // 10 degrees: hung by hand
+static const double FLAT_COS = 0.94;   // 20 degrees: a surface that may be floor
+static const double TILT_RAD = 0.14;   // 8 degrees: the floor may correct the tags by this much
+enum { STEP_PX = 8, REACH_PX = 6, BINS = 800, MOST_SURFACE = 200000, MOST_CANDIDATES = 3000 };
+static const double HELD_COS = 0.64;                      // 50 degrees: a camera is seldom held more crooked
+static const double LEVEL_COS = 0.99, UPRIGHT_COS = 0.14; // 8 degrees
+static const double BIN_M = 0.01;
+
+// A tag's direction that may point up: 0..4 are +y, -y, +x, -x (hanging, however
+// turned; printed by OpenCV 4 it hangs upside down), +z (lying).
+static struct vec3 direction(const struct map_tag *tag, int which)
+{
+    static const struct vec3 own[5] = {{0, 1, 0}, {0, -1, 0}, {1, 0, 0}, {-1, 0, 0}, {0, 0, 1}};
+    return quat_rotate(tag->world_from_tag.rotation, own[which]);
+}
+
+struct surface {
+    struct vec3 *points, *normals; // world
+    double *weights, *areas;
+    int32_t count;
+};
+
+static bool depth_point(const struct map *m, const struct map_frame *f, int x, int y, struct vec3 *out)
+{
+    const struct lens *lens = &m->calibration.color;
+    if (x < 0 || y < 0 || x >= lens->width || y >= lens->height)
+        return false;
+    double z = f->depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3 * m->depth_times;
+    if (!(z > 0.3) || z > 6)
+        return false;
+    *out = v3_scale(lens_ray(lens, (struct pixel){x, y}), z);
+    return true;
+}
+
+// Points of depth with the direction in which their surroundings face.
+static void collect_surface(const struct map *m, struct surface *s)
+{
+    const struct lens *lens = &m->calibration.color;
+    int32_t pictures = 0;
+    for (int32_t i = 0; i < m->frame_count; i++)
+        pictures += m->frames[i].placed && m->frames[i].depth;
+    int step = STEP_PX;
+    while ((int64_t)pictures * (lens->width / step) * (lens->height / step) > MOST_SURFACE)
+        step += 2;
+    for (int32_t i = 0; i < m->frame_count; i++) {
+        const struct map_frame *f = &m->frames[i];
+        if (!f->placed || !f->depth)
+            continue;
+        struct pose world_from_camera = pose_inverse(f->camera_from_world);
+        for (int y = step; y < lens->height - step; y += step) {
+            for (int x = step; x < lens->width - step; x += step) {
+                struct vec3 p, l, r, t, b;
+                if (s->count == MOST_SURFACE || !depth_point(m, f, x, y, &p) ||
+                    !depth_point(m, f, x - REACH_PX, y, &l) || !depth_point(m, f, x + REACH_PX, y, &r) ||
+                    !depth_point(m, f, x, y - REACH_PX, &t) || !depth_point(m, f, x, y + REACH_PX, &b))
+                    continue;
+                struct vec3 normal = v3_unit(v3_cross(v3_sub(r, l), v3_sub(t, b))); // towards the camera
+                double facing = -v3_dot(normal, v3_unit(p));
+                if (facing < 0.1)
+                    continue;
+                s->points[s->count] = pose_apply(world_from_camera, p);
+                s->normals[s->count] = quat_rotate(world_from_camera.rotation, normal);
+                s->weights[s->count] = 1 / (depth_sigma(p.z) * depth_sigma(p.z));
+                s->areas[s->count++] = p.z * p.z * step * step / (lens->fx * lens->fy * facing);
+            }
+        }
+    }
+}
+
+// Of `all`, what faces up. flat: room for as much.
+static void choose_flat(const struct surface *all, struct vec3 up, struct surface *flat)
+{
+    flat->count = 0;
+    for (int32_t i = 0; i < all->count; i++) {
+        if (v3_dot(all->normals[i], up) < FLAT_COS)
+            continue;
+        flat->points[flat->count] = all->points[i];
+        flat->weights[flat->count] = all->weights[i];
+        flat->areas[flat->count++] = all->areas[i];
+    }
+}
+
+// How the camera was held, in the mean.
+static struct vec3 held_up(const struct map *m)
+{
+    struct vec3 held = v3(0, 0, 0);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        if (m->frames[i].placed)
+            held = v3_add(held, quat_rotate(quat_conjugate(m->frames[i].camera_from_world.rotation), v3(0, -1, 0)));
+    return v3_unit(held);
+}
+
+// Up, as most tags have it; where that leaves a choice (all tags on one wall), as
+// the camera was held.
+static struct vec3 up_by_tags(const struct map *m, struct vec3 held)
+{
+    struct vec3 best = v3(0, 0, 0);
+    double most = -1e9;
+    for (int32_t i = 0; i < m->tag_count; i++) {
+        for (int w = 0; w < 5 && m->tags[i].mapped; w++) {
+            struct vec3 d = direction(&m->tags[i], w), sum = v3(0, 0, 0);
+            double votes = 0;
+            for (int32_t k = 0; k < m->tag_count; k++) {
+                for (int v = 0; v < 5 && m->tags[k].mapped; v++) {
+                    struct vec3 other = direction(&m->tags[k], v);
+                    if (v3_dot(other, d) > AGREE_COS) {
+                        sum = v3_add(sum, other);
+                        votes += v < 2 || v == 4 ? 1 : 0.8; // few hang tags sideways
+                        break;
+                    }
+                }
+            }
+            double score = votes + 2 * v3_dot(d, held);
+            if (score > most) {
+                most = score;
+                best = v3_unit(sum);
+            }
+        }
+    }
+    return best;
+}
+
+// Up, as the room has it: much of what is in a room lies level or stands upright. Of
+// the directions in which surfaces face, near the one the camera was held in, that
+// with most surface along it or square to it.
+static struct vec3 up_by_surfaces(const struct surface *s, struct vec3 held)
+{
+    struct vec3 best = held;
+    double most = 0;
+    int32_t step = s->count / MOST_CANDIDATES + 1;
+    for (int32_t i = 0; i < s->count; i += step) {
+        struct vec3 d = s->normals[i], sum = v3(0, 0, 0);
+        double area = 0;
+        if (v3_dot(d, held) < HELD_COS)
+            continue;
+        for (int32_t k = 0; k < s->count; k += step) {
+            double along = v3_dot(s->normals[k], d);
+            if (along > LEVEL_COS)
+                sum = v3_add(sum, v3_scale(s->normals[k], s->areas[k]));
+            if (along > LEVEL_COS || fabs(along) < UPRIGHT_COS)
+                area += s->areas[k];
+        }
+        if (area > most) {
+            most = area;
+            best = v3_unit(sum);
+        }
+    }
+    return best;
+}
+
+// The lowest height at which much flat surface lies. False: nowhere.
+static bool lowest_level(const struct surface *s, struct vec3 up, double *height)
+{
+    double area[BINS] = {0}, low = 1e9, most = 0;
+    for (int32_t i = 0; i < s->count; i++)
+        low = fmin(low, v3_dot(up, s->points[i]));
+    for (int32_t i = 0; i < s->count; i++) {
+        int bin = (int)((v3_dot(up, s->points[i]) - low) / BIN_M);
+        if (bin >= 0 && bin < BINS)
+            area[bin] += s->areas[i];
+    }
+    double level[BINS] = {0};
+    for (int i = 0; i < BINS; i++) {
+        for (int k = -3; k <= 3; k++)
+            level[i] += i + k >= 0 && i + k < BINS ? area[i + k] : 0;
+        most = fmax(most, level[i]);
+    }
+    if (most < 0.5) // square metres, the same floor counted once for each frame
+        return false;
+    for (int i = 0; i < BINS; i++) {
+        bool peak = level[i] > 0.3 * most;
+        for (int k = -5; k <= 5; k++)
+            peak = peak && (i + k < 0 || i + k >= BINS || level[i] >= level[i + k]);
+        if (peak) {
+            *height = low + (i + 0.5) * BIN_M;
+            return true;
+        }
+    }
+    return false;
+}
+
+// Fits the plane up . p = height to what lies near it. False: too little, too narrow, too tilted.
+static bool fit_floor(const struct surface *s, struct vec3 *up, double *height)
+{
+    struct vec3 u = *up, x = v3_perpendicular(u), y = v3_cross(u, x);
+    double a = 0, b = 0, c = *height;
+    for (int round = 0; round < 6; round++) {
+        double n[9] = {0}, g[3] = {0};
+        for (int32_t i = 0; i < s->count; i++) {
+            double px = v3_dot(x, s->points[i]), py = v3_dot(y, s->points[i]);
+            double error = v3_dot(u, s->points[i]) - (a * px + b * py + c), sigma = 1 / sqrt(s->weights[i]);
+            double bound = fmax(2 * sigma, round ? 0.01 : 0.03), weight = s->weights[i];
+            weight /= (1 + error * error / (bound * bound)) * (1 + error * error / (bound * bound));
+            const double q[3] = {px, py, 1};
+            for (int k = 0; k < 3; k++) {
+                g[k] += weight * q[k] * (error + a * px + b * py + c);
+                for (int l = 0; l < 3; l++)
+                    n[k * 3 + l] += weight * q[k] * q[l];
+            }
+        }
+        double total = n[8], mx = n[6] / total, my = n[7] / total;
+        double xx = n[0] / total - mx * mx, yy = n[4] / total - my * my, xy = n[3] / total - mx * my;
+        double narrow = (xx + yy) / 2 - sqrt((xx - yy) * (xx - yy) / 4 + xy * xy);
+        if (!(narrow > 0.2 * 0.2) || !cholesky(n, 3))
+            return false;
+        cholesky_solve(n, 3, g);
+        a = g[0], b = g[1], c = g[2];
+    }
+    if (!(atan(hypot(a, b)) < TILT_RAD))
+        return false;
+    struct vec3 normal = v3_sub(u, v3_add(v3_scale(x, a), v3_scale(y, b)));
+    double length = v3_length(normal);
+    *up = v3_scale(normal, 1 / length);
+    *height = c / length;
+    return true;
+}
+
+static void surface_free(struct surface *s)
+{
+    free(s->points);
+    free(s->normals);
+    free(s->weights);
+    free(s->areas);
+}
+
+static bool surface_alloc(struct surface *s)
+{
+    *s = (struct surface){malloc(MOST_SURFACE * sizeof(struct vec3)), malloc(MOST_SURFACE * sizeof(struct vec3)),
+                          malloc(MOST_SURFACE * sizeof(double)), malloc(MOST_SURFACE * sizeof(double)), 0};
+    return s->points && s->normals && s->weights && s->areas;
+}
+
+// Up, by tags where there are some, by surfaces elsewhere, and the floor's height along
+// it where it was seen in depth: OK, else NOTHING and *height untouched.
+static enum status find_floor(const struct map *m, struct vec3 *up, double *height)
+{
+    struct surface all = {0}, flat = {0};
+    enum status status = NOTHING;
+    bool room = surface_alloc(&all) && surface_alloc(&flat);
+    if (room && m->calibration.registered && m->calibration.depth.width)
+        collect_surface(m, &all);
+    *up = m->tag_count ? up_by_tags(m, held_up(m)) : held_up(m);
+    if (room) {
+        if (!m->tag_count)
+            *up = up_by_surfaces(&all, *up);
+        choose_flat(&all, *up, &flat);
+        // Twice: the first time `up` is only as good as the tags hang.
+        for (int round = 0; round < 2; round++)
+            if (lowest_level(&flat, *up, height) && fit_floor(&flat, up, height))
+                status = OK;
+    } else {
+        status = fail(ERR_MEMORY, "no memory to look for the floor");
+    }
+    surface_free(&all);
+    surface_free(&flat);
+    return status;
+}
+
+static void transform(struct map *m, struct pose new_from_old)
+{
+    struct pose old_from_new = pose_inverse(new_from_old);
+    for (int32_t i = 0; i < m->frame_count; i++)
+        if (m->frames[i].placed)
+            m->frames[i].camera_from_world = pose_multiply(m->frames[i].camera_from_world, old_from_new);
+    for (int32_t i = 0; i < m->tag_count; i++)
+        if (m->tags[i].mapped)
+            m->tags[i].world_from_tag = pose_multiply(new_from_old, m->tags[i].world_from_tag);
+    for (int32_t i = 0; i < m->point_count; i++)
+        m->points[i].world = pose_apply(new_from_old, m->points[i].world);
+}
+
+// The tag with the lowest number, or NULL; *lowest: the least height of a corner.
+static const struct map_tag *first_tag(const struct map *m, struct vec3 up, double *lowest)
+{
+    const struct map_tag *first = NULL;
+    for (int32_t i = 0; i < m->tag_count; i++) {
+        const struct map_tag *tag = &m->tags[i];
+        if (!tag->mapped)
+            continue;
+        if (!first || tag->id < first->id)
+            first = tag;
+        struct place_tag own = {.side_m = tag->side_m, .world_from_tag = tag->world_from_tag};
+        struct vec3 corner[4];
+        place_tag_corners(&own, corner);
+        for (int k = 0; k < 4; k++)
+            *lowest = fmin(*lowest, v3_dot(up, corner[k]));
+    }
+    return first;
+}
+
+// What x is to point along, as well as it can, and where x = y = 0 is.
+static void axes_of_tag(const struct map_tag *tag, struct vec3 up, struct vec3 *x, struct vec3 *origin)
+{
+    // Its own x; its y where it hangs sideways and x is steep.
+    *x = quat_rotate(tag->world_from_tag.rotation, v3(1, 0, 0));
+    if (fabs(v3_dot(*x, up)) > 0.8)
+        *x = quat_rotate(tag->world_from_tag.rotation, v3(0, 1, 0));
+    *origin = tag->world_from_tag.translation;
+}
+
+static void axes_of_frame(const struct map *m, struct vec3 up, struct vec3 *x, struct vec3 *origin)
+{
+    int32_t i = 0;
+    while (!m->frames[i].placed)
+        i++;
+    struct pose world_from_camera = pose_inverse(m->frames[i].camera_from_world);
+    struct vec3 ahead = quat_rotate(world_from_camera.rotation, v3(0, 0, 1));
+    if (fabs(v3_dot(ahead, up)) > 0.9) // it looked at the floor or the ceiling
+        ahead = quat_rotate(world_from_camera.rotation, v3(0, -1, 0));
+    *x = v3_cross(ahead, up);
+    *origin = world_from_camera.translation;
+}
+
+static double lowest_point(const struct map *m, struct vec3 up)
+{
+    double low = m->point_count ? 1e9 : 0;
+    for (int32_t i = 0; i < m->point_count; i++)
+        low = fmin(low, v3_dot(up, m->points[i].world));
+    return low;
+}
+
+enum status map_level(struct map *m, bool *floor)
+{
+    struct vec3 up, x, origin;
+    double height = 1e9, lowest = 1e9;
+    enum status status = find_floor(m, &up, &height);
+    if (status < 0)
+        return status;
+    *floor = status == OK;
+    const struct map_tag *first = first_tag(m, up, &lowest);
+    if (first)
+        axes_of_tag(first, up, &x, &origin);
+    else
+        axes_of_frame(m, up, &x, &origin);
+    if (!*floor)
+        height = first ? lowest : lowest_point(m, up);
+    x = v3_unit(v3_sub(x, v3_scale(up, v3_dot(x, up))));
+    struct vec3 y = v3_cross(up, x);
+    double turn[3][3] = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {up.x, up.y, up.z}};
+    struct pose new_from_old = {quat_from_matrix(turn), {0, 0, 0}};
+    struct vec3 centre = quat_rotate(new_from_old.rotation, origin);
+    new_from_old.translation = v3(-centre.x, -centre.y, -height);
+    transform(m, new_from_old);
+    return OK;
+}

@@ -1,0 +1,378 @@
+#include "capture/recording/async_writer.h"
+
+#include "base/clock.h"
+
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { PENDING_BYTES_MOST = 256 << 20 }; // a disk slower than the sensor stops the sensor, not the machine
+
+struct pending {
+    struct pending *next;
+    struct frame_row row;
+    struct skeleton skeleton;
+    uint8_t bytes[]; // the pictures
+};
+
+struct batch {
+    struct pending *first, **last; // last: where the next one is linked in
+    struct take_row take;
+    bool has_take;
+    size_t bytes;
+    int64_t since_ns; // wall clock when the first thing came; INT64_MAX: empty
+};
+
+struct scribe {
+    struct database *db, *keeper_db;
+    struct statement *add_frame, *add_picture, *put_take;
+
+    pthread_mutex_t lock; // over all below
+    pthread_cond_t wake;  // there may be something to do
+    pthread_cond_t done;  // `writing` has ended
+    pthread_t writer, keeper;
+    bool has_writer, has_keeper, stop;
+    struct batch batch;
+    bool due;           // the batch is full by the sensor's clock
+    bool writing;       // the writer is at the database, without the lock
+    bool unsynced;      // committed, not yet moved into the file
+    enum status broken; // the first error; from then on nothing is written
+    char sentence[512];
+};
+
+// ------------------------------------------------------------- rows
+
+static enum status insert_frame(struct scribe *s, const struct frame_row *f)
+{
+    uint8_t pose[POSE_BYTES], skeleton[SKELETON_BYTES];
+    size_t skeleton_bytes = f->skeleton ? sizeof skeleton : 0;
+    unsigned pictures = (f->color ? TAKE_COLOR : 0u) | (f->depth ? TAKE_DEPTH : 0u) | (f->mask ? TAKE_MASK : 0u);
+    put_pose(pose, &f->world_from_camera);
+    if (f->skeleton)
+        put_skeleton(skeleton, f->skeleton);
+    struct statement *row = s->add_frame;
+    statement_bind_number(row, 1, f->key);
+    statement_bind_number(row, 2, f->time_ns);
+    statement_bind_number(row, 3, f->located);
+    statement_bind_blob(row, 4, pose, sizeof pose);
+    statement_bind_blob(row, 5, f->skeleton ? skeleton : NULL, skeleton_bytes);
+    statement_bind_number(row, 6, pictures);
+    statement_bind_number(row, 7, frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, pictures));
+    enum status status = statement_run(row);
+    if (status != OK || !pictures)
+        return status;
+    row = s->add_picture;
+    statement_bind_number(row, 1, f->key);
+    if (f->mask)
+        statement_bind_number(row, 2, crc32_of(0, f->mask, f->mask_bytes));
+    if (f->depth)
+        statement_bind_number(row, 3, crc32_of(0, f->depth, f->depth_bytes));
+    if (f->color)
+        statement_bind_number(row, 4, crc32_of(0, f->color, f->color_bytes));
+    statement_bind_blob(row, 5, f->mask, f->mask_bytes);
+    statement_bind_blob(row, 6, f->depth, f->depth_bytes);
+    statement_bind_blob(row, 7, f->color, f->color_bytes);
+    return statement_run(row);
+}
+
+static enum status insert_take(struct scribe *s, const struct take_row *t)
+{
+    uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
+    put_calibration(calibration, &t->calibration);
+    put_body(body, &t->body);
+    struct statement *row = s->put_take;
+    statement_bind_number(row, 1, t->id);
+    statement_bind_text(row, 2, t->name);
+    statement_bind_blob(row, 3, calibration, sizeof calibration);
+    statement_bind_number(row, 4, t->complete);
+    statement_bind_number(row, 5, t->dropped);
+    statement_bind_blob(row, 6, body, sizeof body);
+    statement_bind_number(row, 7, take_crc(t->name, calibration, t->complete, t->dropped, body));
+    return statement_run(row);
+}
+
+// ------------------------------------------------------------- batches
+
+static void empty(struct batch *b)
+{
+    while (b->first) {
+        struct pending *next = b->first->next;
+        free(b->first);
+        b->first = next;
+    }
+    b->has_take = false;
+    b->bytes = 0;
+    b->since_ns = INT64_MAX;
+}
+
+// One transaction. Whatever goes wrong, the file stays as the last commit left it.
+static enum status write_batch(struct scribe *s, const struct batch *b)
+{
+    enum status status = database_run(s->db, "BEGIN IMMEDIATE");
+    for (const struct pending *p = b->first; status == OK && p; p = p->next)
+        status = insert_frame(s, &p->row);
+    if (status == OK && b->has_take)
+        status = insert_take(s, &b->take);
+    if (status == OK)
+        status = database_run(s->db, "COMMIT");
+    return status;
+}
+
+// The caller holds the lock, from here to the threads.
+static enum status broke(struct scribe *s, enum status status)
+{
+    if (s->broken == OK) {
+        s->broken = status;
+        snprintf(s->sentence, sizeof s->sentence, "%s", status_sentence());
+        enum status back = database_in_transaction(s->db) ? database_run(s->db, "ROLLBACK") : OK;
+        (void)back;
+    }
+    empty(&s->batch);
+    pthread_cond_broadcast(&s->done); // nobody waits for what will not come
+    return fail(s->broken, "%s", s->sentence);
+}
+
+// Takes the batch away and writes it; gives the lock back meanwhile where told to.
+static enum status write_pending(struct scribe *s, bool unlocked)
+{
+    if (s->broken != OK)
+        return fail(s->broken, "%s", s->sentence);
+    if (s->batch.since_ns == INT64_MAX)
+        return OK;
+    struct batch b = s->batch;
+    s->batch = (struct batch){.since_ns = INT64_MAX};
+    s->due = false;
+    s->writing = true;
+    if (unlocked)
+        pthread_mutex_unlock(&s->lock);
+    enum status status = write_batch(s, &b);
+    empty(&b);
+    if (unlocked)
+        pthread_mutex_lock(&s->lock);
+    s->writing = false;
+    pthread_cond_broadcast(&s->done);
+    if (status != OK)
+        return broke(s, status);
+    s->unsynced = true;
+    pthread_cond_broadcast(&s->wake);
+    return OK;
+}
+
+// ------------------------------------------------------------- the two threads
+
+static void wait_until(struct scribe *s, int64_t when_ns)
+{
+    struct timespec until = {.tv_sec = when_ns / 1000000000, .tv_nsec = when_ns % 1000000000};
+    pthread_cond_timedwait(&s->wake, &s->lock, &until);
+}
+
+static void *run_writer(void *argument)
+{
+    struct scribe *s = argument;
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        int64_t since = s->batch.since_ns;
+        bool waiting = since != INT64_MAX && s->broken == OK;
+        if (waiting && (s->due || clock_now_ns() - since >= BATCH_NS)) {
+            enum status status = write_pending(s, true);
+            (void)status; // kept in s->broken
+        } else if (waiting) {
+            wait_until(s, since + BATCH_NS);
+        } else {
+            pthread_cond_wait(&s->wake, &s->lock);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return NULL;
+}
+
+static void *run_keeper(void *argument)
+{
+    struct scribe *s = argument;
+    pthread_mutex_lock(&s->lock);
+    while (!s->stop) {
+        if (!s->unsynced || s->broken != OK) {
+            pthread_cond_wait(&s->wake, &s->lock);
+            continue;
+        }
+        s->unsynced = false;
+        pthread_mutex_unlock(&s->lock);
+        int64_t left;
+        enum status status = database_checkpoint(s->keeper_db, &left);
+        pthread_mutex_lock(&s->lock);
+        if (status != OK) {
+            while (s->writing) // the writer is at the connection that broke() rolls back
+                pthread_cond_wait(&s->done, &s->lock);
+            broke(s, status);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return NULL;
+}
+
+// ------------------------------------------------------------- the interface
+
+static enum status start(struct scribe *s)
+{
+    enum status status =
+        statement_open(&s->add_frame, s->db, "INSERT INTO frame(" FRAME_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+    if (status == OK)
+        status =
+            statement_open(&s->add_picture, s->db, "INSERT INTO picture(" PICTURE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+    if (status == OK)
+        status =
+            statement_open(&s->put_take, s->db, "INSERT OR REPLACE INTO take(" TAKE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+    if (status == OK)
+        status = database_open(&s->keeper_db, database_path(s->db), DATABASE_WRITE);
+    if (status == OK)
+        status = database_run(s->keeper_db, "PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0");
+    if (status != OK)
+        return status;
+    s->has_writer = !pthread_create(&s->writer, NULL, run_writer, s);
+    s->has_keeper = s->has_writer && !pthread_create(&s->keeper, NULL, run_keeper, s);
+    return s->has_keeper ? OK : fail(ERR_MEMORY, "no thread to write %s", database_path(s->db));
+}
+
+enum status scribe_open(struct scribe **out, struct database *db)
+{
+    struct scribe *s = calloc(1, sizeof *s);
+    *out = NULL;
+    if (!s)
+        return fail(ERR_MEMORY, "no memory to write %s", database_path(db));
+    s->db = db;
+    s->batch.since_ns = INT64_MAX;
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&s->wake, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    pthread_cond_init(&s->done, NULL);
+    pthread_mutex_init(&s->lock, NULL);
+    enum status status = start(s);
+    if (status == OK) {
+        *out = s;
+        return OK;
+    }
+    s->broken = status;
+    snprintf(s->sentence, sizeof s->sentence, "%s", status_sentence());
+    return scribe_close(&s);
+}
+
+static struct pending *copy_of(const struct frame_row *row)
+{
+    struct pending *p = malloc(sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes);
+    if (!p)
+        return NULL;
+    p->next = NULL;
+    p->row = *row;
+    if (row->skeleton) {
+        p->skeleton = *row->skeleton;
+        p->row.skeleton = &p->skeleton;
+    }
+    uint8_t *at = p->bytes;
+    const uint8_t **pictures[] = {&p->row.color, &p->row.depth, &p->row.mask};
+    const size_t counts[] = {row->color_bytes, row->depth_bytes, row->mask_bytes};
+    for (size_t i = 0; i < COUNT_OF(pictures); i++)
+        if (*pictures[i]) {
+            memcpy(at, *pictures[i], counts[i]);
+            *pictures[i] = at;
+            at += counts[i];
+        }
+    return p;
+}
+
+// Under the lock: something new lies in the batch.
+static void begin_batch(struct scribe *s)
+{
+    if (s->batch.since_ns == INT64_MAX) {
+        s->batch.since_ns = clock_now_ns();
+        pthread_cond_broadcast(&s->wake); // the writer's clock starts
+    }
+}
+
+enum status scribe_add_frame(struct scribe *s, const struct frame_row *row)
+{
+    struct pending *p = copy_of(row);
+    if (!p)
+        return fail(ERR_MEMORY, "no memory for a frame of %s", database_path(s->db));
+    pthread_mutex_lock(&s->lock);
+    while (s->broken == OK && s->writing && s->batch.bytes > PENDING_BYTES_MOST)
+        pthread_cond_wait(&s->done, &s->lock);
+    enum status status = s->broken == OK ? OK : fail(s->broken, "%s", s->sentence);
+    if (status == OK) {
+        begin_batch(s);
+        struct batch *b = &s->batch;
+        *(b->first ? b->last : &b->first) = p;
+        b->last = &p->next;
+        b->bytes += sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes;
+        if (row->time_ns - b->first->row.time_ns >= BATCH_NS) {
+            s->due = true;
+            pthread_cond_broadcast(&s->wake);
+        }
+    } else {
+        free(p);
+    }
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+enum status scribe_put_take(struct scribe *s, const struct take_row *row)
+{
+    pthread_mutex_lock(&s->lock);
+    enum status status = s->broken == OK ? OK : fail(s->broken, "%s", s->sentence);
+    if (status == OK) {
+        begin_batch(s);
+        s->batch.take = *row;
+        s->batch.has_take = true;
+    }
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+enum status scribe_stop(struct scribe *s)
+{
+    pthread_mutex_lock(&s->lock);
+    while (s->writing)
+        pthread_cond_wait(&s->done, &s->lock);
+    return write_pending(s, false);
+}
+
+enum status scribe_go(struct scribe *s, enum status status)
+{
+    if (status < 0)
+        status = broke(s, status);
+    s->unsynced = true;
+    pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+enum status scribe_close(struct scribe **scribe)
+{
+    struct scribe *s = *scribe;
+    if (!s)
+        return OK;
+    *scribe = NULL;
+    enum status written = scribe_stop(s); // takes the lock; a failure is kept in s->broken
+    (void)written;
+    s->stop = true;
+    pthread_cond_broadcast(&s->wake);
+    pthread_mutex_unlock(&s->lock);
+    if (s->has_writer)
+        pthread_join(s->writer, NULL);
+    if (s->has_keeper)
+        pthread_join(s->keeper, NULL);
+    empty(&s->batch);
+    database_close(&s->keeper_db);
+    statement_close(&s->add_frame);
+    statement_close(&s->add_picture);
+    statement_close(&s->put_take);
+    pthread_cond_destroy(&s->wake);
+    pthread_cond_destroy(&s->done);
+    pthread_mutex_destroy(&s->lock);
+    enum status status = s->broken == OK ? OK : fail(s->broken, "%s", s->sentence);
+    free(s);
+    return status;
+}

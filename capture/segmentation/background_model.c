@@ -1,0 +1,99 @@
+#include "capture/segmentation/segment_internal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { RIM = 4 }; // cells: hair, flying pixels and shadows around the person are no background
+
+struct box { // cells, inclusive
+    int left, top, right, bottom;
+};
+
+// label[] becomes positive within RIM cells of the person, along the rows and then down the columns, else 0.
+static void mark_near_person(struct segmenter *s, struct box person)
+{
+    int w = s->width, h = s->height;
+    memset(s->label, 0, (size_t)w * (size_t)h * sizeof *s->label);
+    int x0 = person.left > RIM ? person.left - RIM : 0, x1 = person.right + RIM < w ? person.right + RIM : w - 1,
+        y0 = person.top > RIM ? person.top - RIM : 0, y1 = person.bottom + RIM < h ? person.bottom + RIM : h - 1;
+    for (int y = person.top; y <= person.bottom; y++) { // how far from the last and to the next
+        int far = RIM + 1;
+        for (int x = person.left; x <= x1; x++) {
+            far = s->person[y * w + x] ? 0 : far + 1;
+            s->label[y * w + x] = far <= RIM;
+        }
+        far = RIM + 1;
+        for (int x = person.right; x >= x0; x--) {
+            far = s->person[y * w + x] ? 0 : far + 1;
+            s->label[y * w + x] |= far <= RIM;
+        }
+    }
+    // Down the columns, row by row; parent[] has how far each is from the last marked one.
+    for (int x = x0; x <= x1; x++)
+        s->parent[x] = RIM + 1;
+    for (int y = person.top; y <= y1; y++)
+        for (int x = x0; x <= x1; x++) {
+            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
+            s->label[y * w + x] |= 2 * (s->parent[x] <= RIM);
+        }
+    for (int x = x0; x <= x1; x++)
+        s->parent[x] = RIM + 1;
+    for (int y = person.bottom; y >= y0; y--)
+        for (int x = x0; x <= x1; x++) {
+            s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
+            s->label[y * w + x] |= 2 * (s->parent[x] <= RIM);
+        }
+}
+
+// What one reading says of its cell. 1: it agrees with what was known, -1: it does not, 0: nothing was known.
+static int learn_cell(struct segmenter *s, int i, int d)
+{
+    int b = s->background[i], same = by_depth(s->same_mm, d);
+    if (b && d <= b + same && d >= b - same) {
+        int n = s->sightings[i] < 30 ? s->sightings[i] : 30;
+        s->background[i] = (uint16_t)((b * n + d + (n + 1) / 2) / (n + 1));
+        s->sightings[i] += s->sightings[i] < 255;
+        s->nearer[i] = 0;
+    } else if (!b || d > b || ++s->nearer[i] >= REPLACED_FRAMES) { // or the room begins further back than believed
+        s->background[i] = (uint16_t)d;
+        s->sightings[i] = 1;
+        s->nearer[i] = 0;
+    }
+    segmenter_limit(s, i);
+    return !b ? 0 : d <= b + same && d >= b - same ? 1 : -1;
+}
+
+void segmenter_learn(struct segmenter *s)
+{
+    int disagree = 0, known = 0, far = 0;
+    segmenter_watch(s);
+    struct box person = {s->width, s->height, -1, -1};
+    for (int n = 0; n < s->candidate_count; n++)
+        if (s->person[s->candidate[n]]) {
+            int i = s->candidate[n], x = i % s->width, y = i / s->width;
+            person.left = x < person.left ? x : person.left, person.right = x > person.right ? x : person.right;
+            person.top = y < person.top ? y : person.top, person.bottom = y;
+            far = s->depth[i] > far ? s->depth[i] : far;
+        }
+    mark_near_person(s, person);
+    for (int y = 0; y < s->height; y++)
+        for (int x = 0; x < s->width; x++) {
+            int i = y * s->width + x, d = s->depth[i];
+            if (!d || s->label[i])
+                continue;
+            // Inside the person's bounds nothing is learned that is not clearly behind
+            // them: it may be a part of them that the mask lost.
+            if (d < far + 400 && x > person.left - 8 && x < person.right + 8 && y > person.top - 8 &&
+                y < person.bottom + 4)
+                continue;
+            int said = learn_cell(s, i, d);
+            known += said != 0;
+            disagree += said < 0;
+        }
+    if (known > 500 && disagree > 0.4 * known) { // the sensor was moved: begin again
+        size_t n = (size_t)s->width * (size_t)s->height;
+        memset(s->background, 0, n * sizeof *s->background);
+        memset(s->sightings, 0, n);
+        memcpy(s->limit, s->fixed, n * sizeof *s->limit);
+    }
+}

@@ -1,0 +1,73 @@
+#include "capture/tracking/occluded_shin.h"
+
+#include "capture/body/silhouette_cost.h"
+#include "capture/body/two_bone_ik.h"
+
+#include <stdlib.h>
+
+#define PATCH_ODDS   1.0 // of a patch that sticks out: neighbouring ones err together
+#define STEP_RADIANS 0.05
+#define FOOT_TURN    1.0 // a foot points this far aside at most, and the knee with it
+enum { STEPS = 10, FEET = 2, FIRST_STEP = 2, PLACES = 2 * FEET * (STEPS + 1 - FIRST_STEP) };
+
+struct shin {
+    enum segment lower, foot;
+    int first; // of its two solids
+};
+
+static const struct shin shin[2] = {{SEG_LEFT_SHIN, SEG_LEFT_FOOT, 14}, {SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, 17}};
+enum { SHIN_SOLIDS = 2 };
+
+// Turns the foot about the shin so that its front comes as near to `toe` as can be.
+static void point_foot(const struct body_shape *shape, struct body_pose *pose, enum segment foot, struct vec3 toe)
+{
+    struct body_build build;
+    body_build(shape, pose, &build);
+    const double(*axes)[3] = (const double(*)[3])build.axes[foot];
+    struct vec3 way = v3_sub(toe, build.origin[foot]), left = v3(axes[0][0], axes[1][0], axes[2][0]),
+                ahead = v3(axes[0][2], axes[1][2], axes[2][2]);
+    double turn = atan2(v3_dot(way, left), v3_dot(way, ahead));
+    turn = fmax(-FOOT_TURN, fmin(FOOT_TURN, turn));
+    pose->turn[foot] = quat_multiply(pose->turn[foot], quat_from_rotation_vector(v3(0, turn, 0)));
+}
+
+double shin_outside_odds(const struct fit_task *task, int leg, const struct body_build *build)
+{
+    if (task->shape.mean.hem_m > 0)
+        return 0;
+    return PATCH_ODDS * body_outline_outside(task, build, shin[leg - 2].first, SHIN_SOLIDS);
+}
+
+double shin_aside_gain(const struct fit_task *task, int leg, struct fit_room *room, struct body_pose *out)
+{
+    const struct fit_result *best = &room->best;
+    const struct shin *s = &shin[leg - 2];
+    double outside = shin_outside_odds(task, leg, &best->build),
+           chosen = log(PLACES); // each of so many places is as likely beforehand
+    if (outside <= chosen)       // nothing can be worth it
+        return 0;
+    body_judge(task, &best->pose, &best->shape, &room->trial);
+    const struct body_solid *foot = &best->build.solid[s->first + 1];
+    struct vec3 knee = best->build.origin[s->lower], along = v3_unit(v3_sub(best->build.origin[s->foot], knee)),
+                across = v3_unit(v3_cross(along, knee)), toe = v3_mix(foot->a, foot->b, 0.7);
+    double now = room->trial.energy + outside, least = now;
+    for (int i = -STEPS; i <= STEPS; i++)
+        for (int f = 0; f < FEET && abs(i) >= FIRST_STEP; f++) {
+            struct body_pose pose = best->pose;
+            struct body_build build;
+            double angle = i * STEP_RADIANS;
+            body_aim(&best->shape, &pose, s->lower, v3_add(v3_scale(along, cos(angle)), v3_scale(across, sin(angle))));
+            if (f)
+                point_foot(&best->shape, &pose, s->foot, toe);
+            body_build(&best->shape, &pose, &build);
+            double there = shin_outside_odds(task, leg, &build);
+            if (outside - there <= chosen)
+                continue;
+            body_judge(task, &pose, &best->shape, &room->trial);
+            if (room->trial.energy + there < least) {
+                least = room->trial.energy + there;
+                *out = pose;
+            }
+        }
+    return fmax(0, now - least - chosen);
+}

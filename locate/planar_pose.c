@@ -1,0 +1,146 @@
+#include "locate/planar_pose.h"
+
+#include "base/linear_algebra.h"
+
+// Twice the signed area of a, b, c on the plane z = 1.
+static double area2(struct vec3 a, struct vec3 b, struct vec3 c)
+{
+    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
+
+bool square_homography(const struct vec3 ray[4], double h[9])
+{
+    double longest = 0;
+    for (int i = 0; i < 4; i++) {
+        if (!v3_finite(ray[i]))
+            return false;
+        longest = fmax(longest, v3_distance(ray[i], ray[(i + 1) % 4]));
+    }
+    // No three corners in a line, none inside the triangle of the others. Seen from
+    // the front the corners run counter-clockwise, which y downwards turns round.
+    for (int i = 0; i < 4; i++)
+        if (!(area2(ray[i], ray[(i + 1) % 4], ray[(i + 2) % 4]) < -1e-4 * longest * longest))
+            return false;
+    // Heckbert's closed form for the unit square (0,0), (1,0), (1,1), (0,1) ...
+    struct vec3 p0 = ray[0], p1 = ray[1], p2 = ray[2], p3 = ray[3];
+    double dx1 = p1.x - p2.x, dx2 = p3.x - p2.x, sx = p0.x - p1.x + p2.x - p3.x;
+    double dy1 = p1.y - p2.y, dy2 = p3.y - p2.y, sy = p0.y - p1.y + p2.y - p3.y;
+    double det = dx1 * dy2 - dx2 * dy1;
+    double g = (sx * dy2 - dx2 * sy) / det, k = (dx1 * sy - sx * dy1) / det;
+    double a = p1.x - p0.x + g * p1.x, b = p3.x - p0.x + k * p3.x, c = p0.x;
+    double d = p1.y - p0.y + g * p1.y, e = p3.y - p0.y + k * p3.y, f = p0.y;
+    // ... with (u + 1) / 2 put in for its coordinates
+    double m[9] = {a / 2, b / 2, c + (a + b) / 2, d / 2, e / 2, f + (d + e) / 2, g / 2, k / 2, 1 + (g + k) / 2};
+    if (!(fabs(m[8]) > 1e-12))
+        return false;
+    for (int i = 0; i < 9; i++) {
+        h[i] = m[i] / m[8];
+        if (!isfinite(h[i]))
+            return false;
+    }
+    return true;
+}
+
+// The translation that fits best for a given rotation: linear least squares on
+// (r + t).xy - ray.xy * (r + t).z = 0 over the corners r.
+static bool translation(const struct vec3 turned[4], const struct vec3 ray[4], struct vec3 *t)
+{
+    double a[9] = {0}, b[3] = {0};
+    for (int i = 0; i < 4; i++) {
+        double x = ray[i].x, y = ray[i].y;
+        double ex = x * turned[i].z - turned[i].x, ey = y * turned[i].z - turned[i].y;
+        a[0] += 1;
+        a[4] += 1;
+        a[6] -= x;
+        a[7] -= y;
+        a[8] += x * x + y * y;
+        b[0] += ex;
+        b[1] += ey;
+        b[2] -= x * ex + y * ey;
+    }
+    if (!cholesky(a, 3)) // reads the lower triangle only
+        return false;
+    cholesky_solve(a, 3, b);
+    *t = v3(b[0], b[1], b[2]);
+    return v3_finite(*t);
+}
+
+// Adds the pose with this rotation if it makes sense.
+static int keep(double r[3][3], double half, const struct vec3 ray[4], struct pose *out, int count)
+{
+    static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+    struct pose pose = {quat_from_matrix(r), {0, 0, 0}};
+    struct vec3 turned[4];
+    for (int i = 0; i < 4; i++)
+        turned[i] = quat_rotate(pose.rotation, v3(half * corner[i][0], half * corner[i][1], 0));
+    if (!translation(turned, ray, &pose.translation) || !pose_finite(pose))
+        return count;
+    for (int i = 0; i < 4; i++)
+        if (!(turned[i].z + pose.translation.z > 1e-3 * half))
+            return count;
+    struct vec3 normal = quat_rotate(pose.rotation, v3(0, 0, 1));
+    if (!(v3_dot(normal, pose.translation) < 0))
+        return count;
+    out[count] = pose;
+    return count + 1;
+}
+
+int square_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
+{
+    double h[9];
+    if (!(side_m > 0) || !isfinite(side_m) || !square_homography(ray, h))
+        return 0;
+    // Derivative of the homography at the square's centre, and where the centre falls.
+    double vx = h[2], vy = h[5];
+    double j[2][2] = {{h[0] - h[6] * vx, h[1] - h[7] * vx}, {h[3] - h[6] * vy, h[4] - h[7] * vy}};
+    // Turns the optical axis towards the centre.
+    double rv[3][3];
+    quat_to_matrix(quat_between(v3(0, 0, 1), v3(vx, vy, 1)), rv);
+    double b[2][2] = {{rv[0][0] - vx * rv[2][0], rv[0][1] - vx * rv[2][1]},
+                      {rv[1][0] - vy * rv[2][0], rv[1][1] - vy * rv[2][1]}};
+    double det = b[0][0] * b[1][1] - b[0][1] * b[1][0];
+    if (!(fabs(det) > 1e-12))
+        return 0;
+    double a[2][2];
+    for (int c = 0; c < 2; c++) {
+        a[0][c] = (b[1][1] * j[0][c] - b[0][1] * j[1][c]) / det;
+        a[1][c] = (b[0][0] * j[1][c] - b[1][0] * j[0][c]) / det;
+    }
+    // Its greatest singular value is the scale; what remains is the upper left of a rotation.
+    double s00 = a[0][0] * a[0][0] + a[0][1] * a[0][1], s11 = a[1][0] * a[1][0] + a[1][1] * a[1][1];
+    double s01 = a[0][0] * a[1][0] + a[0][1] * a[1][1];
+    double scale = sqrt((s00 + s11 + sqrt((s00 - s11) * (s00 - s11) + 4 * s01 * s01)) / 2);
+    if (!(scale > 1e-12))
+        return 0;
+    double r[2][2] = {{a[0][0] / scale, a[0][1] / scale}, {a[1][0] / scale, a[1][1] / scale}};
+    double b0 = sqrt(fmax(0, 1 - r[0][0] * r[0][0] - r[1][0] * r[1][0]));
+    double b1 = sqrt(fmax(0, 1 - r[0][1] * r[0][1] - r[1][1] * r[1][1]));
+    if (-(r[0][0] * r[0][1] + r[1][0] * r[1][1]) < 0)
+        b1 = -b1;
+    int count = 0;
+    for (int sign = 1; sign >= -1; sign -= 2) {
+        struct vec3 c0 = v3(r[0][0], r[1][0], sign * b0), c1 = v3(r[0][1], r[1][1], sign * b1);
+        c0 = v3_unit(c0);
+        c1 = v3_unit(v3_sub(c1, v3_scale(c0, v3_dot(c0, c1))));
+        struct vec3 c2 = v3_cross(c0, c1);
+        double own[3][3] = {{c0.x, c1.x, c2.x}, {c0.y, c1.y, c2.y}, {c0.z, c1.z, c2.z}}, turn[3][3];
+        for (int row = 0; row < 3; row++)
+            for (int c = 0; c < 3; c++)
+                turn[row][c] = rv[row][0] * own[0][c] + rv[row][1] * own[1][c] + rv[row][2] * own[2][c];
+        count = keep(turn, side_m / 2, ray, out, count);
+    }
+    return count;
+}
+
+double square_off_m(double side_m, const struct vec3 ray[4], const struct pose *expected)
+{
+    static const double range_share = 0.03;
+    struct pose two[2];
+    int count = square_poses(side_m, ray, two);
+    double least = count ? INFINITY : 0;
+    for (int i = 0; i < count; i++) {
+        double off = v3_distance(two[i].translation, expected->translation);
+        least = fmin(least, off - range_share * v3_length(two[i].translation));
+    }
+    return fmax(least, 0);
+}

@@ -1,0 +1,260 @@
+#include "locate/relocalization.h"
+
+#include <string.h>
+
+enum {
+    MOST_BITS = 70, // of 256 that may differ between point and feature
+    CLEARLY = 85,   // percent: the best must differ by less than this share of the second best
+    MOST_ROUNDS = 2000,
+    // Wrong matches agree with a wrong pose by chance: of 300, each in 10000 pixels
+    // of a picture 30 times that, three or four do.
+    LEAST_AGREEING = 10,
+};
+static const double SAME_M = 0.05;   // points nearer than this are one corner mapped twice
+static const double AGREE_SIGMA = 5; // 3 pixels at full size
+static const double SURE = 1e-3;     // chance of never having drawn three good matches
+
+// ---------------------------------------------------------------- three points
+
+static double polynomial(const double *c, int degree, double x)
+{
+    double y = c[degree];
+    for (int i = degree - 1; i >= 0; i--)
+        y = y * x + c[i];
+    return y;
+}
+
+// The real roots in [low, high], ascending: between those of the derivative, by halving.
+static int roots(const double *c, int degree, double low, double high, double *out)
+{
+    double slope[4], turn[6];
+    int turns = 0, count = 0;
+    if (degree < 1)
+        return 0;
+    for (int i = 0; i < degree; i++)
+        slope[i] = (i + 1) * c[i + 1];
+    turn[0] = low;
+    turns = 1 + roots(slope, degree - 1, low, high, turn + 1);
+    turn[turns] = high;
+    for (int i = 0; i < turns; i++) {
+        double a = turn[i], b = turn[i + 1], at_a = polynomial(c, degree, a), at_b = polynomial(c, degree, b);
+        if (!(at_a * at_b <= 0) || a == b)
+            continue;
+        for (int k = 0; k < 50; k++) {
+            double middle = (a + b) / 2, at = polynomial(c, degree, middle);
+            if ((at < 0) == (at_a < 0))
+                a = middle;
+            else
+                b = middle;
+        }
+        out[count++] = (a + b) / 2;
+    }
+    return count;
+}
+
+// Axes that three points span, in columns.
+static bool axes(const struct vec3 p[3], double m[3][3])
+{
+    struct vec3 x = v3_unit(v3_sub(p[1], p[0])), z = v3_cross(x, v3_sub(p[2], p[0]));
+    if (!(v3_length(z) > 1e-6))
+        return false;
+    z = v3_unit(z);
+    struct vec3 y = v3_cross(z, x);
+    const double own[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
+    memcpy(m, own, sizeof own);
+    return true;
+}
+
+static bool superpose(const struct vec3 world[3], const struct vec3 camera[3], struct pose *camera_from_world)
+{
+    double a[3][3], b[3][3], turn[3][3];
+    if (!axes(world, a) || !axes(camera, b))
+        return false;
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            turn[r][c] = b[r][0] * a[c][0] + b[r][1] * a[c][1] + b[r][2] * a[c][2];
+    camera_from_world->rotation = quat_from_matrix(turn);
+    struct vec3 shift = {0, 0, 0};
+    for (int i = 0; i < 3; i++)
+        shift = v3_add(shift, v3_sub(camera[i], quat_rotate(camera_from_world->rotation, world[i])));
+    camera_from_world->translation = v3_scale(shift, 1.0 / 3);
+    return pose_finite(*camera_from_world);
+}
+
+// The poses that put three points onto three rays (unit length, camera axes).
+// Writes up to four and returns how many; 0 for points in a line or numbers that
+// are not finite. Grunert's equation as in Haralick et al., IJCV 1994.
+static int three_point_poses(const struct vec3 world[3], const struct vec3 ray[3], struct pose camera_from_world[4])
+{
+    struct vec3 ab = v3_sub(world[1], world[0]), ac = v3_sub(world[2], world[0]), bc = v3_sub(world[2], world[1]);
+    double a2 = v3_dot(bc, bc), b2 = v3_dot(ac, ac), c2 = v3_dot(ab, ab);
+    double ca = v3_dot(ray[1], ray[2]), cb = v3_dot(ray[0], ray[2]), cg = v3_dot(ray[0], ray[1]);
+    if (!(b2 > 1e-12) || !isfinite(a2 + b2 + c2 + ca + cb + cg) || !(v3_length(v3_cross(ab, ac)) > 1e-6))
+        return 0;
+    double q = (a2 - c2) / b2, p = (a2 + c2) / b2, c = c2 / b2, a = a2 / b2;
+    const double quartic[5] = {
+        (1 + q) * (1 + q) - 4 * a * cg * cg,
+        4 * (-q * (1 + q) * cb + 2 * a * cg * cg * cb - (1 - p) * ca * cg),
+        2 * (q * q - 1 + 2 * q * q * cb * cb + 2 * (1 - c) * ca * ca - 4 * p * ca * cb * cg + 2 * (1 - a) * cg * cg),
+        4 * (q * (1 - q) * cb - (1 - p) * ca * cg + 2 * c * ca * ca * cb),
+        (q - 1) * (q - 1) - 4 * c * ca * ca,
+    };
+    double v[5];
+    // The third point at most 50 times as far as the first, or as near.
+    int n = roots(quartic, 4, 0.02, 50, v), count = 0;
+    for (int i = 0; i < n && count < 4; i++) {
+        double under = 2 * (cg - v[i] * ca), over = (q - 1) * v[i] * v[i] - 2 * q * cb * v[i] + 1 + q;
+        double first = sqrt(b2 / (1 + v[i] * v[i] - 2 * v[i] * cb)), u = over / under;
+        if (!(fabs(under) > 1e-9) || !(u > 0) || !isfinite(first))
+            continue;
+        const struct vec3 camera[3] = {v3_scale(ray[0], first), v3_scale(ray[1], first * u),
+                                       v3_scale(ray[2], first * v[i])};
+        count += superpose(world, camera, &camera_from_world[count]);
+    }
+    return count;
+}
+
+// ---------------------------------------------------------------- matches
+
+// The best point for a feature; -1: none, or another one elsewhere is nearly as good.
+static int32_t best_point(const struct place_point *points, int32_t point_count, const struct feature *f, int *bits)
+{
+    int32_t best = -1;
+    int second = 257;
+    *bits = 257;
+    for (int32_t i = 0; i < point_count; i++) {
+        int d = feature_distance(points[i].descriptor, f->descriptor);
+        if (d >= second)
+            continue;
+        bool same = best >= 0 && v3_distance(points[i].world, points[best].world) < SAME_M;
+        if (d < *bits) {
+            if (!same)
+                second = *bits;
+            *bits = d;
+            best = i;
+        } else if (!same) {
+            second = d;
+        }
+    }
+    return *bits <= MOST_BITS && *bits * 100 < CLEARLY * second ? best : -1;
+}
+
+int relocate_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                   struct point_match *out, int capacity)
+{
+    int bits[FEATURES_MAX], at[257 + 1] = {0};
+    int32_t which[FEATURES_MAX];
+    struct point_match sorted[FEATURES_MAX];
+    for (int i = 0; i < index->count; i++) {
+        which[i] = best_point(points, point_count, &index->features[i], &bits[i]);
+        if (which[i] >= 0)
+            at[bits[i] + 1]++;
+    }
+    for (int b = 0; b < 257; b++)
+        at[b + 1] += at[b];
+    int all = at[257], count = 0;
+    for (int i = 0; i < index->count; i++)
+        if (which[i] >= 0)
+            sorted[at[bits[i]]++] = (struct point_match){which[i], i};
+    for (int i = 0; i < all && count < capacity; i++) {
+        bool taken = false; // by a feature that looks more like it
+        for (int k = 0; k < count && !taken; k++)
+            taken = out[k].point == sorted[i].point;
+        if (!taken)
+            out[count++] = sorted[i];
+    }
+    return count;
+}
+
+// ---------------------------------------------------------------- agreement
+
+static uint32_t draw(uint64_t *state, uint32_t below)
+{
+    *state = *state * 6364136223846793005u + 1442695040888963407u;
+    return (uint32_t)((*state >> 33) % below);
+}
+
+static int agreeing(const struct fit_point *seen, int count, const struct shutter_motion *motion,
+                    const struct pose *pose, const struct lens *lens, int to_beat)
+{
+    int agree = 0;
+    for (int i = 0; i < count && agree + count - i > to_beat; i++)
+        agree += fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < AGREE_SIGMA;
+    return agree;
+}
+
+// Fits to those that agree, twice, since a better pose has more that do.
+static int improve(const struct fit_point *seen, int count, const struct lens *lens, struct shutter_motion *motion,
+                   struct pose *pose)
+{
+    struct fit_point good[FEATURES_MAX];
+    int agree = 0;
+    for (int round = 0; round < 2; round++) {
+        int n = 0;
+        for (int i = 0; i < count; i++)
+            if (fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 2 * AGREE_SIGMA)
+                good[n++] = seen[i];
+        struct pose better = *pose;
+        struct shutter_motion moving = motion ? *motion : shutter_unknown(), *with = motion ? &moving : NULL;
+        fit_refine(NULL, 0, 0, good, n, 0, lens->fx, lens->fy, with, &better);
+        int now = agreeing(seen, count, with, &better, lens, 0);
+        if (now < agree)
+            break;
+        agree = now;
+        *pose = better;
+        if (motion)
+            *motion = moving;
+    }
+    return agree;
+}
+
+bool relocate(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
+              const struct point_match *matches, int count, struct shutter_motion *motion,
+              struct pose *camera_from_world, int *agree)
+{
+    struct fit_point seen[FEATURES_MAX];
+    struct vec3 ray[FEATURES_MAX];
+    struct pose best = POSE_IDENTITY;
+    uint64_t dice = 1;
+    int most = 0;
+    double rounds = MOST_ROUNDS;
+    if (count < LEAST_AGREEING)
+        return false;
+    for (int i = 0; i < count; i++) {
+        const struct feature *f = &index->features[matches[i].feature];
+        struct vec3 r = lens_ray(lens, f->at);
+        seen[i] = (struct fit_point){.world = points[matches[i].point].world,
+                                     .x = r.x,
+                                     .y = r.y,
+                                     .sigma_px = feature_sigma(f),
+                                     .time_s = shutter_time(lens, f->at.y)};
+        ray[i] = v3_unit(r);
+    }
+    for (int round = 0; round < rounds; round++) {
+        // The better half of the matches at first, then more and more.
+        uint32_t among = (uint32_t)fmin(count, fmax(LEAST_AGREEING, count * (0.3 + round / 300.0)));
+        uint32_t i = draw(&dice, among), k = draw(&dice, among), m = draw(&dice, among);
+        if (i == k || k == m || i == m)
+            continue;
+        struct pose poses[4];
+        int n = three_point_poses((struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
+                                  (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
+        for (int p = 0; p < n; p++) {
+            int now = agreeing(seen, count, motion, &poses[p], lens, most);
+            if (now > most) {
+                most = now;
+                best = poses[p];
+                double share = (double)most / count;
+                rounds = fmin(rounds, log(SURE) / log(1 - share * share * share * 0.5) + 50);
+            }
+        }
+    }
+    if (most < LEAST_AGREEING / 2)
+        return false;
+    most = improve(seen, count, lens, motion, &best);
+    if (most < LEAST_AGREEING || !pose_finite(best))
+        return false;
+    *camera_from_world = best;
+    *agree = most;
+    return true;
+}

@@ -1,0 +1,577 @@
+#include "platform/bundle_adjustment.h"
+
+#include <algorithm>
+#include <array>
+#include <ceres/ceres.h>
+#include <memory>
+#include <new>
+#include <vector>
+
+static_assert(sizeof(struct vec3) == 3 * sizeof(double), "struct vec3 is not three doubles");
+
+namespace
+{
+
+constexpr double ROBUST = 3; // standard deviations
+constexpr double NEAREST_M = 1e-3;
+
+using Vector3 = Eigen::Vector3d;
+using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using Read3 = Eigen::Map<const Vector3>;
+
+// As Ceres wants a derivative. NULL: it wants none.
+template <int Rows> void hand_out(const Eigen::Matrix<double, Rows, 3> &derivative, double *out)
+{
+    for (int i = 0; out && i < 3 * Rows; i++)
+        out[i] = derivative(i / 3, i % 3);
+}
+
+// A pose as Ceres moves it: turned upon where it began, and shifted. Two blocks of three numbers and points of three:
+// for errors of three rows Ceres has code of just these sizes, and no block needs a manifold.
+struct moving {
+    Matrix3 start;
+    double turn[3]; // twice the Gibbs vector: the axis by 2 tan(angle / 2)
+    double shift[3];
+};
+
+Matrix3 cross(const Vector3 &v)
+{
+    Matrix3 m;
+    m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+    return m;
+}
+
+// The same with turn and shift as Ceres hands them over.
+struct placed {
+    Matrix3 rotation;
+    Matrix3 spin; // what a change of `turn` turns about, seen from outside
+    Vector3 shift;
+
+    placed(const Matrix3 &start, const double *turn, const double *by) : shift(Read3(by))
+    {
+        Vector3 g = Read3(turn) / 2;
+        double square = g.squaredNorm();
+        Matrix3 aside = cross(g);
+        rotation = ((1 - square) * Matrix3::Identity() + 2 * (g * g.transpose() + aside)) / (1 + square) * start;
+        spin = (Matrix3::Identity() + aside) / (1 + square);
+    }
+
+    // Of rotation * p by the turn.
+    Matrix3 by_turn(const Vector3 &p) const { return -cross(rotation * p) * spin; }
+};
+
+Eigen::Quaterniond rotation_of(const pose &p) { return {p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z}; }
+
+moving moving_from(const pose &p)
+{
+    return {rotation_of(p).toRotationMatrix(), {0, 0, 0}, {p.translation.x, p.translation.y, p.translation.z}};
+}
+
+pose pose_from(const pose &start, const moving &m)
+{
+    if (Read3(m.turn).isZero(0)) // what was held stays the same to the bit
+        return {start.rotation, {m.shift[0], m.shift[1], m.shift[2]}};
+    const Eigen::Quaterniond turned =
+        (Eigen::Quaterniond(1, m.turn[0] / 2, m.turn[1] / 2, m.turn[2] / 2) * rotation_of(start)).normalized();
+    return {{turned.x(), turned.y(), turned.z(), turned.w()}, {m.shift[0], m.shift[1], m.shift[2]}};
+}
+
+// Blocks: the camera's turn and shift, the square's.
+class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
+{
+  public:
+    corner_error(const adjust_corners *c, const moving *of_camera, const moving *of_square, double side_m, double x,
+                 double y)
+        : seen(c), camera_start(of_camera), square_start(of_square), half(side_m / 2), fx(x), fy(y)
+    {
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        using Rows = Eigen::Matrix<double, 8, 3>;
+        const placed camera(camera_start->start, blocks[0], blocks[1]),
+            square(square_start->start, blocks[2], blocks[3]);
+        Eigen::Matrix<double, 8, 1> e;
+        Rows by_block[4];
+        for (int k = 0; k < 4; k++) {
+            const Vector3 own(k == 1 || k == 2 ? half : -half, k >= 2 ? half : -half, 0);
+            const Vector3 world = square.rotation * own + square.shift, p = camera.rotation * world + camera.shift;
+            if (!(p[2] > NEAREST_M))
+                return false;
+            e[2 * k] = fx * p[0] / p[2] - seen->observed[2 * k];
+            e[2 * k + 1] = fy * p[1] / p[2] - seen->observed[2 * k + 1];
+            if (!by)
+                continue;
+            Eigen::Matrix<double, 2, 3> by_p;
+            by_p << fx / p[2], 0, -fx * p[0] / (p[2] * p[2]), 0, fy / p[2], -fy * p[1] / (p[2] * p[2]);
+            const Eigen::Matrix<double, 2, 3> by_world = by_p * camera.rotation;
+            by_block[0].middleRows<2>(2 * k) = by_p * camera.by_turn(world);
+            by_block[1].middleRows<2>(2 * k) = by_p;
+            by_block[2].middleRows<2>(2 * k) = by_world * square.by_turn(own);
+            by_block[3].middleRows<2>(2 * k) = by_world;
+        }
+        const Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>> whiten(&seen->whiten[0][0]);
+        Eigen::Map<Eigen::Matrix<double, 8, 1>> out(residual);
+        out = whiten * e;
+        for (int b = 0; by && b < 4; b++)
+            hand_out<8>(whiten * by_block[b], by[b]);
+        return true;
+    }
+
+  private:
+    const adjust_corners *seen;
+    const moving *camera_start, *square_start;
+    double half, fx, fy;
+};
+
+// Blocks as above. Along the ray r the plane with normal n through c is met at z = n.c / n.r.
+class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
+{
+  public:
+    plane_error(const adjust_plane_depth *d, const moving *of_camera, const moving *of_square)
+        : seen(d), camera_start(of_camera), square_start(of_square)
+    {
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        const placed camera(camera_start->start, blocks[0], blocks[1]),
+            square(square_start->start, blocks[2], blocks[3]);
+        const Vector3 ray(seen->x, seen->y, 1), across = square.rotation.col(2), normal = camera.rotation * across;
+        const Vector3 centre = camera.rotation * square.shift + camera.shift;
+        double slant = normal.dot(ray);
+        if (!(slant * slant > 1e-6))
+            return false;
+        double z = normal.dot(centre) / slant, scale = 1 / (slant * seen->sigma_m);
+        residual[0] = (z - seen->z) / seen->sigma_m;
+        if (!by)
+            return true;
+        const Vector3 off = centre - z * ray;
+        hand_out<1>(scale * normal.cross(camera.shift - z * ray).transpose() * camera.spin, by[0]);
+        hand_out<1>(scale * normal.transpose(), by[1]);
+        hand_out<1>(scale * across.cross(camera.rotation.transpose() * off).transpose() * square.spin, by[2]);
+        hand_out<1>(scale * across.transpose(), by[3]);
+        return true;
+    }
+
+  private:
+    const adjust_plane_depth *seen;
+    const moving *camera_start, *square_start;
+};
+
+// Blocks: the camera's turn and shift, the point.
+class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
+{
+  public:
+    // What makes an error on the plane z = 1 one of unit covariance: [of_x 0; of_both of_y].
+    point_error(const adjust_sighting *s, const moving *of_camera, double fx, double fy)
+        : seen(s), camera_start(of_camera)
+    {
+        double xx = s->covariance[0], xy = s->covariance[1], yy = s->covariance[2];
+        of_x = fx / std::sqrt(xx);
+        of_y = fy / std::sqrt(yy - xy * xy / xx);
+        of_both = -of_y * xy / xx * fx / fy;
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        const placed camera(camera_start->start, blocks[0], blocks[1]);
+        const Vector3 turned = camera.rotation * Read3(blocks[2]), p = turned + camera.shift;
+        if (!(p[2] > NEAREST_M))
+            return false;
+        double uz = seen->z > 0 ? 1 / seen->sigma_m : 0;
+        double x = p[0] / p[2], y = p[1] / p[2];
+        residual[0] = of_x * (x - seen->x);
+        residual[1] = of_both * (x - seen->x) + of_y * (y - seen->y);
+        residual[2] = (p[2] - seen->z) * uz;
+        if (!by)
+            return true;
+        Matrix3 by_p;
+        by_p << of_x / p[2], 0, -of_x * x / p[2], of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2], 0, 0,
+            uz;
+        hand_out<3>(by_p * (-cross(turned) * camera.spin), by[0]);
+        hand_out<3>(by_p, by[1]);
+        hand_out<3>(by_p * camera.rotation, by[2]);
+        return true;
+    }
+
+  private:
+    const adjust_sighting *seen;
+    const moving *camera_start;
+    double of_x, of_both, of_y;
+};
+
+// An error of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have
+// to be multiplied with.
+template <class Error, int Row> class with_depth_times : public ceres::CostFunction
+{
+  public:
+    with_depth_times(std::unique_ptr<Error> e, double z, double sigma_m) : error(std::move(e)), reading(z / sigma_m)
+    {
+        set_num_residuals(error->num_residuals());
+        *mutable_parameter_block_sizes() = error->parameter_block_sizes();
+        mutable_parameter_block_sizes()->push_back(1);
+    }
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        if (!error->Evaluate(blocks, residual, by))
+            return false;
+        const size_t last = parameter_block_sizes().size() - 1;
+        residual[Row] += reading * (1 - blocks[last][0]);
+        for (int i = 0; by && by[last] && i < num_residuals(); i++)
+            by[last][i] = i == Row ? -reading : 0;
+        return true;
+    }
+
+  private:
+    std::unique_ptr<Error> error;
+    double reading;
+};
+
+class depth_times_error : public ceres::SizedCostFunction<1, 1>
+{
+  public:
+    explicit depth_times_error(double sigma) : scale(1 / sigma) {}
+
+    bool Evaluate(double const *const *blocks, double *residual, double **by) const override
+    {
+        residual[0] = scale * (blocks[0][0] - 1);
+        if (by && by[0])
+            by[0][0] = scale;
+        return true;
+    }
+
+  private:
+    double scale;
+};
+
+// What Ceres works on: copies, for a failed solution must not reach the caller's numbers.
+struct copies {
+    std::vector<moving> cameras, squares;
+    std::vector<vec3> points;
+    double depth_times;
+
+    explicit copies(const adjust_problem &in)
+        : points(in.points, in.points + in.point_count), depth_times(in.depth_times ? *in.depth_times : 1)
+    {
+        for (int32_t i = 0; i < in.camera_count; i++)
+            cameras.push_back(moving_from(in.cameras[i].camera_from_world));
+        for (int32_t i = 0; i < in.square_count; i++)
+            squares.push_back(moving_from(in.squares[i].world_from_square));
+    }
+
+    void take_over(const adjust_problem &in) const
+    {
+        for (int32_t i = 0; i < in.camera_count; i++)
+            in.cameras[i].camera_from_world = pose_from(in.cameras[i].camera_from_world, cameras[(size_t)i]);
+        for (int32_t i = 0; i < in.square_count; i++)
+            in.squares[i].world_from_square = pose_from(in.squares[i].world_from_square, squares[(size_t)i]);
+        for (int32_t i = 0; i < in.point_count; i++)
+            in.points[i] = points[(size_t)i];
+        if (in.depth_times)
+            *in.depth_times = depth_times;
+    }
+};
+
+// Where readings of depth are true as they are, the block more would only cost Ceres its code for fixed sizes.
+void add_depth_errors(const adjust_problem &in, copies &c, ceres::Problem &problem, ceres::LossFunction *depth_loss,
+                      ceres::LossFunction *point_loss)
+{
+    for (int32_t i = 0; i < in.plane_depth_count; i++) {
+        const adjust_plane_depth &seen = in.plane_depths[i];
+        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        auto error = std::make_unique<plane_error>(&seen, &camera, &square);
+        if (in.depth_times)
+            problem.AddResidualBlock(new with_depth_times<plane_error, 0>(std::move(error), seen.z, seen.sigma_m),
+                                     depth_loss, camera.turn, camera.shift, square.turn, square.shift, &c.depth_times);
+        else
+            problem.AddResidualBlock(error.release(), depth_loss, camera.turn, camera.shift, square.turn, square.shift);
+    }
+    for (int32_t i = 0; i < in.sighting_count; i++) {
+        const adjust_sighting &seen = in.sightings[i];
+        moving &camera = c.cameras[(size_t)seen.camera];
+        double *point = &c.points[(size_t)seen.point].x;
+        auto error = std::make_unique<point_error>(&seen, &camera, in.fx, in.fy);
+        if (in.depth_times && seen.z > 0)
+            problem.AddResidualBlock(new with_depth_times<point_error, 2>(std::move(error), seen.z, seen.sigma_m),
+                                     point_loss, camera.turn, camera.shift, point, &c.depth_times);
+        else
+            problem.AddResidualBlock(error.release(), point_loss, camera.turn, camera.shift, point);
+    }
+    if (in.depth_times)
+        problem.AddResidualBlock(new depth_times_error(in.depth_times_sigma), nullptr, &c.depth_times);
+}
+
+void add_errors(const adjust_problem &in, copies &c, ceres::Problem &problem)
+{
+    auto *corner_loss = new ceres::CauchyLoss(ROBUST * std::sqrt(8.0)); // of all eight numbers
+    auto *depth_loss = new ceres::CauchyLoss(ROBUST);
+    auto *point_loss = new ceres::CauchyLoss(ROBUST);
+    std::vector<std::unique_ptr<ceres::LossFunction>> owner; // the problem owns what it uses
+    if (!in.corner_count)
+        owner.emplace_back(corner_loss);
+    if (!in.plane_depth_count)
+        owner.emplace_back(depth_loss);
+    if (!in.sighting_count)
+        owner.emplace_back(point_loss);
+    for (int32_t i = 0; i < in.corner_count; i++) {
+        const adjust_corners &seen = in.corners[i];
+        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        problem.AddResidualBlock(
+            new corner_error(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), corner_loss,
+            camera.turn, camera.shift, square.turn, square.shift);
+    }
+    add_depth_errors(in, c, problem, depth_loss, point_loss);
+}
+
+// Holds what stays where it is. Points are to be eliminated before poses; none to be: false.
+bool order_blocks(const adjust_problem &in, copies &c, ceres::Problem &problem, ceres::ParameterBlockOrdering &order)
+{
+    bool any = false;
+    auto add_pose = [&](moving &m, bool held) {
+        for (double *block : {m.turn, m.shift}) {
+            if (!problem.HasParameterBlock(block))
+                continue;
+            order.AddElementToGroup(block, 1);
+            if (held)
+                problem.SetParameterBlockConstant(block);
+        }
+    };
+    for (int32_t i = 0; i < in.camera_count; i++)
+        add_pose(c.cameras[(size_t)i], in.hold_cameras || i == in.held_camera);
+    for (int32_t i = 0; i < in.square_count; i++)
+        add_pose(c.squares[(size_t)i], in.squares[i].held);
+    if (in.depth_times)
+        order.AddElementToGroup(&c.depth_times, 1);
+    for (int32_t i = 0; i < in.point_count; i++) {
+        double *block = &c.points[(size_t)i].x;
+        if (!problem.HasParameterBlock(block))
+            continue;
+        order.AddElementToGroup(block, 0);
+        if (i < in.held_points)
+            problem.SetParameterBlockConstant(block);
+        any = any || i >= in.held_points;
+    }
+    return any;
+}
+
+// What is not held, points first, and in which column of the derivative each block begins.
+struct columns {
+    std::vector<double *> blocks;
+    std::vector<int> square; // of its turn, then its shift; -1: held, or nothing sees it
+    int points = 0, all = 0;
+
+    columns(const adjust_problem &in, copies &c, const ceres::Problem &problem)
+    {
+        for (int32_t i = in.held_points; i < in.point_count; i++)
+            add(problem, &c.points[(size_t)i].x, 3);
+        points = all;
+        for (moving &m : c.cameras) {
+            add(problem, m.turn, 3);
+            add(problem, m.shift, 3);
+        }
+        for (moving &m : c.squares) {
+            square.push_back(problem.HasParameterBlock(m.turn) && !problem.IsParameterBlockConstant(m.turn) ? all : -1);
+            add(problem, m.turn, 3);
+            add(problem, m.shift, 3);
+        }
+        if (in.depth_times)
+            add(problem, &c.depth_times, 1);
+    }
+
+  private:
+    void add(const ceres::Problem &problem, double *block, int size)
+    {
+        if (!problem.HasParameterBlock(block) || problem.IsParameterBlockConstant(block))
+            return;
+        blocks.push_back(block);
+        all += size;
+    }
+};
+
+// The whitened errors' derivative, row by row.
+struct derivative {
+    ceres::CRSMatrix all;
+    int points; // columns, the first ones
+
+    int begin(int row) const { return all.rows[(size_t)row]; }
+    int end(int row) const { return all.rows[(size_t)row + 1]; }
+    int column(int i) const { return all.cols[(size_t)i]; }
+    double value(int i) const { return all.values[(size_t)i]; }
+};
+
+// What errors of one point take from what is known of poses, since the point is free to follow them: times its
+// transpose, three columns.
+void add_point(const derivative &by, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
+{
+    Matrix3 own = Matrix3::Zero();
+    for (int r : rows) {
+        Vector3 by_point = Vector3::Zero();
+        for (int i = by.begin(r); i < by.end(r); i++)
+            if (by.column(i) < by.points)
+                by_point[by.column(i) % 3] = by.value(i);
+        own += by_point * by_point.transpose();
+        for (int i = by.begin(r); i < by.end(r); i++)
+            if (by.column(i) >= by.points)
+                out.row(by.column(i) - by.points) += by.value(i) * by_point.transpose();
+    }
+    const Eigen::LLT<Matrix3> factor(own);
+    out = factor.matrixL().solve(out.transpose()).transpose().eval();
+    if (!out.allFinite()) // seen along one line: it says nothing of its own, and all that it says of poses is used up
+        out.setZero();
+}
+
+// Of whitened errors, in the order in which they are added. PRIOR: what is known of the depth's scale before.
+enum kind { CORNERS, PLANE_DEPTHS, SIGHTINGS, PRIOR, KINDS };
+
+kind kind_of_row(const adjust_problem &in, int row, int rows)
+{
+    const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count;
+    if (in.depth_times && row == rows - 1)
+        return PRIOR;
+    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : SIGHTINGS;
+}
+
+// What each kind of errors says of the poses when points follow them. Lower halves.
+std::array<Eigen::MatrixXd, KINDS> information_of_poses(const adjust_problem &in, const derivative &by)
+{
+    enum { TOGETHER = 64 };
+    const int poses = by.all.num_cols - by.points, count = by.points / 3;
+    std::array<Eigen::MatrixXd, KINDS> information;
+    information.fill(Eigen::MatrixXd::Zero(poses, poses));
+    Eigen::MatrixXd some(poses, 3 * TOGETHER);
+    std::vector<std::vector<int>> rows((size_t)count); // of each point
+    for (int r = 0; r < by.all.num_rows; r++) {
+        Eigen::MatrixXd &own = information[kind_of_row(in, r, by.all.num_rows)];
+        int point = -1;
+        for (int i = by.begin(r); i < by.end(r); i++) {
+            if (by.column(i) < by.points)
+                point = by.column(i) / 3;
+            for (int k = by.begin(r); by.column(i) >= by.points && k < by.end(r); k++)
+                if (by.column(k) >= by.column(i))
+                    own(by.column(k) - by.points, by.column(i) - by.points) += by.value(i) * by.value(k);
+        }
+        if (point >= 0)
+            rows[(size_t)point].push_back(r);
+    }
+    for (int first = 0; first < count; first += TOGETHER) {
+        some.setZero();
+        for (int p = first; p < std::min(count, first + TOGETHER); p++)
+            add_point(by, rows[(size_t)p], some.middleCols(3 * (p - first), 3));
+        information[SIGHTINGS].selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
+    }
+    return information;
+}
+
+// A sighting without depth says nothing in its third row.
+bool says_something(const adjust_problem &in, int row)
+{
+    const int third = row - 8 * in.corner_count - in.plane_depth_count;
+    return third < 0 || third >= 3 * in.sighting_count || third % 3 != 2 || in.sightings[third / 3].z > 0;
+}
+
+// How much larger the errors of each kind are, squared, than they were taken to be: by what is left of them, beside as
+// many as can differ from nought (variance components; Foerstner, 1979). Too few to tell: 1. errors: with the weights
+// they lost; of sightings with all of it, since those too far off have been left out before.
+std::array<double, KINDS> times_expected(const adjust_problem &in, const std::vector<double> &errors, int points,
+                                         const std::array<Eigen::MatrixXd, KINDS> &information,
+                                         const Eigen::MatrixXd &covariance)
+{
+    const double least = 20;
+    std::array<double, KINDS> squares{}, spare{}, times;
+    for (size_t r = 0; r < errors.size(); r++) {
+        const kind k = kind_of_row(in, (int)r, (int)errors.size());
+        squares[k] += errors[r] * errors[r];
+        spare[k] += says_something(in, (int)r);
+    }
+    spare[SIGHTINGS] -= points;
+    for (size_t k = 0; k < KINDS; k++) {
+        Eigen::MatrixXd whole = information[k].selfadjointView<Eigen::Lower>();
+        spare[k] -= covariance.cwiseProduct(whole).sum();
+        times[k] = k != PRIOR && spare[k] > least ? squares[k] / spare[k] : 1;
+    }
+    return times;
+}
+
+// The errors are weighed as they were taken to be, and are as large as they turn out to be.
+void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &problem)
+{
+    const columns which(in, c, problem);
+    ceres::Problem::EvaluateOptions options;
+    derivative by = {{}, which.points};
+    std::vector<double> errors, whole;
+    const int n = 6 * in.square_count, poses = which.all - which.points;
+    Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
+    out.setZero();
+    options.parameter_blocks = which.blocks;
+    if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &by.all))
+        return;
+    const std::array<Eigen::MatrixXd, KINDS> information = information_of_poses(in, by);
+    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] + information[SIGHTINGS] +
+                                             information[PRIOR]);
+    if (factor.info() != Eigen::Success)
+        return;
+    const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));
+    options.apply_loss_function = false;
+    if (!problem.Evaluate(options, nullptr, &whole, nullptr, nullptr))
+        return;
+    for (int r = 0; r < (int)errors.size(); r++)
+        if (kind_of_row(in, r, (int)errors.size()) == SIGHTINGS)
+            errors[(size_t)r] = whole[(size_t)r];
+    const std::array<double, KINDS> times = times_expected(in, errors, which.points, information, covariance);
+    Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(poses, n); // by each square's own motion
+    for (int s = 0; s < in.square_count; s++) {
+        const Matrix3 turn =
+            rotation_of(pose_from(in.squares[s].world_from_square, c.squares[(size_t)s])).toRotationMatrix();
+        for (int half = 0; half < 2 && which.square[(size_t)s] >= 0; half++)
+            moves.block<3, 3>(which.square[(size_t)s] - which.points + 3 * half, 6 * s + 3 * half) = turn;
+    }
+    const Eigen::MatrixXd by_all = covariance * moves;
+    for (size_t k = 0; k < KINDS; k++)
+        out += times[k] * (by_all.transpose() * (information[k].selfadjointView<Eigen::Lower>() * by_all));
+}
+
+enum status solve(const adjust_problem &in)
+{
+    copies c(in);
+    ceres::Problem problem;
+    auto order = std::make_shared<ceres::ParameterBlockOrdering>();
+    ceres::Solver::Options options;
+    ceres::Solver::Summary summary;
+    add_errors(in, c, problem);
+    if (order_blocks(in, c, problem, *order)) {
+        options.linear_solver_type = ceres::DENSE_SCHUR;
+        options.linear_solver_ordering = order;
+    } else { // each camera meets a few squares
+        options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+        options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+    }
+    options.num_threads = 1;
+    options.max_num_iterations = in.most_rounds;
+    options.function_tolerance = 1e-5; // of tens of thousands of errors: less than one of them is worth
+    options.logging_type = ceres::SILENT;
+    ceres::Solve(options, &problem, &summary);
+    if (!summary.IsSolutionUsable())
+        return fail(ERR_SOLVER, "the joint adjustment of cameras and tags found no solution");
+    if (in.cost)
+        *in.cost = summary.final_cost;
+    if (in.square_covariance && in.square_count)
+        find_covariance(in, c, problem);
+    c.take_over(in);
+    return OK;
+}
+
+} // namespace
+
+enum status adjust(const struct adjust_problem *problem)
+{
+    try {
+        return solve(*problem);
+    } catch (const std::bad_alloc &) {
+        return fail(ERR_MEMORY, "no memory to adjust %d cameras and %d points", (int)problem->camera_count,
+                    (int)problem->point_count);
+    } catch (const std::exception &e) {
+        return fail(ERR_SOLVER, "the joint adjustment failed: %s", e.what());
+    }
+}

@@ -1,0 +1,200 @@
+#include "platform/gpu_draw2d.h"
+#include "platform/gpu_internal.h"
+
+#include <stdlib.h>
+
+struct gpu_flat {
+    struct gpu *g;
+    struct gpu_program *program;
+    GLuint array, vertices, indices, sampler;
+    struct gpu_flat_view view; // of the picture being drawn
+    float map[8];              // of it, as the shader has it
+};
+
+enum status gpu_flat_open(struct gpu_flat **out, struct gpu *g, const struct gpu_flat_texts *texts)
+{
+    static const char *const uniforms[] = {"map"}, *const samplers[] = {"picture"};
+    *out = NULL;
+    struct gpu_flat *f = calloc(1, sizeof *f);
+    if (!f)
+        return fail(ERR_MEMORY, "out of memory");
+    f->g = g;
+    const struct gpu_program_text text = {.name = "flat",
+                                          .vertex = texts->vertex,
+                                          .fragment = texts->fragment,
+                                          .uniforms = uniforms,
+                                          .uniform_count = 1,
+                                          .samplers = samplers,
+                                          .sampler_count = 1};
+    enum status status = gpu_program_open(&f->program, g, &text);
+    if (status != OK) {
+        free(f);
+        return status;
+    }
+    glGenVertexArrays(1, &f->array);
+    glGenBuffers(1, &f->vertices);
+    glGenBuffers(1, &f->indices);
+    glBindVertexArray(f->array);
+    glBindBuffer(GL_ARRAY_BUFFER, f->vertices);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, f->indices);
+    const GLsizei stride = sizeof(struct gpu_flat_vertex);
+    glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_flat_vertex, x));
+    glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_flat_vertex, u));
+    glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
+                          (const void *)offsetof(struct gpu_flat_vertex, rgba));
+    for (GLuint i = 0; i < 3; i++)
+        glEnableVertexAttribArray(i);
+    glBindVertexArray(0);
+    glGenSamplers(1, &f->sampler);
+    glSamplerParameteri(f->sampler, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glSamplerParameteri(f->sampler, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glSamplerParameteri(f->sampler, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glSamplerParameteri(f->sampler, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    status = gpu_check(g);
+    if (status != OK) {
+        gpu_flat_close(&f);
+        return status;
+    }
+    *out = f;
+    return OK;
+}
+
+void gpu_flat_close(struct gpu_flat **out)
+{
+    struct gpu_flat *f = *out;
+    if (!f)
+        return;
+    gpu_program_close(&f->program); // makes the context current
+    glDeleteSamplers(1, &f->sampler);
+    glDeleteVertexArrays(1, &f->array);
+    glDeleteBuffers(1, &f->vertices);
+    glDeleteBuffers(1, &f->indices);
+    free(f);
+    *out = NULL;
+}
+
+// ---------------------------------------------------------------- turning
+
+// Where the upright pixel (x, y) lies on the glass, whose first row is the top one.
+static void turned(const struct gpu_flat_view *v, float x, float y, float *right, float *down)
+{
+    float w = (float)v->width, h = (float)v->height;
+    switch (v->quarter_turns & 3) {
+    case 0: *right = x, *down = y; break;
+    case 1: *right = h - y, *down = x; break;
+    case 2: *right = w - x, *down = h - y; break;
+    default: *right = y, *down = w - x; break;
+    }
+}
+
+static void glass_size(const struct gpu_flat_view *v, int *width, int *height)
+{
+    bool across = v->quarter_turns & 1;
+    *width = across ? v->height : v->width;
+    *height = across ? v->width : v->height;
+}
+
+// From upright pixels to clip space. A target's first row is its bottom to OpenGL, the window's is its top.
+static void set_map(struct gpu_flat *f)
+{
+    int width, height;
+    float origin[2], along_x[2], along_y[2];
+    f->map[3] = f->map[7] = 0; // nothing can be drawn so: set_map_for
+    glass_size(&f->view, &width, &height);
+    turned(&f->view, 0, 0, &origin[0], &origin[1]);
+    turned(&f->view, 1, 0, &along_x[0], &along_x[1]);
+    turned(&f->view, 0, 1, &along_y[0], &along_y[1]);
+    const float sx = 2 / (float)width, sy = (f->view.target ? 2 : -2) / (float)height;
+    for (int row = 0; row < 2; row++) {
+        float s = row ? sy : sx;
+        f->map[4 * row] = s * (along_x[row] - origin[row]);
+        f->map[4 * row + 1] = s * (along_y[row] - origin[row]);
+        f->map[4 * row + 2] = s * origin[row] + (row == 1 && !f->view.target ? 1 : -1);
+    }
+}
+
+// The last of either row is how much of the texture is used.
+static void set_map_for(struct gpu_flat *f, const struct gpu_texture *t)
+{
+    const float across = t->used_width ? (float)t->used_width / (float)t->width : 1;
+    const float down = t->used_height ? (float)t->used_height / (float)t->height : 1;
+    if (f->map[3] == across && f->map[7] == down)
+        return;
+    f->map[3] = across;
+    f->map[7] = down;
+    gpu_program_set(f->program, 0, f->map, 2);
+}
+
+static void set_clip(const struct gpu_flat *f, const struct gpu_flat_run *run)
+{
+    int width, height;
+    float x0, y0, x1, y1;
+    glass_size(&f->view, &width, &height);
+    turned(&f->view, run->left, run->top, &x0, &y0);
+    turned(&f->view, run->right, run->bottom, &x1, &y1);
+    GLint left = (GLint)(x0 < x1 ? x0 : x1), right = (GLint)(x0 < x1 ? x1 : x0);
+    GLint top = (GLint)(y0 < y1 ? y0 : y1), bottom = (GLint)(y0 < y1 ? y1 : y0);
+    glScissor(left, f->view.target ? top : height - bottom, right - left, bottom - top);
+}
+
+// ---------------------------------------------------------------- drawing
+
+void gpu_flat_begin(struct gpu_flat *f, const struct gpu_flat_view *view)
+{
+    int width, height;
+    f->view = *view;
+    glass_size(view, &width, &height);
+    gpu_use(f->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, view->target ? view->target->drawn : 0);
+    if (view->target)
+        gpu_target_mark(view->target);
+    glViewport(0, 0, width, height);
+    glDisable(GL_SCISSOR_TEST);
+    if (view->clear) {
+        glClearColor(view->clear[0], view->clear[1], view->clear[2], 1);
+        glClear(GL_COLOR_BUFFER_BIT);
+    }
+    set_map(f);
+}
+
+void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, int vertex_count,
+                   const uint16_t *indices, int index_count, const struct gpu_flat_run *runs, int run_count)
+{
+    glDisable(GL_CULL_FACE);
+    glDisable(GL_DEPTH_TEST);
+    glEnable(GL_SCISSOR_TEST);
+    glEnable(GL_BLEND);
+    glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    glUseProgram(f->program->id);
+    glActiveTexture(GL_TEXTURE0);
+    glBindSampler(0, f->sampler);
+    glBindVertexArray(f->array);
+    glBindBuffer(GL_ARRAY_BUFFER, f->vertices);
+    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof *vertices * vertex_count, vertices, GL_STREAM_DRAW);
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof *indices * index_count, indices, GL_STREAM_DRAW);
+    int first_vertex = -1;
+    for (int i = 0; i < run_count; i++) {
+        if (runs[i].right <= runs[i].left || runs[i].bottom <= runs[i].top)
+            continue;
+        if (runs[i].first_vertex != first_vertex) { // ES 3.0 has no base vertex; moving the pointers is as good
+            first_vertex = runs[i].first_vertex;
+            const GLsizei stride = sizeof *vertices;
+            const char *base = (const char *)((size_t)first_vertex * sizeof *vertices);
+            glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_flat_vertex, x));
+            glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_flat_vertex, u));
+            glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
+                                  base + offsetof(struct gpu_flat_vertex, rgba));
+        }
+        set_clip(f, &runs[i]);
+        set_map_for(f, runs[i].texture);
+        glBindTexture(GL_TEXTURE_2D, runs[i].texture->id);
+        glDrawElements(GL_TRIANGLES, runs[i].index_count, GL_UNSIGNED_SHORT,
+                       (const void *)((size_t)runs[i].first_index * sizeof *indices));
+    }
+    glBindVertexArray(0);
+    glBindSampler(0, 0);
+    glDisable(GL_SCISSOR_TEST);
+    glDisable(GL_BLEND);
+}
+
+enum status gpu_flat_end(struct gpu_flat *f) { return gpu_check(f->g); }

@@ -1,0 +1,222 @@
+#include "reenact/observation/source_texture.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// Neighbouring parts share the pixels between them, as far as this.
+static const double SHARED_M = 0.03;
+
+void source_picture_free(struct source_picture *picture)
+{
+    free(picture->rgb);
+    free(picture->parts);
+    *picture = (struct source_picture){.frame = -1};
+}
+
+// ---------------------------------------------------------------- whose pixel is it
+
+// Marks the colour pixels that a depth pixel covers.
+static void mark(struct source_picture *picture, struct pixel at, double half, uint16_t parts)
+{
+    int x0 = (int)ceil(at.x - half), x1 = (int)floor(at.x + half);
+    int y0 = (int)ceil(at.y - half), y1 = (int)floor(at.y + half);
+    for (int y = y0 < 0 ? 0 : y0; y <= y1 && y < picture->height; y++)
+        for (int x = x0 < 0 ? 0 : x0; x <= x1 && x < picture->width; x++)
+            picture->parts[y * picture->width + x] |= parts;
+}
+
+static void label(struct source_picture *picture, const struct take *take, const struct take_pictures *seen,
+                  const struct source_rays *rays)
+{
+    const struct calibration *c = take_calibration(take);
+    struct part_bones bones = part_bones_of(&take_entry(take, picture->frame)->skeleton, take_body(take));
+    bool same = c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
+    double half = fmax(0.5, 0.55 * c->color.fx / c->depth.fx);
+    double outside = part_outside_m(seen->mask != NULL);
+    for (int i = 0; i < source_rays_count(rays); i++) {
+        if (!part_pixel_solid(seen->depth, seen->mask, c->depth.width, c->depth.height, i))
+            continue;
+        struct vec3 p = source_rays_point(rays, i, seen->depth[i]);
+        uint16_t parts = part_label(&bones, p, SHARED_M, outside);
+        if (!parts)
+            continue;
+        if (same)
+            picture->parts[i] = parts;
+        else if (p.z > 1e-3)
+            mark(picture, lens_project(&c->color, p), half, parts);
+    }
+}
+
+// Takes the person's outermost pixels away: their colours are half the background's.
+static enum status shave(struct source_picture *picture)
+{
+    int w = picture->width, h = picture->height;
+    uint16_t *rows = malloc(sizeof(uint16_t) * 2 * (size_t)w);
+    if (!rows)
+        return fail(ERR_MEMORY, "out of memory");
+    uint16_t *above = rows, *here = rows + w; // as they were before shaving
+    memset(above, 0, sizeof(uint16_t) * (size_t)w);
+    for (int y = 0; y < h; y++) {
+        uint16_t *row = picture->parts + (size_t)y * w;
+        memcpy(here, row, sizeof(uint16_t) * (size_t)w);
+        for (int x = 0; x < w; x++) {
+            bool inner =
+                here[x] && x > 0 && here[x - 1] && x + 1 < w && here[x + 1] && above[x] && y + 1 < h && row[w + x];
+            if (!inner)
+                row[x] = 0;
+        }
+        uint16_t *swap = above;
+        above = here;
+        here = swap;
+    }
+    free(rows);
+    return OK;
+}
+
+enum status source_picture_load(struct source_picture *picture, struct take *take, int64_t frame,
+                                const struct source_rays *rays)
+{
+    const struct calibration *c = take_calibration(take);
+    size_t pixels = (size_t)c->color.width * (size_t)c->color.height;
+    if (!picture->rgb)
+        picture->rgb = malloc(pixels * 3);
+    if (rays && !picture->parts)
+        picture->parts = malloc(pixels * sizeof(uint16_t));
+    if (!picture->rgb || (rays && !picture->parts)) {
+        source_picture_free(picture);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    picture->frame = -1;
+    picture->labelled = false;
+    picture->width = c->color.width;
+    picture->height = c->color.height;
+    struct take_pictures seen = {0};
+    unsigned want = rays ? TAKE_COLOR | TAKE_DEPTH | TAKE_MASK : TAKE_COLOR;
+    enum status status = take_read(take, frame, want, &seen);
+    if (status != OK) {
+        source_picture_free(picture);
+        return status;
+    }
+    if (!seen.color)
+        return NOTHING;
+    memcpy(picture->rgb, seen.color, pixels * 3);
+    picture->frame = frame;
+    if (!rays)
+        return OK;
+    memset(picture->parts, 0, pixels * sizeof(uint16_t));
+    if (seen.depth && take_entry(take, frame)->has_skeleton)
+        label(picture, take, &seen, rays);
+    status = shave(picture);
+    picture->labelled = true;
+    if (status != OK)
+        source_picture_free(picture);
+    return status;
+}
+
+// ---------------------------------------------------------------- a part's patch
+
+// The pixels around a part in its frame; false when it is not in the picture.
+static bool window_of(const struct take *take, int64_t frame, enum part p, struct source_patch *w, double *area)
+{
+    const struct lens *lens = &take_calibration(take)->color;
+    const struct skeleton *s = &take_entry(take, frame)->skeleton;
+    struct vec3 ends[2] = {s->joint[part_ends[p].from], s->joint[part_ends[p].to]};
+    double reach = take_body(take)->radius_rate[p] * v3_distance(ends[0], ends[1]);
+    double x0 = 1e9, y0 = 1e9, x1 = -1e9, y1 = -1e9, thick = 0;
+    struct pixel at[2];
+    for (int i = 0; i < 2; i++) {
+        if (!(ends[i].z > 0.1))
+            return false;
+        at[i] = lens_project(lens, ends[i]);
+        double r = lens->fx * reach / ends[i].z;
+        thick += r;
+        x0 = fmin(x0, at[i].x - 1.8 * r);
+        x1 = fmax(x1, at[i].x + 1.8 * r);
+        y0 = fmin(y0, at[i].y - 1.8 * r);
+        y1 = fmax(y1, at[i].y + 1.8 * r);
+    }
+    x0 = fmax(x0, 0), y0 = fmax(y0, 0), x1 = fmin(x1, lens->width - 1), y1 = fmin(y1, lens->height - 1);
+    if (!(x1 - x0 >= 2 && y1 - y0 >= 2))
+        return false;
+    *w = (struct source_patch){.left = (int)x0, .top = (int)y0};
+    w->width = (int)x1 - w->left + 1;
+    w->height = (int)y1 - w->top + 1;
+    *area = thick * hypot(at[1].x - at[0].x, at[1].y - at[0].y) + thick * thick / 4;
+    return true;
+}
+
+// For each pixel of the window the row of the nearest good pixel in its column; -1: none.
+static void nearest_in_columns(const struct source_picture *picture, const struct source_patch *w, uint16_t bit,
+                               int16_t *row)
+{
+    for (int x = 0; x < w->width; x++) {
+        int last = -1;
+        for (int y = 0; y < w->height; y++) {
+            size_t at = (size_t)(w->top + y) * picture->width + w->left + x;
+            if (picture->parts[at] & bit)
+                last = y;
+            row[y * w->width + x] = (int16_t)last;
+        }
+        last = -1;
+        for (int y = w->height - 1; y >= 0; y--) {
+            int16_t *r = &row[y * w->width + x];
+            if (*r == y)
+                last = y;
+            if (last >= 0 && (*r < 0 || last - y < y - *r))
+                *r = (int16_t)last;
+        }
+    }
+}
+
+// Exact nearest good pixel; the leftmost, then the upper one on a tie.
+static void fill(const struct source_picture *picture, struct source_patch *w, const int16_t *row)
+{
+    for (int y = 0; y < w->height; y++)
+        for (int x = 0; x < w->width; x++) {
+            long best = -1;
+            int bx = 0, by = 0;
+            for (int d = 0; d < w->width && (best < 0 || (long)d * d < best); d++)
+                for (int side = -1; side <= 1; side += 2) {
+                    int cx = x + side * d;
+                    int cy = cx >= 0 && cx < w->width ? row[y * w->width + cx] : -1;
+                    long distance = (long)d * d + (long)(cy - y) * (cy - y);
+                    if (cy >= 0 && (best < 0 || distance < best)) {
+                        best = distance;
+                        bx = cx;
+                        by = cy;
+                    }
+                }
+            size_t from = ((size_t)(w->top + by) * picture->width + w->left + bx) * 3;
+            memcpy(w->rgb + ((size_t)y * w->width + x) * 3, picture->rgb + from, 3);
+        }
+}
+
+enum status source_patch_make(const struct source_picture *picture, const struct take *take, enum part p,
+                              struct source_patch *out)
+{
+    assert(picture->frame >= 0 && picture->labelled);
+    *out = (struct source_patch){0};
+    struct source_patch w;
+    double area;
+    if (!window_of(take, picture->frame, p, &w, &area))
+        return NOTHING;
+    uint16_t bit = (uint16_t)(1 << p);
+    long good = 0;
+    for (int y = 0; y < w.height; y++)
+        for (int x = 0; x < w.width; x++)
+            good += (picture->parts[(size_t)(w.top + y) * picture->width + w.left + x] & bit) != 0;
+    if (good < 12 || good < area * 0.25)
+        return NOTHING;
+    int16_t *row = malloc(sizeof(int16_t) * (size_t)w.width * (size_t)w.height);
+    w.rgb = malloc(3 * (size_t)w.width * (size_t)w.height);
+    if (!row || !w.rgb) {
+        free(row);
+        free(w.rgb);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    nearest_in_columns(picture, &w, bit, row);
+    fill(picture, &w, row);
+    free(row);
+    *out = w;
+    return OK;
+}

@@ -1,0 +1,218 @@
+#include "reenact/render/cylinder_renderer.h"
+
+#include "reenact/skeleton/body_cylinders.h"
+#include "reenact/render/avatar_renderer.h"
+#include "reenact/render/shaders.h"
+#include "reenact/render/texture_cache.h"
+
+#include <stdlib.h>
+
+enum { SIDES = 4, ALONG = 24 };
+
+static const double NEAREST_M = 0.05, FARTHEST_M = 60;
+static const double OUTLINE_ERROR_PX = 0.1;
+
+enum uniform { VIEWER_FROM_PART, SOURCE_FROM_PART, VIEW_LENS, VIEW_RANGE, SOURCE_LENS, SOURCE_WINDOW, CODE, UNIFORMS };
+static const char *const uniform_names[] = {
+    [VIEWER_FROM_PART] = "viewer_from_part",
+    [SOURCE_FROM_PART] = "source_from_part",
+    [VIEW_LENS] = "view_lens",
+    [VIEW_RANGE] = "view_range",
+    [SOURCE_LENS] = "source_lens",
+    [SOURCE_WINDOW] = "source_window",
+    [CODE] = "code",
+};
+
+struct cylinder_painter {
+    struct gpu *gpu;
+    struct take *take;
+    struct selector *selector;
+    struct texture_cache *textures;
+    struct gpu_program *program;
+    struct gpu_mesh *open[SIDES];                // the paper's cylinder
+    struct gpu_mesh *rounded[PART_COUNT][SIDES]; // made when first wanted
+    double view_fx;                              // the viewer's focal length, pixels
+};
+
+// ---------------------------------------------------------------- opening
+
+static enum status open_selector(struct cylinder_painter *c)
+{
+    int64_t frames = take_frame_count(c->take);
+    enum status status = selector_open(&c->selector, frames);
+    for (int64_t i = 0; i < frames && status == OK; i++) {
+        const struct take_entry *e = take_entry(c->take, i);
+        if (e->has_color && e->has_skeleton)
+            status = selector_add(c->selector, i, &e->skeleton, take_body(c->take));
+    }
+    return status == OK ? selector_settle(c->selector) : status;
+}
+
+static enum status open_program(struct cylinder_painter *c)
+{
+    static const char *const samplers[] = {"source_picture"};
+    const struct gpu_program_text text = {.name = "actor",
+                                          .vertex = shader_find("actor.vert"),
+                                          .fragment = shader_find("actor.frag"),
+                                          .uniforms = uniform_names,
+                                          .uniform_count = UNIFORMS,
+                                          .samplers = samplers,
+                                          .sampler_count = 1};
+    enum status status = gpu_program_open(&c->program, c->gpu, &text);
+    if (status != OK)
+        return status;
+    const float range[4] = {(float)NEAREST_M, (float)FARTHEST_M, 0, 0};
+    float lens[12];
+    lens_uniform(&take_calibration(c->take)->color, lens);
+    gpu_program_set(c->program, SOURCE_LENS, lens, 3);
+    gpu_program_set(c->program, VIEW_RANGE, range, 1);
+    return OK;
+}
+
+enum status cylinder_painter_open(struct cylinder_painter **out, struct gpu *gpu, struct take *take, size_t max_bytes)
+{
+    struct cylinder_painter *c = *out = calloc(1, sizeof *c);
+    if (!c)
+        return fail(ERR_MEMORY, "out of memory");
+    c->gpu = gpu;
+    c->take = take;
+    enum status status = open_selector(c);
+    if (status == OK)
+        status = texture_cache_open(&c->textures, gpu, take, max_bytes);
+    if (status == OK)
+        status = open_program(c);
+    if (status != OK)
+        cylinder_painter_close(out);
+    return status;
+}
+
+void cylinder_painter_close(struct cylinder_painter **out)
+{
+    struct cylinder_painter *c = *out;
+    if (!c)
+        return;
+    for (int i = 0; i < SIDES; i++) {
+        gpu_mesh_close(&c->open[i]);
+        for (int part = 0; part < PART_COUNT; part++)
+            gpu_mesh_close(&c->rounded[part][i]);
+    }
+    gpu_program_close(&c->program);
+    texture_cache_close(&c->textures);
+    selector_close(&c->selector);
+    free(c);
+    *out = NULL;
+}
+
+void cylinder_painter_set_lens(struct cylinder_painter *c, const struct lens *view)
+{
+    float lens[12];
+    lens_uniform(view, lens);
+    c->view_fx = view->fx;
+    gpu_program_set(c->program, VIEW_LENS, lens, 3);
+}
+
+enum status cylinder_painter_select(const struct cylinder_painter *c, const struct skeleton *in_viewer,
+                                    struct selection *out)
+{
+    return select_whole(c->selector, in_viewer, out);
+}
+
+// ---------------------------------------------------------------- drawing
+
+static enum status mesh_for(struct cylinder_painter *c, bool plain, enum part part, double radius_px,
+                            struct gpu_mesh **out)
+{
+    int sides = cylinder_sides(radius_px, OUTLINE_ERROR_PX), which = 0;
+    while (8 << which < sides)
+        which++;
+    struct gpu_mesh **kept = plain ? &c->open[which] : &c->rounded[part][which];
+    *out = *kept;
+    if (*out)
+        return OK;
+    struct cylinder_mesh mesh;
+    enum cylinder_shape shape = plain ? CYLINDER_OPEN : CYLINDER_ROUNDED;
+    enum status status = cylinder_mesh_make(shape, take_body(c->take)->radius_rate[part], sides, ALONG, &mesh);
+    if (status != OK)
+        return status;
+    status = gpu_mesh_open(kept, c->gpu, mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count);
+    cylinder_mesh_free(&mesh);
+    *out = *kept;
+    return status;
+}
+
+// The frame a part takes its colours from, and its texture. NOTHING: there is none.
+static enum status texture_for(struct cylinder_painter *c, const struct cylinder_view *view, struct selection chosen,
+                               enum part part, int64_t *frame, struct source_texture *texture)
+{
+    if (view->whole) {
+        *frame = view->whole->frame;
+        return texture_cache_whole(c->textures, *frame, texture);
+    }
+    enum status status = chosen.frame < 0 ? NOTHING : OK;
+    while (status == OK) {
+        *frame = chosen.frame;
+        status = texture_cache_part(c->textures, chosen.frame, part, texture);
+        if (status != NOTHING)
+            return status;
+        selector_exclude(c->selector, chosen.frame, part); // its pictures do not bear out what the joints promise
+        status = select_part(c->selector, view->in_viewer, part, &chosen);
+    }
+    return status;
+}
+
+// One part as a cylinder with another frame's colours. NOTHING: not drawn.
+static enum status draw_part(struct cylinder_painter *c, const struct cylinder_view *view, struct selection chosen,
+                             enum part part)
+{
+    const struct body *body = take_body(c->take);
+    const struct vec3 eye = v3(0, 0, 0);
+    struct part_frame here, there;
+    struct gpu_mesh *mesh;
+    struct source_texture texture;
+    int64_t frame = 0;
+    if (!part_is_known(body, view->in_viewer, part) || !part_frame_facing(view->in_viewer, part, eye, &here))
+        return NOTHING;
+    double radius = body->radius_rate[part] * here.length;
+    double near = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
+    if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < NEAREST_M)
+        return NOTHING; // behind the camera
+    enum status status = texture_for(c, view, chosen, part, &frame, &texture);
+    if (status != OK)
+        return status;
+    if (!part_frame_facing(&take_entry(c->take, frame)->skeleton, part, eye, &there))
+        return NOTHING;
+    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(near, NEAREST_M), &mesh);
+    if (status != OK)
+        return status;
+    struct part_map viewer_from_part = cylinder_map(&here, radius);
+    struct part_map source_from_part = cylinder_map(&there, body->radius_rate[part] * there.length);
+    gpu_program_set(c->program, VIEWER_FROM_PART, viewer_from_part.row[0], 3);
+    gpu_program_set(c->program, SOURCE_FROM_PART, source_from_part.row[0], 3);
+    gpu_program_set(c->program, SOURCE_WINDOW, texture.window, 1);
+    int64_t age = llabs(take_entry(c->take, frame)->time_ns - take_entry(c->take, view->shown)->time_ns) / 10000000;
+    age = age < 65535 ? age : 65535;
+    for (int coded = 0; coded < (view->source ? 2 : 1); coded++) {
+        const float code[4] = {170.0F / 255, (float)(age / 256) / 255, (float)(age % 256) / 255, (float)coded};
+        gpu_program_set(c->program, CODE, code, 1);
+        gpu_draw(&(struct gpu_job){.target = coded ? view->source : view->actor,
+                                   .program = c->program,
+                                   .mesh = mesh,
+                                   .textures = {texture.texture},
+                                   .depth_test = true});
+    }
+    return OK;
+}
+
+enum status cylinder_painter_draw(struct cylinder_painter *c, const struct cylinder_view *view, int *parts)
+{
+    struct selection chosen[PART_COUNT] = {{0}};
+    enum status status = view->whole ? OK : select_parts(c->selector, view->in_viewer, chosen);
+    *parts = 0;
+    for (int p = 0; p < PART_COUNT && status == OK; p++) {
+        enum status drawn = draw_part(c, view, chosen[p], (enum part)p);
+        if (drawn < 0)
+            return drawn;
+        *parts += drawn == OK;
+    }
+    return status < 0 ? status : OK;
+}

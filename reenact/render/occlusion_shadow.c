@@ -1,0 +1,269 @@
+#include "reenact/render/occlusion_shadow.h"
+
+#include "reenact/render/avatar_renderer.h"
+#include "reenact/render/shaders.h"
+#include "reenact/render/screen_bounds.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// PATCH: quads a side, so that the lens bends the shadow, too
+enum { PATCH = 16, PATCH_POINTS = (PATCH + 1) * (PATCH + 1), PATCH_CORNERS = 6 * PATCH * PATCH };
+enum { ROUND = 12 };
+static const double PI = 3.14159265358979323846, FLOOR_M = 0.02;
+
+static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
+static const float ROOM_BACK_M = 0.06F;  // what the actor touches is not to cut into him
+static const float FLOOR_BACK_M = 0.15F; // nor the floor into his feet
+static const float DARK = 0.6F;          // of the light that comes from above, the rest comes from elsewhere
+static const double SHADOW_M = 0.8;      // beyond the joints
+static const double FOOT_M = 0.14, FOOT_RADIUS_M = 0.07, ANKLE_M = 0.03; // its length, and how far the ankle is above
+
+enum uniform { VIEWER_FROM_ROOM, VIEWER_FROM_FLOOR, WORLD_FROM_FLOOR, VIEW_LENS, VIEW_RANGE, BONES, SHADOW, UNIFORMS };
+static const char *const uniform_names[UNIFORMS] = {
+    [VIEWER_FROM_ROOM] = "viewer_from_room",
+    [VIEWER_FROM_FLOOR] = "viewer_from_floor",
+    [WORLD_FROM_FLOOR] = "world_from_floor",
+    [VIEW_LENS] = "view_lens",
+    [VIEW_RANGE] = "view_range",
+    [BONES] = "bones",
+    [SHADOW] = "shadow",
+};
+
+struct around_painter {
+    struct gpu *gpu;
+    struct gpu_program *program;
+    struct lens view; // the tablet's
+    struct room room;
+    // The room's points, then the floor's patch. The patch's corners come last and stay; what is drawn of the room's
+    // ends where they begin.
+    struct gpu_mesh *mesh;
+    uint16_t *before; // the room's corners that are drawn
+};
+
+_Static_assert(ROOM_POINTS_MOST + PATCH_POINTS <= UINT16_MAX, "both go into one mesh");
+
+static void put_patch(float (*points)[4])
+{
+    for (int i = 0; i < PATCH_POINTS; i++) {
+        points[i][0] = 2.0F * (float)(i % (PATCH + 1)) / PATCH - 1;
+        points[i][1] = 2.0F * (float)(i / (PATCH + 1)) / PATCH - 1;
+        points[i][2] = 0;
+        points[i][3] = 1;
+    }
+}
+
+// first: the number of the patch's first point.
+static void put_patch_corners(int first, uint16_t *corners)
+{
+    for (int y = 0; y < PATCH; y++)
+        for (int x = 0; x < PATCH; x++) {
+            const int at = first + y * (PATCH + 1) + x, quad[6] = {0, 1, PATCH + 1, 1, PATCH + 2, PATCH + 1};
+            for (int i = 0; i < 6; i++)
+                *corners++ = (uint16_t)(at + quad[i]);
+        }
+}
+
+// Of the room that is there.
+static enum status open_mesh(struct around_painter *a)
+{
+    const int of_room = a->room.point_count, count = of_room + PATCH_POINTS;
+    float(*points)[4] = malloc(sizeof *points * (size_t)count);
+    uint16_t patch[PATCH_CORNERS];
+    a->before = malloc(sizeof *a->before * (size_t)(a->room.corner_count + 1));
+    if (!points || !a->before) {
+        free(points);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int i = 0; i < of_room; i++) {
+        memcpy(points[i], a->room.points[i], sizeof *a->room.points);
+        points[i][3] = 0;
+    }
+    put_patch(points + of_room);
+    put_patch_corners(of_room, patch);
+    enum status status =
+        gpu_mesh_open(&a->mesh, a->gpu, points[0], 4, count, NULL, a->room.corner_count + PATCH_CORNERS);
+    if (status == OK)
+        gpu_mesh_write_indices(a->mesh, a->room.corner_count, patch, PATCH_CORNERS);
+    free(points);
+    return status;
+}
+
+static void close_mesh(struct around_painter *a)
+{
+    gpu_mesh_close(&a->mesh);
+    free(a->before);
+    a->before = NULL;
+    room_free(&a->room);
+}
+
+enum status around_painter_open(struct around_painter **out, struct gpu *gpu, const struct lens *view)
+{
+    struct around_painter *a = *out = calloc(1, sizeof *a);
+    if (!a)
+        return fail(ERR_MEMORY, "out of memory");
+    a->gpu = gpu;
+    const struct gpu_program_text text = {.name = "around",
+                                          .vertex = shader_find("occlusion_shadow.vert"),
+                                          .fragment = shader_find("occlusion_shadow.frag"),
+                                          .uniforms = uniform_names,
+                                          .uniform_count = UNIFORMS};
+    enum status status = gpu_program_open(&a->program, gpu, &text);
+    if (status == OK)
+        status = open_mesh(a);
+    if (status == OK)
+        around_painter_set_lens(a, view);
+    else
+        around_painter_close(out);
+    return status;
+}
+
+void around_painter_close(struct around_painter **a)
+{
+    if (!*a)
+        return;
+    close_mesh(*a);
+    gpu_program_close(&(*a)->program);
+    free(*a);
+    *a = NULL;
+}
+
+void around_painter_set_lens(struct around_painter *a, const struct lens *view)
+{
+    const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
+    float lens[12];
+    a->view = *view;
+    lens_uniform(view, lens);
+    gpu_program_set(a->program, VIEW_LENS, lens, 3);
+    gpu_program_set(a->program, VIEW_RANGE, range, 1);
+}
+
+enum status around_painter_give(struct around_painter *a, struct room *room)
+{
+    struct around_painter next = *a;
+    next.room = *room;
+    next.mesh = NULL;
+    next.before = NULL;
+    *room = (struct room){0};
+    enum status status = open_mesh(&next);
+    close_mesh(status == OK ? a : &next);
+    if (status == OK)
+        *a = next;
+    return status;
+}
+
+// Of the room what may lie before what it may hide; how many corners.
+static int put_room(struct around_painter *a, const struct part_map *viewer_from_room, const struct room_hidden *hidden)
+{
+    const int count = room_before(&a->room, viewer_from_room, hidden, a->before);
+    gpu_program_set(a->program, VIEWER_FROM_ROOM, viewer_from_room->row[0], 3);
+    if (count)
+        gpu_mesh_write_indices(a->mesh, a->room.corner_count - count, a->before, count);
+    return count;
+}
+
+// Of a target that is finer than the picture, or coarser, what may hide `hidden` or shows it.
+static struct gpu_box box_in(const struct around_painter *a, const struct gpu_target *target,
+                             const struct room_hidden *hidden)
+{
+    const double finer = (double)gpu_target_width(target) / a->view.width;
+    const struct gpu_box box = view_box(&a->view, hidden->low, hidden->high);
+    const int left = (int)floor(finer * box.left), right = (int)ceil(finer * (box.left + box.width));
+    const int top = (int)floor(finer * box.top), bottom = (int)ceil(finer * (box.top + box.height));
+    return (struct gpu_box){left, top, right - left, bottom - top};
+}
+
+// The last of the room's corners and the first of the patch's.
+static void draw_corners(struct around_painter *a, struct gpu_target *target, int of_room, int of_patch,
+                         const struct room_hidden *hidden)
+{
+    gpu_draw(&(struct gpu_job){.target = target,
+                               .program = a->program,
+                               .mesh = a->mesh,
+                               .depth_test = true,
+                               .first = a->room.corner_count - of_room,
+                               .count = of_room + of_patch,
+                               .within = box_in(a, target, hidden)});
+}
+
+bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
+                         const struct room_hidden *hidden)
+{
+    const int count = put_room(a, viewer_from_room, hidden);
+    if (count)
+        draw_corners(a, target, count, 0, hidden);
+    return count > 0;
+}
+
+void around_painter_rehearse(struct around_painter *a, struct gpu_target *target)
+{
+    gpu_draw(&(struct gpu_job){.target = target,
+                               .program = a->program,
+                               .mesh = a->mesh,
+                               .depth_test = true,
+                               .first = a->room.corner_count, // of the patch
+                               .count = 3,
+                               .within = {-1, -1, 1, 1}});
+}
+
+static void put_bone(float (*bone)[4], struct vec3 from, struct vec3 to, double radius)
+{
+    const struct vec3 ends[2] = {from, to};
+    for (int e = 0; e < 2; e++) {
+        bone[e][0] = (float)ends[e].x, bone[e][1] = (float)ends[e].y, bone[e][2] = (float)ends[e].z;
+        bone[e][3] = e ? 0 : (float)radius;
+    }
+}
+
+// Feet, which joints do not tell of, point to where the hips face.
+static void put_feet(float (*bones)[4], const struct skeleton *s)
+{
+    static const enum joint feet[2] = {JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT};
+    struct vec3 across = v3_sub(s->joint[JOINT_LEFT_HIP], s->joint[JOINT_RIGHT_HIP]), front = v3(0, 0, 0);
+    if (s->confidence[JOINT_LEFT_HIP] > 0 && s->confidence[JOINT_RIGHT_HIP] > 0)
+        front = v3_unit(v3_cross(v3(across.x, across.y, 0), v3(0, 0, 1)));
+    for (int f = 0; f < 2; f++) {
+        struct vec3 heel = v3_sub(s->joint[feet[f]], v3(0, 0, ANKLE_M));
+        if (s->confidence[feet[f]] > 0)
+            put_bone(&bones[2 * f], heel, v3_add(heel, v3_scale(front, FOOT_M)), FOOT_RADIUS_M);
+    }
+}
+
+void around_painter_shadow(struct around_painter *a, struct gpu_target *target, const struct around_view *view)
+{
+    const struct skeleton *skeleton = view->skeleton;
+    float bones[2 * PART_COUNT + 4][4] = {{0}};
+    struct vec3 low = v3(INFINITY, INFINITY, 0), high = v3(-INFINITY, -INFINITY, 0);
+    for (int p = 0; p < PART_COUNT; p++) {
+        struct vec3 ends[2] = {skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]};
+        if (!part_is_known(view->body, skeleton, (enum part)p))
+            continue;
+        put_bone(&bones[2 * p], ends[0], ends[1], view->body->radius_rate[p] * v3_distance(ends[0], ends[1]));
+        for (int e = 0; e < 2; e++) {
+            low = v3(fmin(low.x, ends[e].x), fmin(low.y, ends[e].y), 0);
+            high = v3(fmax(high.x, ends[e].x), fmax(high.y, ends[e].y), 0);
+        }
+    }
+    if (!(low.x <= high.x))
+        return;
+    put_feet(&bones[(size_t)2 * PART_COUNT], skeleton);
+    double reach = fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M;
+    struct vec3 middle = v3_mix(low, high, 0.5);
+    const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
+    struct room_hidden hidden = {0};
+    for (int i = 0; i < ROUND; i++) { // it fades out within a circle
+        const double turn = 2 * PI * i / ROUND, r = reach / cos(PI / ROUND);
+        const struct vec3 rim = v3(middle.x + r * cos(turn), middle.y + r * sin(turn), 0);
+        room_hidden_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
+    }
+    const int count = view->viewer_from_room ? put_room(a, view->viewer_from_room, &hidden) : 0;
+    struct part_map world = {
+        {{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
+    struct part_map map = part_map_of(viewer_from_world), viewer = part_map_multiply(&map, &world);
+    const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARK};
+    gpu_program_set(a->program, VIEWER_FROM_FLOOR, viewer.row[0], 3);
+    gpu_program_set(a->program, WORLD_FROM_FLOOR, world.row[0], 3);
+    gpu_program_set(a->program, BONES, bones[0], 2 * PART_COUNT + 4);
+    gpu_program_set(a->program, SHADOW, shadow, 1);
+    draw_corners(a, target, count, PATCH_CORNERS, &hidden);
+}

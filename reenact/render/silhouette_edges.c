@@ -1,0 +1,188 @@
+#include "reenact/render/silhouette_edges.h"
+
+#include <stdlib.h>
+
+typedef float four __attribute__((vector_size(16))); // three of them, side by side
+
+enum { RIBBON = 6 }; // corners for each edge
+
+static const float BESIDE_M = 0.05F;
+
+struct silhouette {
+    const struct likeness *likeness;
+    struct spot *rest, *placed; // of each point; the last in camera axes
+    uint8_t *front;             // of each triangle: is it drawn, and does it face the viewer?
+    uint16_t *corners;
+};
+
+enum status silhouette_open(struct silhouette **out, const struct likeness *likeness)
+{
+    const struct unfolded *m = &likeness->atlas.mesh;
+    struct silhouette *s = *out = calloc(1, sizeof *s);
+    if (!s)
+        return fail(ERR_MEMORY, "out of memory");
+    s->likeness = likeness;
+    s->rest = malloc(sizeof *s->rest * (size_t)m->point_count);
+    s->placed = malloc(sizeof *s->placed * (size_t)m->point_count);
+    s->front = malloc((size_t)m->corner_count / 3);
+    s->corners = malloc(sizeof *s->corners * (size_t)silhouette_most(s));
+    if (!s->rest || !s->placed || !s->front || !s->corners) {
+        silhouette_close(out);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    for (int i = 0; i < m->point_count; i++) {
+        const struct vec3 *p = &likeness->atlas.points[i];
+        s->rest[i] = (struct spot){(float)p->x, (float)p->y, (float)p->z};
+    }
+    return OK;
+}
+
+void silhouette_close(struct silhouette **s)
+{
+    if (!*s)
+        return;
+    free((*s)->rest);
+    free((*s)->placed);
+    free((*s)->front);
+    free((*s)->corners);
+    free(*s);
+    *s = NULL;
+}
+
+int silhouette_most(const struct silhouette *s) { return (1 + RIBBON) * s->likeness->atlas.mesh.corner_count; }
+
+static struct spot shifted(struct spot p, const float shift[3])
+{
+    return (struct spot){p.x + shift[0], p.y + shift[1], p.z + shift[2]};
+}
+
+static struct spot between(struct spot a, struct spot b) { return (struct spot){b.x - a.x, b.y - a.y, b.z - a.z}; }
+
+// Of a part's map, what x, y, z and 1 of the rest pose add to x, y and z in camera axes.
+struct columns {
+    four of[4];
+};
+
+static struct columns columns_of(const struct part_map *map)
+{
+    struct columns columns;
+    for (int c = 0; c < 4; c++)
+        columns.of[c] = (four){map->row[0][c], map->row[1][c], map->row[2][c], 0};
+    return columns;
+}
+
+static struct spot skinned(const struct skin *skin, const struct columns *maps, struct spot p)
+{
+    four at = {0};
+    for (int k = 0; k < SKIN_BONES; k++) {
+        if (!(skin->weight[k] > 0))
+            continue;
+        const four *of = maps[skin->bone[k]].of;
+        at += skin->weight[k] * (of[0] * p.x + of[1] * p.y + of[2] * p.z + of[3]);
+    }
+    return (struct spot){at[0], at[1], at[2]};
+}
+
+// Those that are own, or those that are not.
+static int put_front(const struct silhouette *s, const bool *own, bool wanted, uint16_t *out)
+{
+    const struct unfolded *m = &s->likeness->atlas.mesh;
+    int count = 0;
+    for (int t = 0; t < m->corner_count / 3; t++) {
+        const int32_t *c = m->corners + 3 * (size_t)t;
+        for (int k = 0; k < 3 && s->front[t] && own[t] == wanted; k++)
+            out[count++] = (uint16_t)c[k];
+    }
+    return count;
+}
+
+// Whether a triangle that faces away bends back from its neighbour, which faces the viewer. If it comes forward
+// instead, the edge between them lies in a fold that the surface itself hides.
+static bool bends_back(const struct silhouette *s, int front, int away)
+{
+    const int32_t *c = s->likeness->atlas.mesh.corners + 3 * (size_t)front,
+                  *o = s->likeness->atlas.mesh.corners + 3 * (size_t)away;
+    const struct spot a = s->placed[c[0]], u = between(a, s->placed[c[1]]), v = between(a, s->placed[c[2]]);
+    const struct spot n = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
+    float out = 0; // two of its corners are on the edge
+    for (int k = 0; k < 3; k++) {
+        const struct spot to = between(a, s->placed[o[k]]);
+        out += n.x * to.x + n.y * to.y + n.z * to.z;
+    }
+    return out < 0;
+}
+
+static int put_ribbon(const struct silhouette *s, uint16_t *out)
+{
+    const struct unfolded *m = &s->likeness->atlas.mesh;
+    int count = 0;
+    for (int i = 0; i < m->corner_count; i++) {
+        int32_t other = m->beside[i / 3][i % 3];
+        if (!s->front[i / 3] || (other >= 0 && (s->front[other] || !bends_back(s, i / 3, other))))
+            continue;
+        const int a = m->corners[i], b = m->corners[i % 3 == 2 ? i - 2 : i + 1];
+        const int ribbon[RIBBON] = {a, b, m->point_count + b, a, m->point_count + b, m->point_count + a};
+        for (int k = 0; k < RIBBON; k++)
+            out[count++] = (uint16_t)ribbon[k];
+    }
+    return count;
+}
+
+// Triangles more than half of which goes with absent parts are not drawn.
+static void leave_out(struct silhouette *s, const bool *absent)
+{
+    const struct unfolded *m = &s->likeness->atlas.mesh;
+    for (int t = 0; t < m->corner_count / 3; t++) {
+        float sum = 0; // of three corners
+        for (int i = 0; i < 3 * SKIN_BONES; i++) {
+            const struct skin *skin = &s->likeness->skins[m->points[m->corners[3 * t + i / SKIN_BONES]]];
+            sum += absent[bone_part(skin->bone[i % SKIN_BONES])] ? skin->weight[i % SKIN_BONES] : 0;
+        }
+        s->front[t] = s->front[t] && sum <= 1.5F;
+    }
+}
+
+static void find_bounds(const struct silhouette *s, struct silhouette_corners *out)
+{
+    out->low[0] = out->low[1] = INFINITY;
+    out->high[0] = out->high[1] = -INFINITY;
+    float nearest = INFINITY;
+    for (int i = 0; i < s->likeness->atlas.mesh.point_count; i++) {
+        const struct spot p = s->placed[i];
+        const float at[2] = {p.x / p.z, p.y / p.z};
+        nearest = fminf(nearest, p.z);
+        for (int a = 0; a < 2; a++) {
+            out->low[a] = fminf(out->low[a], at[a]);
+            out->high[a] = fmaxf(out->high[a], at[a]);
+        }
+    }
+    if (nearest < BESIDE_M)
+        out->low[0] = -INFINITY;
+}
+
+struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_bone,
+                                          float (*shift)[3], const bool *own, const bool *absent)
+{
+    const struct unfolded *m = &s->likeness->atlas.mesh;
+    struct columns maps[BONE_COUNT];
+    for (int b = 0; b < BONE_COUNT; b++)
+        maps[b] = columns_of(&viewer_from_bone[b]);
+    for (int i = 0; i < m->point_count; i++)
+        s->placed[i] = skinned(&s->likeness->skins[m->points[i]], maps, shifted(s->rest[i], shift[i]));
+    for (int t = 0; t < m->corner_count / 3; t++) {
+        const int32_t *c = m->corners + 3 * (size_t)t;
+        const struct spot a = s->placed[c[0]], b = s->placed[c[1]], d = s->placed[c[2]];
+        s->front[t] = a.x * (b.y * d.z - b.z * d.y) + a.y * (b.z * d.x - b.x * d.z) + a.z * (b.x * d.y - b.y * d.x) < 0;
+    }
+    bool all = true;
+    for (int p = 0; p < PART_COUNT; p++)
+        all = all && !absent[p];
+    if (!all)
+        leave_out(s, absent);
+    struct silhouette_corners out = {.corners = s->corners, .placed = s->placed};
+    find_bounds(s, &out);
+    out.own = put_front(s, own, true, s->corners);
+    out.front = out.own + put_front(s, own, false, s->corners + out.own);
+    out.ribbon = put_ribbon(s, s->corners + out.front);
+    return out;
+}

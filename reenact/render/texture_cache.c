@@ -1,0 +1,172 @@
+#include "reenact/render/texture_cache.h"
+
+#include <stdlib.h>
+
+enum { PICTURES = 12, WHOLE = PART_COUNT };
+
+struct entry {
+    int64_t frame;
+    int part; // or WHOLE
+    struct gpu_texture *texture;
+    float window[4];
+    size_t bytes;
+    int64_t used;
+};
+
+struct texture_cache {
+    struct gpu *gpu;
+    struct take *take;
+    struct source_rays *rays; // NULL: the take has no depth
+    struct entry *entries;
+    int count, capacity;
+    size_t max_bytes;
+    int64_t now;
+    struct source_picture pictures[PICTURES]; // decoded lately
+    int64_t picture_used[PICTURES];
+    size_t bytes; // held now
+};
+
+enum status texture_cache_open(struct texture_cache **out, struct gpu *gpu, struct take *take, size_t max_bytes)
+{
+    *out = NULL;
+    struct texture_cache *c = calloc(1, sizeof *c);
+    if (!c)
+        return fail(ERR_MEMORY, "out of memory");
+    c->gpu = gpu;
+    c->take = take;
+    c->max_bytes = max_bytes;
+    for (int i = 0; i < PICTURES; i++)
+        c->pictures[i].frame = -1;
+    enum status status = OK;
+    if (take_calibration(take)->depth.width > 0)
+        status = source_rays_open(&c->rays, take_calibration(take));
+    if (status != OK) {
+        texture_cache_close(&c);
+        return status;
+    }
+    *out = c;
+    return OK;
+}
+
+void texture_cache_close(struct texture_cache **c)
+{
+    if (!*c)
+        return;
+    for (int i = 0; i < (*c)->count; i++)
+        gpu_texture_close(&(*c)->entries[i].texture);
+    for (int i = 0; i < PICTURES; i++)
+        source_picture_free(&(*c)->pictures[i]);
+    source_rays_close(&(*c)->rays);
+    free((*c)->entries);
+    free(*c);
+    *c = NULL;
+}
+
+static void drop(struct texture_cache *c, int i)
+{
+    c->bytes -= c->entries[i].bytes;
+    gpu_texture_close(&c->entries[i].texture);
+    c->entries[i] = c->entries[--c->count];
+}
+
+static enum status make_room(struct texture_cache *c, size_t bytes)
+{
+    while (c->count && c->bytes + bytes > c->max_bytes) {
+        int oldest = 0;
+        for (int i = 1; i < c->count; i++)
+            if (c->entries[i].used < c->entries[oldest].used)
+                oldest = i;
+        drop(c, oldest);
+    }
+    if (c->count < c->capacity)
+        return OK;
+    int capacity = c->capacity ? c->capacity * 2 : 64;
+    struct entry *entries = realloc(c->entries, sizeof *entries * (size_t)capacity);
+    if (!entries)
+        return fail(ERR_MEMORY, "out of memory");
+    c->entries = entries;
+    c->capacity = capacity;
+    return OK;
+}
+
+static bool find(struct texture_cache *c, int64_t frame, int part, struct source_texture *out)
+{
+    for (int i = 0; i < c->count; i++) {
+        struct entry *e = &c->entries[i];
+        if (e->frame != frame || e->part != part)
+            continue;
+        e->used = ++c->now;
+        *out = (struct source_texture){e->texture, {e->window[0], e->window[1], e->window[2], e->window[3]}};
+        return true;
+    }
+    return false;
+}
+
+static enum status keep(struct texture_cache *c, int64_t frame, int part, const struct source_patch *patch,
+                        struct source_texture *out)
+{
+    size_t bytes = (size_t)patch->width * (size_t)patch->height * 4; // what a GPU keeps of RGB
+    enum status status = make_room(c, bytes);
+    if (status != OK)
+        return status;
+    struct entry e = {.frame = frame,
+                      .part = part,
+                      .bytes = bytes,
+                      .used = ++c->now,
+                      .window = {(float)patch->left, (float)patch->top, (float)patch->width, (float)patch->height}};
+    status = gpu_texture_open(&e.texture, c->gpu, GPU_RGB8, patch->width, patch->height, GPU_LINEAR, patch->rgb);
+    if (status != OK)
+        return status;
+    c->bytes += bytes;
+    c->entries[c->count++] = e;
+    *out = (struct source_texture){e.texture, {e.window[0], e.window[1], e.window[2], e.window[3]}};
+    return OK;
+}
+
+static enum status picture_of(struct texture_cache *c, int64_t frame, bool labelled, struct source_picture **out)
+{
+    int oldest = 0;
+    for (int i = 0; i < PICTURES; i++) {
+        struct source_picture *p = &c->pictures[i];
+        if (p->frame == frame && (!labelled || p->labelled)) {
+            c->picture_used[i] = ++c->now;
+            *out = p;
+            return OK;
+        }
+        if (c->picture_used[i] < c->picture_used[oldest])
+            oldest = i;
+    }
+    c->picture_used[oldest] = ++c->now;
+    *out = &c->pictures[oldest];
+    return source_picture_load(*out, c->take, frame, labelled ? c->rays : NULL);
+}
+
+enum status texture_cache_whole(struct texture_cache *c, int64_t frame, struct source_texture *out)
+{
+    if (find(c, frame, WHOLE, out))
+        return OK;
+    struct source_picture *picture;
+    enum status status = picture_of(c, frame, false, &picture);
+    if (status != OK)
+        return status;
+    struct source_patch all = {0, 0, picture->width, picture->height, picture->rgb};
+    return keep(c, frame, WHOLE, &all, out);
+}
+
+enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part p, struct source_texture *out)
+{
+    if (find(c, frame, p, out))
+        return OK;
+    if (!c->rays || !take_entry(c->take, frame)->has_depth)
+        return texture_cache_whole(c, frame, out);
+    struct source_picture *picture;
+    enum status status = picture_of(c, frame, true, &picture);
+    struct source_patch patch;
+    if (status == OK)
+        status = source_patch_make(picture, c->take, p, &patch);
+    if (status != OK)
+        return status;
+    status = keep(c, frame, p, &patch, out);
+    free(patch.rgb);
+    return status;
+}

@@ -1,0 +1,114 @@
+#include "reenact/retrieval/pose_index_packed.h"
+
+enum {
+    TRIED = 5,    // the widest dimensions: to try more than three gains little
+    SAMPLE = 256, // of a range's points tell how wide it is
+    DIMENSIONS_MOST = 3 * NEAREST_PLACES_MOST + 1,
+};
+
+// A point's coordinate in one dimension (place and axis; the last is its own cost), units.
+static int16_t key_of(const struct nearest *n, int64_t point, int dimension)
+{
+    return dimension < 3 * n->places ? nearest_coordinate(n, point, dimension) : nearest_own(n, point);
+}
+
+// ---------------------------------------------------------------- halving
+
+// Whether point a comes before b: no two are alike.
+static bool before(const struct nearest *n, int dimension, int64_t a, int64_t b)
+{
+    int16_t at_a = key_of(n, a, dimension), at_b = key_of(n, b, dimension);
+    return at_a < at_b || (at_a == at_b && a < b);
+}
+
+// Hoare's selection: no point before `middle` comes after one from there on.
+static void divide(const struct nearest *n, int dimension, int64_t *points, int64_t count, int64_t middle)
+{
+    int64_t low = 0, high = count - 1;
+    while (low < high) {
+        int64_t pivot = points[low + (high - low) / 2], i = low, j = high;
+        while (i <= j) {
+            while (before(n, dimension, points[i], pivot))
+                i++;
+            while (before(n, dimension, pivot, points[j]))
+                j--;
+            if (i <= j) {
+                int64_t swapped = points[i];
+                points[i++] = points[j];
+                points[j--] = swapped;
+            }
+        }
+        if (middle <= j)
+            high = j;
+        else if (middle >= i)
+            low = i;
+        else
+            return;
+    }
+}
+
+// ---------------------------------------------------------------- across which dimension
+
+// The sum of squared differences from the mean, of each dimension.
+static void squares_of(const struct nearest *n, const int64_t *points, int64_t count, double *squares)
+{
+    for (int d = 0; d <= 3 * n->places; d++) {
+        int64_t sum = 0, of_squares = 0;
+        for (int64_t i = 0; i < count; i++) {
+            int64_t key = key_of(n, points[i], d);
+            sum += key;
+            of_squares += key * key;
+        }
+        squares[d] = (double)of_squares - (double)sum / (double)count * (double)sum;
+        squares[d] = squares[d] > 0 ? squares[d] : 0; // rounding
+    }
+}
+
+// How far apart points of a range are, as costs count it: each place's root mean square distance from the mean, and
+// that of own costs, times how many there are.
+static double extent(const struct nearest *n, const int64_t *points, int64_t count)
+{
+    double squares[DIMENSIONS_MOST], sum = 0;
+    squares_of(n, points, count, squares);
+    for (int p = 0; p < n->places; p++)
+        sum += sqrt((squares[3 * p] + squares[3 * p + 1] + squares[3 * p + 2]) * (double)count);
+    return sum + sqrt(squares[3 * n->places] * (double)count);
+}
+
+// Across which of the widest dimensions points fall into the smallest parts, if the first of them are `half` / `count`
+// of all.
+static int best_dimension(const struct nearest *n, const int64_t *points, int64_t count, int64_t half)
+{
+    int64_t sample[SAMPLE], many = count < SAMPLE ? count : SAMPLE, first = half * many / count;
+    double squares[DIMENSIONS_MOST], least = INFINITY;
+    int best = 0;
+    for (int64_t i = 0; i < many; i++)
+        sample[i] = points[i * count / many];
+    squares_of(n, sample, many, squares);
+    for (int tried = 0; tried < TRIED && tried <= 3 * n->places; tried++) {
+        int widest = 0;
+        for (int d = 1; d <= 3 * n->places; d++)
+            if (squares[d] > squares[widest])
+                widest = d;
+        squares[widest] = -1;
+        divide(n, widest, sample, many, first);
+        double here = extent(n, sample, first) + extent(n, sample + first, many - first);
+        if (here < least) {
+            least = here;
+            best = widest;
+        }
+    }
+    return best;
+}
+
+void nearest_order(const struct nearest *n, int64_t *points, int64_t count)
+{
+    while (count > LANES) {
+        int64_t group = LANES * LANES, unit = count > LANES * group ? LANES * group : count > group ? group : LANES;
+        int64_t half = (count / 2 + unit - 1) / unit * unit;
+        divide(n, best_dimension(n, points, count, half), points, count, half);
+        nearest_order(n, points, half);
+        points += half;
+        count -= half;
+    }
+}

@@ -1,0 +1,48 @@
+// The room about the actor, as far as a sensor saw it: what may stand between him
+// and whoever looks. Gathered from the views of the empty place and from some of
+// the take's frames (a truncated signed distance on a coarse grid). The floor is
+// left out, it hides nobody; and where the actor's own body passed, no room is. Pure.
+#pragma once
+#include "base/progress.h"
+#include "capture/recording/recording.h"
+#include "reenact/skeleton/body_cylinders.h"
+
+enum { ROOM_POINTS_MOST = 65000 }; // 16 bits number them, and beside them what is drawn in the same call
+
+// Triangles in the world's axes, metres; either side may face outwards.
+struct room {
+    float (*points)[3];
+    uint16_t *corners; // corner_count, three to a triangle
+    int point_count, corner_count;
+    struct room_ball *balls; // of the triangles, in their order, all of them: only those that matter need be drawn
+    int ball_count;
+};
+struct room_ball {
+    struct vec3 middle;
+    double radius_m;
+    int first, count; // the corners that lie in it
+};
+
+// The take's frames have to be located in the place's world. rays: as for
+// likeness_make. NOTHING: the place or the take has no depth, nothing stands about,
+// or watch (perhaps NULL) does not want it any more. ERR_CORRUPT, ERR_IO, ERR_MEMORY.
+MUST_CHECK enum status room_make(struct room *out, const struct place *place, struct take *take,
+                                 const struct progress_watch *watch);
+void room_free(struct room *room); // leaves it zeroed
+
+// What the room may hide, as the wedge from the eye that holds it, tablet camera axes. Zeroed: nothing yet.
+struct room_hidden {
+    double low[2], high[2]; // of x / z and y / z; infinite: it has no such side
+    double farthest_m;      // z. 0: nothing
+};
+
+// A ball more, metres.
+void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m);
+
+// A body whose joints those are.
+struct room_hidden room_hidden_body(const struct skeleton *in_viewer);
+
+// The corners of the triangles that may lie before it, into `corners`, which has room for all of them; how many.
+// viewer_from_room: into the same axes.
+int room_before(const struct room *room, const struct part_map *viewer_from_room, const struct room_hidden *hidden,
+                uint16_t *corners);

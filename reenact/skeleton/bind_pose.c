@@ -1,0 +1,282 @@
+#include "reenact/skeleton/bind_pose.h"
+
+#include <stdlib.h>
+
+// Half of a bend is spread over this far on either side of a joint.
+static const double BLEND_M = 0.05;
+
+const struct bone_link bone_links[BONE_LINKS] = {
+    {PART_UPPER_TORSO, PART_HEAD, JOINT_NECK},
+    {PART_UPPER_TORSO, PART_LOWER_TORSO, JOINT_TORSO},
+    {PART_UPPER_TORSO, PART_LEFT_UPPER_ARM, JOINT_LEFT_SHOULDER},
+    {PART_UPPER_TORSO, PART_RIGHT_UPPER_ARM, JOINT_RIGHT_SHOULDER},
+    {PART_LEFT_UPPER_ARM, PART_LEFT_FOREARM, JOINT_LEFT_ELBOW},
+    {PART_RIGHT_UPPER_ARM, PART_RIGHT_FOREARM, JOINT_RIGHT_ELBOW},
+    {PART_LOWER_TORSO, PART_LEFT_THIGH, JOINT_LEFT_HIP},
+    {PART_LOWER_TORSO, PART_RIGHT_THIGH, JOINT_RIGHT_HIP},
+    {PART_LEFT_THIGH, PART_LEFT_SHIN, JOINT_LEFT_KNEE},
+    {PART_RIGHT_THIGH, PART_RIGHT_SHIN, JOINT_RIGHT_KNEE},
+    {PART_LEFT_SHIN, BONE_LEFT_FOOT, JOINT_LEFT_FOOT},
+    {PART_RIGHT_SHIN, BONE_RIGHT_FOOT, JOINT_RIGHT_FOOT},
+    {PART_LEFT_FOREARM, BONE_LEFT_HAND, JOINT_LEFT_HAND},
+    {PART_RIGHT_FOREARM, BONE_RIGHT_HAND, JOINT_RIGHT_HAND},
+    {PART_HEAD, BONE_SKULL, JOINT_HEAD},
+};
+
+// What hangs on a part: where along it that begins and where it goes from there, in the part's own axes; of the part's
+// length. The part called head goes from the neck's foot to between the ears: its lower half is the neck.
+static const struct end {
+    enum part part;
+    double from;
+    struct vec3 along;
+} hung[BONE_COUNT - PART_COUNT] = {
+    {PART_LEFT_SHIN, 1, {0, 0.4, 0.15}},  {PART_RIGHT_SHIN, 1, {0, 0.4, 0.15}}, {PART_LEFT_FOREARM, 1, {0, 0, 0.4}},
+    {PART_RIGHT_FOREARM, 1, {0, 0, 0.4}}, {PART_HEAD, 0.5, {0, 0, 0.8}},
+};
+
+enum part bone_part(int bone) { return bone < PART_COUNT ? (enum part)bone : hung[bone - PART_COUNT].part; }
+
+bool bones_meet(int a, int b)
+{
+    bool meet = a == b;
+    for (int i = 0; i < BONE_LINKS; i++)
+        meet |= (bone_links[i].a == a && bone_links[i].b == b) || (bone_links[i].a == b && bone_links[i].b == a);
+    return meet;
+}
+
+// ---------------------------------------------------------------- the pose
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, int64_t count)
+{
+    qsort(values, (size_t)count, sizeof *values, by_value);
+    return values[count / 2];
+}
+
+// The median distance of two joints over the take; 0: never known together.
+static double distance(const struct take *take, enum joint a, enum joint b, double *spare)
+{
+    int64_t count = 0;
+    for (int64_t i = 0; i < take_frame_count(take); i++) {
+        const struct take_entry *e = take_entry(take, i);
+        if (e->has_skeleton && e->skeleton.confidence[a] > 0 && e->skeleton.confidence[b] > 0)
+            spare[count++] = v3_distance(e->skeleton.joint[a], e->skeleton.joint[b]);
+    }
+    return count ? median(spare, count) : 0;
+}
+
+struct place_rule {
+    enum joint joint, from;
+    double x, y; // direction of the bone, for the left side
+};
+
+static void place_joints(struct skeleton *s, const struct take *take, double *spare)
+{
+    static const struct place_rule rules[] = {
+        {JOINT_HEAD, JOINT_NECK, 0, -1},
+        {JOINT_TORSO, JOINT_NECK, 0, 1},
+        {JOINT_WAIST, JOINT_TORSO, 0, 1},
+        {JOINT_LEFT_ELBOW, JOINT_LEFT_SHOULDER, 0.8, 0.6},
+        {JOINT_RIGHT_ELBOW, JOINT_RIGHT_SHOULDER, -0.8, 0.6},
+        {JOINT_LEFT_HAND, JOINT_LEFT_ELBOW, 0.8, 0.6},
+        {JOINT_RIGHT_HAND, JOINT_RIGHT_ELBOW, -0.8, 0.6},
+        {JOINT_LEFT_KNEE, JOINT_LEFT_HIP, 0.24, 0.97},
+        {JOINT_RIGHT_KNEE, JOINT_RIGHT_HIP, -0.24, 0.97},
+        {JOINT_LEFT_FOOT, JOINT_LEFT_KNEE, 0.24, 0.97},
+        {JOINT_RIGHT_FOOT, JOINT_RIGHT_KNEE, -0.24, 0.97},
+    };
+    static const enum joint pairs[2][3] = {{JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER, JOINT_NECK},
+                                           {JOINT_LEFT_HIP, JOINT_RIGHT_HIP, JOINT_WAIST}};
+    s->confidence[JOINT_NECK] = 1;
+    for (size_t i = 0; i < 3; i++) { // the spine
+        double length = distance(take, rules[i].from, rules[i].joint, spare);
+        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
+            continue;
+        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(0, rules[i].y * length, 0));
+        s->confidence[rules[i].joint] = 1;
+    }
+    for (int i = 0; i < 2; i++) { // sideways of it, as far down as the distances say
+        double across = distance(take, pairs[i][0], pairs[i][1], spare) / 2;
+        double slope =
+            (distance(take, pairs[i][0], pairs[i][2], spare) + distance(take, pairs[i][1], pairs[i][2], spare)) / 2;
+        if (!(across > 0) || !(s->confidence[pairs[i][2]] > 0))
+            continue;
+        double down = slope > across ? sqrt(slope * slope - across * across) : 0;
+        for (int side = 0; side < 2; side++) {
+            s->joint[pairs[i][side]] = v3_add(s->joint[pairs[i][2]], v3(side ? -across : across, down, 0));
+            s->confidence[pairs[i][side]] = 1;
+        }
+    }
+    for (size_t i = 3; i < COUNT_OF(rules); i++) {
+        double length = distance(take, rules[i].from, rules[i].joint, spare);
+        if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
+            continue;
+        s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(rules[i].x * length, rules[i].y * length, 0));
+        s->confidence[rules[i].joint] = 1;
+    }
+}
+
+// Where it is unknown how an end is turned, it goes on as people stand.
+static void place_end(struct rest *rest, int bone)
+{
+    const struct end *end = &hung[bone - PART_COUNT];
+    const struct part_frame *f = &rest->frame[end->part];
+    rest->known[bone] = rest->known[end->part];
+    if (!rest->known[bone])
+        return;
+    struct vec3 along = v3_add(v3_scale(f->y, end->along.y), v3_scale(f->z, end->along.z));
+    struct part_frame *own = &rest->frame[bone];
+    own->origin = v3_add(f->origin, v3_scale(f->z, end->from * f->length));
+    rest->own_length[end->part] = end->from * f->length;
+    own->length = f->length * v3_length(along);
+    own->x = f->x;
+    rest->own_length[bone] = own->length;
+    own->z = v3_unit(along);
+    own->y = v3_cross(own->z, own->x);
+    rest->radius[bone] = rest->radius[end->part];
+}
+
+enum status rest_make(struct rest *out, const struct take *take)
+{
+    *out = (struct rest){0};
+    int64_t frames = take_frame_count(take);
+    double *spare = malloc(sizeof *spare * (size_t)(frames > 0 ? frames : 1));
+    if (!spare)
+        return fail(ERR_MEMORY, "out of memory");
+    place_joints(&out->skeleton, take, spare);
+    free(spare);
+    const struct body *body = take_body(take);
+    for (int p = 0; p < PART_COUNT; p++) {
+        out->known[p] = part_is_known(body, &out->skeleton, (enum part)p) &&
+                        part_frame_bodily(&out->skeleton, (enum part)p, &out->frame[p]);
+        out->own_length[p] = out->frame[p].length;
+        if (out->known[p])
+            out->radius[p] = body->radius_rate[p] * out->frame[p].length;
+    }
+    for (int b = PART_COUNT; b < BONE_COUNT; b++)
+        place_end(out, b);
+    return out->known[PART_UPPER_TORSO] ? OK : NOTHING;
+}
+
+// ---------------------------------------------------------------- postures
+
+static struct pose frame_pose(const struct part_frame *f)
+{
+    double m[3][3] = {{f->x.x, f->y.x, f->z.x}, {f->x.y, f->y.y, f->z.y}, {f->x.z, f->y.z, f->z.z}};
+    // About the bone's middle: where the lengths differ, both ends give way alike.
+    return (struct pose){quat_from_matrix(m), part_frame_middle(f)};
+}
+
+enum status posture_of(const struct rest *rest, const struct skeleton *skeleton, struct posture *out)
+{
+    bool placed[BONE_COUNT] = {false};
+    for (int p = 0; p < BONE_COUNT; p++) {
+        struct part_frame f;
+        out->bone[p] = POSE_IDENTITY;
+        placed[p] = p < PART_COUNT && rest->known[p] && part_frame_bodily(skeleton, (enum part)p, &f);
+        if (placed[p])
+            out->bone[p] = pose_multiply(frame_pose(&f), pose_inverse(frame_pose(&rest->frame[p])));
+    }
+    if (!placed[PART_UPPER_TORSO])
+        return NOTHING;
+    for (int i = 0; i < BONE_LINKS; i++) // from the trunk outwards
+        if (!placed[bone_links[i].b])
+            out->bone[bone_links[i].b] = out->bone[bone_links[i].a];
+    return OK;
+}
+
+struct skeleton posture_skeleton(const struct rest *rest, const struct posture *posture)
+{
+    struct skeleton s = rest->skeleton;
+    int count[JOINT_COUNT] = {0};
+    struct vec3 sum[JOINT_COUNT] = {{0, 0, 0}};
+    for (int p = 0; p < PART_COUNT; p++) {
+        if (!rest->known[p])
+            continue;
+        const enum joint ends[] = {part_ends[p].from, part_ends[p].to};
+        for (int e = 0; e < 2; e++) {
+            sum[ends[e]] = v3_add(sum[ends[e]], pose_apply(posture->bone[p], rest->skeleton.joint[ends[e]]));
+            count[ends[e]]++;
+        }
+    }
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        s.confidence[j] = count[j] ? 1 : 0;
+        s.joint[j] = count[j] ? v3_scale(sum[j], 1.0 / count[j]) : v3(0, 0, 0);
+    }
+    return s;
+}
+
+// ---------------------------------------------------------------- skin
+
+static double gap(const struct rest *rest, int p, struct vec3 at)
+{
+    struct vec3 in = v3_sub(at, rest->frame[p].origin);
+    const double along = v3_dot(in, rest->frame[p].z), most = rest->own_length[p];
+    const double t = along < 0 ? 0 : along > most ? most : along;
+    return v3_length(v3_sub(in, v3_scale(rest->frame[p].z, t))) - rest->radius[p];
+}
+
+double rest_distance(const struct rest *rest, struct vec3 point)
+{
+    double best = INFINITY;
+    for (int p = 0; p < PART_COUNT; p++)
+        if (rest->known[p])
+            best = fmin(best, gap(rest, p, point));
+    return best;
+}
+
+int rest_bone(const struct rest *rest, enum part part, struct vec3 place, const struct pose rest_from[BONE_COUNT])
+{
+    for (int b = PART_COUNT; b < BONE_COUNT; b++)
+        if (bone_part(b) == part && rest->known[b] &&
+            gap(rest, b, pose_apply(rest_from[b], place)) < gap(rest, (int)part, pose_apply(rest_from[part], place)))
+            return b;
+    return (int)part;
+}
+
+struct skin rest_skin(const struct rest *rest, struct vec3 point)
+{
+    double gaps[BONE_COUNT];
+    int nearest = -1;
+    for (int p = 0; p < BONE_COUNT; p++) {
+        gaps[p] = rest->known[p] ? gap(rest, p, point) : INFINITY;
+        if (nearest < 0 || gaps[p] < gaps[nearest])
+            nearest = p;
+    }
+    struct skin s = {{(uint8_t)nearest, (uint8_t)nearest, (uint8_t)nearest}, {1, 0, 0}};
+    double total = 1;
+    for (int p = 0; p < BONE_COUNT; p++) {
+        double share = 1 - (gaps[p] - gaps[nearest]) / BLEND_M;
+        if (p == nearest || !(share > 0) || !bones_meet(p, nearest))
+            continue;
+        share = share * share * (3 - 2 * share);
+        int slot = s.weight[1] < s.weight[2] ? 1 : 2;
+        if (share <= (double)s.weight[slot])
+            continue;
+        total += share - (double)s.weight[slot];
+        s.bone[slot] = (uint8_t)p;
+        s.weight[slot] = (float)share;
+    }
+    for (int i = 0; i < SKIN_BONES; i++)
+        s.weight[i] = (float)((double)s.weight[i] / total);
+    return s;
+}
+
+void skin_place(const struct skin *skin, const struct posture *posture, struct vec3 point, struct vec3 normal,
+                struct vec3 *p, struct vec3 *n)
+{
+    *p = *n = v3(0, 0, 0);
+    for (int i = 0; i < SKIN_BONES; i++) {
+        if (!(skin->weight[i] > 0))
+            continue;
+        const struct pose *t = &posture->bone[skin->bone[i]];
+        *p = v3_add(*p, v3_scale(pose_apply(*t, point), (double)skin->weight[i]));
+        *n = v3_add(*n, v3_scale(quat_rotate(t->rotation, normal), (double)skin->weight[i]));
+    }
+    *n = v3_unit(*n);
+}

@@ -1,0 +1,118 @@
+#include "reenact/skeleton/body_cylinders.h"
+
+#include <stdlib.h>
+
+static const double PI = 3.14159265358979323846;
+
+struct part_map cylinder_map(const struct part_frame *f, double radius_m)
+{
+    struct vec3 x = v3_scale(f->x, radius_m), y = v3_scale(f->y, radius_m), z = v3_scale(f->z, f->length);
+    return (struct part_map){{
+        {(float)x.x, (float)y.x, (float)z.x, (float)f->origin.x},
+        {(float)x.y, (float)y.y, (float)z.y, (float)f->origin.y},
+        {(float)x.z, (float)y.z, (float)z.z, (float)f->origin.z},
+    }};
+}
+
+struct part_map part_map_of(struct pose a_from_b)
+{
+    double m[3][3];
+    quat_to_matrix(a_from_b.rotation, m);
+    const double t[3] = {a_from_b.translation.x, a_from_b.translation.y, a_from_b.translation.z};
+    struct part_map map;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++)
+            map.row[i][k] = (float)m[i][k];
+        map.row[i][3] = (float)t[i];
+    }
+    return map;
+}
+
+struct part_map part_map_multiply(const struct part_map *a, const struct part_map *b)
+{
+    struct part_map map;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 4; k++) {
+            double sum = k == 3 ? a->row[i][3] : 0;
+            for (int n = 0; n < 3; n++)
+                sum += (double)a->row[i][n] * b->row[n][k];
+            map.row[i][k] = (float)sum;
+        }
+    return map;
+}
+
+enum { CAP_RINGS = 8 };
+
+// Ring number i of `rings`: its height and its radius.
+static void ring_at(enum cylinder_shape shape, double cap, int i, int rings, double *z, double *radius)
+{
+    int caps = shape == CYLINDER_ROUNDED ? CAP_RINGS : 0, last = rings - 1;
+    *radius = 1;
+    if (i < caps) { // from the pole to the rim
+        double a = PI / 2 * i / caps;
+        *z = -cap * cos(a);
+        *radius = sin(a);
+    } else if (i > last - caps) {
+        double a = PI / 2 * (last - i) / caps;
+        *z = 1 + cap * cos(a);
+        *radius = sin(a);
+    } else {
+        *z = (double)(i - caps) / (last - 2 * caps);
+    }
+}
+
+// The triangles between `rings` rings of `around` vertices each: (rings - 1) * around * 6 indices.
+static void fill_indices(uint16_t *index, int around, int rings)
+{
+    for (int i = 0; i + 1 < rings; i++)
+        for (int k = 0; k < around; k++) {
+            int a = i * around + k, b = i * around + (k + 1) % around;
+            int corners[6] = {a, b, a + around, b, b + around, a + around};
+            for (int c = 0; c < 6; c++)
+                *index++ = (uint16_t)corners[c];
+        }
+}
+
+enum status cylinder_mesh_make(enum cylinder_shape shape, double cap, int around, int along, struct cylinder_mesh *out)
+{
+    assert(around >= 3 && along >= 1 && cap >= 0);
+    int rings = along + 1 + (shape == CYLINDER_ROUNDED ? 2 * CAP_RINGS : 0);
+    assert(rings * around <= 65536);
+    *out = (struct cylinder_mesh){.vertex_count = rings * around, .index_count = (rings - 1) * around * 6};
+    out->vertices = malloc(sizeof(float) * 3 * (size_t)out->vertex_count);
+    out->indices = malloc(sizeof(uint16_t) * (size_t)out->index_count);
+    if (!out->vertices || !out->indices) {
+        cylinder_mesh_free(out);
+        return fail(ERR_MEMORY, "out of memory");
+    }
+    // Midway between the circle's inner and outer polygon.
+    double grow = 2 / (1 + cos(PI / around));
+    float *v = out->vertices;
+    for (int i = 0; i < rings; i++) {
+        double z, radius;
+        ring_at(shape, cap, i, rings, &z, &radius);
+        for (int k = 0; k < around; k++) {
+            *v++ = (float)(radius * grow * cos(2 * PI * k / around));
+            *v++ = (float)(radius * grow * sin(2 * PI * k / around));
+            *v++ = (float)z;
+        }
+    }
+    fill_indices(out->indices, around, rings);
+    return OK;
+}
+
+void cylinder_mesh_free(struct cylinder_mesh *mesh)
+{
+    free(mesh->vertices);
+    free(mesh->indices);
+    *mesh = (struct cylinder_mesh){0};
+}
+
+int cylinder_sides(double radius_px, double error_px)
+{
+    // The polygon's edges lie within r (1 - cos(pi / n)) of the circle, halved by growing it.
+    int sides = 8;
+    while (sides < 64 && !(radius_px * (1 - cos(PI / sides)) / 2 <= error_px))
+        sides *= 2;
+    return sides;
+}

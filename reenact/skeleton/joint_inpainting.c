@@ -1,0 +1,90 @@
+#include "reenact/skeleton/joint_inpainting.h"
+
+#include <stdlib.h>
+
+static const float CONFIDENCE = 0.5F;
+
+// From the trunk outwards.
+static const struct bone {
+    enum joint from, to;
+} bones[] = {
+    {JOINT_NECK, JOINT_HEAD},
+    {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
+    {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW},
+    {JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
+    {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
+    {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
+    {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE},
+    {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
+    {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
+};
+
+// The bone in the axes of the frame's trunk, where both are known.
+static bool bone_in_trunk(const struct take *take, int64_t frame, const struct bone *bone, struct vec3 *out)
+{
+    const struct take_entry *e = take_entry(take, frame);
+    const struct skeleton *s = &e->skeleton;
+    struct part_frame trunk;
+    if (!e->has_skeleton || !(s->confidence[bone->from] > 0) || !(s->confidence[bone->to] > 0) ||
+        !part_frame_bodily(s, PART_UPPER_TORSO, &trunk))
+        return false;
+    *out = part_frame_direction_in(&trunk, v3_sub(s->joint[bone->to], s->joint[bone->from]));
+    return true;
+}
+
+// Where it was known last (step -1) or will be next (1), and how long that is from the frame.
+static bool nearest_known(const struct take *take, int64_t frame, int step, const struct bone *bone, struct vec3 *out,
+                          int64_t *apart_ns)
+{
+    for (int64_t i = frame + step; i >= 0 && i < take_frame_count(take); i += step) {
+        *apart_ns = llabs(take_entry(take, i)->time_ns - take_entry(take, frame)->time_ns);
+        if (*apart_ns > CARRIED_MOST_NS)
+            return false;
+        if (bone_in_trunk(take, i, bone, out))
+            return true;
+    }
+    return false;
+}
+
+static bool carried_bone(const struct take *take, int64_t frame, const struct bone *bone, struct vec3 *out)
+{
+    struct vec3 before, after;
+    int64_t since_ns, until_ns;
+    const bool was = nearest_known(take, frame, -1, bone, &before, &since_ns);
+    const bool will_be = nearest_known(take, frame, 1, bone, &after, &until_ns);
+    if (!was && !will_be)
+        return false;
+    const double t = !was ? 1 : !will_be ? 0 : (double)since_ns / (double)(since_ns + until_ns);
+    if (!was)
+        before = after;
+    if (!will_be)
+        after = before;
+    const struct vec3 mixed = v3_mix(before, after, t);
+    const double length = (1 - t) * v3_length(before) + t * v3_length(after);
+    *out = v3_length(mixed) > 0.1 * length ? v3_scale(v3_unit(mixed), length) : t < 0.5 ? before : after;
+    return true;
+}
+
+struct skeleton carried_skeleton(const struct take *take, int64_t frame)
+{
+    struct skeleton s = take_entry(take, frame)->skeleton;
+    struct part_frame trunk;
+    if (!part_frame_bodily(&s, PART_UPPER_TORSO, &trunk))
+        return s;
+    for (size_t i = 0; i < COUNT_OF(bones); i++) {
+        struct vec3 b;
+        if (s.confidence[bones[i].to] > 0 || !(s.confidence[bones[i].from] > 0) ||
+            !carried_bone(take, frame, &bones[i], &b))
+            continue;
+        const struct vec3 bone = v3_add(v3_add(v3_scale(trunk.x, b.x), v3_scale(trunk.y, b.y)), v3_scale(trunk.z, b.z));
+        s.joint[bones[i].to] = v3_add(s.joint[bones[i].from], bone);
+        s.confidence[bones[i].to] = CONFIDENCE;
+    }
+    return s;
+}
+
+enum status carried_posture(const struct rest *rest, const struct take *take, int64_t frame, struct posture *out)
+{
+    const struct skeleton joints = carried_skeleton(take, frame);
+    return posture_of(rest, &joints, out);
+}

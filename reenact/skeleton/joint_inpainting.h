@@ -1,0 +1,15 @@
+// What is thought of a limb that was lost for a moment. Pure.
+#pragma once
+#include "reenact/skeleton/bind_pose.h"
+
+// A joint is carried no longer than this from where it was known.
+#define CARRIED_MOST_NS 2000000000
+
+// The frame's joints, in its colour camera's axes. One that is unknown there, though the bone to
+// it was known shortly before or after, goes with the trunk as that bone did, between the two where
+// both are known; its confidence is then 0.5. The frame has a skeleton.
+struct skeleton carried_skeleton(const struct take *take, int64_t frame);
+
+// The posture that these joints give: posture_of.
+MUST_CHECK enum status carried_posture(const struct rest *rest, const struct take *take, int64_t frame,
+                                       struct posture *out);

@@ -1,0 +1,140 @@
+// What the page of watching leaves free is covered by none of its controls, on any screen, whatever is open; and there
+// an orbit has the actor.
+#include "tests/support/test.h"
+
+#include "app/ui/layout.h"
+#include "app/ui/theme.h"
+#include "tests/support/glass.h"
+#include "tests/support/rehearsal.h"
+
+#include <math.h>
+
+enum { STATES = 3 * 16 };
+
+// Less where drawing is emulated. SHARE: a screen's side is so many times smaller than a tablet's.
+#ifdef EMULATED
+enum { SHARE = 4, WAYS_UP = 1, SHOWN = 2 };
+#else
+enum { SHARE = 2, WAYS_UP = 2, SHOWN = 4 };
+#endif
+
+// State number n: each sheet, with and without the inset, the sources, the strip, and moving.
+static struct show show_in(int n)
+{
+    struct show s = show_start(1, true, 0);
+    s.sheet = (enum show_sheet)(n % 3);
+    s.inset = n / 3 & 1;
+    s.sources = n / 3 & 2;
+    s.strip = n / 3 & 4;
+    s.moving = n / 3 & 8;
+    s.sheet = s.moving ? SHEET_NONE : s.sheet;
+    return s;
+}
+
+// Pictures stand for those that would be shown; nobody looks at them.
+static const struct stage_picture shown = {
+    .inset = (const struct gpu_texture *)&shown, .sources = (const struct gpu_texture *)&shown, .inset_shape = 4.0 / 3};
+
+static bool overlap(struct ui_box a, struct ui_box b)
+{
+    return a.x < b.x + b.w && b.x < a.x + a.w && a.y < b.y + b.h && b.y < a.y + a.h;
+}
+
+static bool within(struct ui_box a, double width, double height)
+{
+    return a.x >= 0 && a.y >= 0 && a.x + a.w <= width && a.y + a.h <= height;
+}
+
+static void look_at(double width, double height, int state)
+{
+    const struct show s = show_in(state);
+    const struct layout l = layout_of(width, height, &s, &shown);
+    struct ui_box cards = l.cards;
+    cards.h = (s.inset ? cards.w / shown.inset_shape + GAP : 0) + (s.sources ? layout_sources_height() : 0);
+    const bool sheet = s.sheet != SHEET_NONE;
+    EXPECT_TRUE(within(l.panel, width, height) && within(l.strip, width, height) && within(l.free, width, height));
+    EXPECT_TRUE(!overlap(l.free, l.panel));
+    EXPECT_TRUE(!sheet || (within(l.sheet, width, height) && !overlap(l.free, l.sheet)));
+    EXPECT_TRUE(sheet || s.moving || !overlap(l.free, l.shutter));
+    EXPECT_TRUE(!s.strip || !overlap(l.free, l.strip));
+    EXPECT_TRUE(!s.strip || !sheet || !overlap(l.strip, l.sheet));
+    EXPECT_TRUE(!s.strip || !overlap(l.strip, l.panel));
+    EXPECT_TRUE(!(s.inset || s.sources) || !overlap(l.free, cards));
+    EXPECT_AT_LEAST(fmin(l.free.w, l.free.h), 0.2 * fmin(width, height));
+}
+
+static void nothing_lies_over_what_is_free(void **state)
+{
+    (void)state;
+    static const double sizes[][2] = {{1375, 859}, {859, 1375}, {1280, 800}, {1024, 768}, {768, 1024}, {1920, 1080}};
+    for (size_t i = 0; i < COUNT_OF(sizes); i++)
+        for (int n = 0; n < STATES; n++)
+            look_at(sizes[i][0], sizes[i][1], n);
+}
+
+static void with_nothing_open_he_is_in_the_middle(void **state)
+{
+    (void)state;
+    const struct show s = show_in(0);
+    const struct layout wide = layout_of(1375, 859, &s, &shown), upright = layout_of(859, 1375, &s, &shown);
+    EXPECT_TRUE(wide.wide && !upright.wide);
+    EXPECT_NEAR(wide.free.x + wide.free.w / 2, 1375 / 2.0, 1e-9);
+    EXPECT_NEAR(upright.free.x + upright.free.w / 2, 859 / 2.0, 1e-9);
+    EXPECT_AT_LEAST(wide.free.h, 0.7 * 859);
+    EXPECT_AT_LEAST(upright.free.w, 0.9 * 859);
+}
+
+// He is whole where no control lies, from all sides.
+static void stands_free(const struct glass *g)
+{
+    const struct stage_picture *p = &g->tablet.picture;
+    const struct ui_box free = g->tablet.free;
+    const double scale = glass_scale(g);
+    const struct show *s = &g->tablet.show;
+    const struct layout l = layout_of(g->width / scale, g->height / scale, s, p);
+    EXPECT_NEAR(free.x, l.free.x, 1e-9);
+    EXPECT_NEAR(free.h, l.free.h, 1e-9);
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        const struct pixel px =
+            lens_project(&p->lens, pose_apply(pose_inverse(p->world_from_camera), p->skeleton.joint[j]));
+        const double x = (px.x + 0.5) / scale, y = (px.y + 0.5) / scale;
+        if (p->skeleton.confidence[j] > 0)
+            EXPECT_TRUE(x >= free.x && x <= free.x + free.w && y >= free.y && y <= free.y + free.h);
+    }
+}
+
+static void an_orbit_has_him_where_no_control_lies(void **state)
+{
+    (void)state;
+    struct rehearsal rehearsal = rehearsal_make();
+    for (int upright = 0; upright < WAYS_UP; upright++) {
+        struct glass g;
+        const struct tablet_options how = {
+            .file = rehearsal.file, .take = "turn", .fixed_fineness = true, .refresh_hz = 60};
+        const int width = upright ? GLASS_SHORT : GLASS_LONG, height = upright ? GLASS_LONG : GLASS_SHORT;
+        glass_open(&g, width / SHARE, height / SHARE, &how);
+        struct show *s = &g.tablet.show;
+        glass_draw(&g);
+        for (int n = 0; n < SHOWN; n++) {
+            glass_seek(&g, n / 4.0);
+            s->sheet = n == 1 ? SHEET_LAYERS : n == 2 ? SHEET_SPEED : SHEET_NONE;
+            s->inset = s->strip = n == 1;
+            s->moving = n == 3;
+            s->orbit.angle_rad += 0.7;
+            glass_rest(&g);
+            stands_free(&g);
+        }
+        glass_close(&g);
+    }
+    rehearsal_end(&rehearsal);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(nothing_lies_over_what_is_free),
+        cmocka_unit_test(with_nothing_open_he_is_in_the_middle),
+        cmocka_unit_test(an_orbit_has_him_where_no_control_lies),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,568 @@
+// Every screen of the app, drawn without a window: at 1280 x 800 and 800 x 1280,
+// dark and light, with a camera that knows where it is and one that does not.
+//
+//     test_screens                          the tests
+//     test_screens FILE CAMERA FOLDER       photographs of the screens, for the documents (see tests/screens)
+#include "tests/support/test.h"
+
+#include "app/ui/view_compositor.h"
+#include "app/viewer.h"
+#include "base/clock.h"
+#include "platform/file.h"
+#include "platform/jpeg.h"
+#include "platform/png.h"
+#include "tests/support/glass.h"
+#include "tests/support/rehearsal.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LONG = GLASS_LONG, SHORT = GLASS_SHORT };
+
+// What is looked at: less where drawing is emulated. SHARE: a screen's side is so many times smaller than a tablet's.
+#ifdef EMULATED
+enum { SHARE = 4, WAYS_UP = 1 };
+static const double FINEST_DPI = 220;
+#else
+enum { SHARE = 2, WAYS_UP = 2 };
+static const double FINEST_DPI = 300;
+#endif
+
+static struct rehearsal rehearsal;
+
+static void open_glass(struct glass *g, int width, int height, const char *file, const char *take, const char *camera)
+{
+    const struct tablet_options options = {.file = file,
+                                           .take = take,
+                                           .camera = camera,
+                                           .photos = rehearsal.scratch.path,
+                                           .fixed_fineness = true,
+                                           .refresh_hz = 60};
+    glass_open(g, width, height, &options);
+}
+
+static void test_takes_are_chosen_with_a_finger(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL);
+    struct show *s = &g.tablet.show;
+    glass_draw(&g);
+    EXPECT_INT(s->page, PAGE_TAKES);
+    glass_read(&g);
+    EXPECT_AT_LEAST(glass_count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
+    // The second card, with a finger that comes and goes.
+    const double scale = glass_scale(&g);
+    struct screen_event down = {.kind = SCREEN_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale},
+                        up = down;
+    up.kind = SCREEN_POINTER_UP;
+    EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &down, scale, clock_now_ns()));
+    glass_draw(&g);
+    EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &up, scale, clock_now_ns()));
+    glass_draw(&g);
+    glass_draw(&g);
+    EXPECT_INT(s->page, PAGE_WATCH);
+    EXPECT_INT(s->take, 1);
+    glass_close(&g);
+}
+
+static void test_an_orbit_shows_the_actor_and_a_finger_turns_it(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    struct show *s = &g.tablet.show;
+    glass_draw(&g);
+    glass_seek(&g, 0.5);
+    glass_draw(&g);
+    glass_draw(&g);
+    EXPECT_TRUE(s->orbiting && s->page == PAGE_WATCH);
+    EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
+    EXPECT_TRUE(show_hint(s) == NULL);
+    const double scale = glass_scale(&g), angle = s->orbit.angle_rad;
+    struct screen_event e = {.kind = SCREEN_POINTER_DOWN, .pointer = 1, .x = 200, .y = 150};
+    hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
+    glass_draw(&g);
+    e.kind = SCREEN_POINTER_MOVE;
+    e.x = 250;
+    hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
+    glass_draw(&g);
+    EXPECT_AT_LEAST(angle - s->orbit.angle_rad, 0.3);
+    glass_close(&g);
+}
+
+#ifndef EMULATED
+static void test_nothing_is_drawn_when_nothing_changes(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    struct show *s = &g.tablet.show;
+    glass_draw(&g);
+    glass_seek(&g, 0.5);
+    // The take is prepared, and the orbit comes to rest on him.
+    for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->freshness < 1; i++) {
+        glass_draw_and_wait(&g);
+        EXPECT_TRUE(clock_now_ns() < until);
+    }
+    s->changed = false;
+    g.tablet.checked_ns = clock_now_ns(); // the look after the file comes once a second
+    int64_t now = clock_now_ns(), next = tablet_update(&g.tablet, now);
+    EXPECT_TRUE(!s->changed);
+    EXPECT_AT_LEAST(next - now, 100000000);
+    glass_close(&g);
+}
+#endif
+
+static void test_actor_and_camera_are_of_one_instant(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    glass_settle(&g, true);
+    struct tablet *t = &g.tablet;
+    EXPECT_TRUE(t->picture.camera && t->picture.actor && !t->show.orbiting);
+    for (int i = 0; i < 10; i++) {
+        glass_draw(&g);
+        EXPECT_INT(t->look.camera_number, t->sight->number);
+        EXPECT_INT(t->look.time_ns, player_at(&t->show.player, t->sight->came_ns));
+        EXPECT_INT(memcmp(&t->look.world_from_camera, &t->sight->world_from_camera, sizeof(struct pose)), 0);
+    }
+    glass_close(&g);
+}
+
+static void draw_turned(struct glass *g, int quarter_turns)
+{
+    const bool across = quarter_turns & 1;
+    gpu_target_close(&g->target);
+    EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height),
+                  OK);
+    const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, glass_scale(g)};
+    EXPECT_STATUS(tablet_draw(&g->tablet, &glass, clock_now_ns()), OK);
+    glass_read(g);
+}
+
+static void test_a_screen_mounted_turned_shows_the_same(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL); // the takes to choose from, which stand still
+    const int w = g.width, h = g.height;
+    uint8_t *upright = malloc(4 * (size_t)w * (size_t)h);
+    glass_draw(&g);
+    draw_turned(&g, 0);
+    memcpy(upright, g.rgba, 4 * (size_t)w * (size_t)h);
+    for (int turns = 1; turns < 4; turns++) {
+        draw_turned(&g, turns);
+        double sum = 0;
+        for (int y = 0; y < h; y++)
+            for (int x = 0; x < w; x++) {
+                const int column = turns == 1 ? h - 1 - y : turns == 2 ? w - 1 - x : y;
+                const int row = turns == 1 ? x : turns == 2 ? h - 1 - y : w - 1 - x;
+                const uint8_t *p = g.rgba + 4 * (row * (turns == 2 ? w : h) + column), *q = upright + 4 * (y * w + x);
+                sum += abs(p[0] - q[0]) + abs(p[1] - q[1]) + abs(p[2] - q[2]);
+            }
+        EXPECT_AT_MOST(sum / (3.0 * w * h), 0.2); // edges may be cut one way or the other
+    }
+    free(upright);
+    glass_close(&g);
+}
+
+static void test_what_a_finger_hits_is_large_enough_on_every_screen(void **state)
+{
+    (void)state;
+    static const double dpis[] = {96, 149, 220, 264, 320, 450};
+    int least = 1 << 30, most = 0;
+    for (size_t i = 0; i < COUNT_OF(dpis); i++) {
+        const double scale = tablet_px_per_dp(dpis[i]), mm = TARGET * scale / dpis[i] * 25.4;
+        EXPECT_AT_LEAST(mm, 9);
+        if (dpis[i] < 149 || dpis[i] > FINEST_DPI)
+            continue;
+        // A screen of 20 x 13 cm with that many pixels: the same is seen on it.
+        struct glass g;
+        open_glass(&g, (int)(7.9 * dpis[i]), (int)(5.1 * dpis[i]), rehearsal.file, "turn", NULL);
+        const struct tablet_glass glass = {g.target, g.width, g.height, 0, scale};
+        glass_prepare(&g); // how far that is would be shown, too
+        for (int n = 0; n < 2; n++) {
+            tablet_update(&g.tablet, clock_now_ns());
+            EXPECT_STATUS(tablet_draw(&g.tablet, &glass, clock_now_ns()), OK);
+            glass_seek(&g, 0.5);
+        }
+        glass_read(&g);
+        int accent = (int)(glass_count_color(&g, theme_of(true)->accent, 6) / (scale * scale));
+        least = accent < least ? accent : least;
+        most = accent > most ? accent : most;
+        glass_close(&g);
+    }
+    print_message("accent: %d to %d\n", least, most);
+    EXPECT_AT_LEAST(least, 2000);
+    EXPECT_AT_MOST(most, 1.1 * least);
+}
+
+static void test_who_does_not_look_misses_nothing(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    glass_settle(&g, true);
+    struct tablet *t = &g.tablet;
+    int64_t hidden = clock_now_ns(), at_ns = player_at(&t->show.player, hidden);
+    EXPECT_TRUE(t->show.player.playing);
+    tablet_rest(t, true, hidden);
+    clock_sleep_until_ns(hidden + 300000000); // the camera is let go of
+    int64_t came = eyes_state(t->eyes).came;
+    clock_sleep_until_ns(clock_now_ns() + 400000000);
+    EXPECT_INT(eyes_state(t->eyes).came, came);
+    int64_t shown = clock_now_ns();
+    tablet_rest(t, false, shown);
+    EXPECT_INT(player_at(&t->show.player, shown), at_ns);
+    for (int64_t until = shown + 30000000000; eyes_state(t->eyes).came == came && clock_now_ns() < until;)
+        clock_sleep_until_ns(clock_now_ns() + 10000000);
+    glass_settle(&g, true);
+    EXPECT_AT_LEAST(eyes_state(t->eyes).came, came + 1);
+    glass_close(&g);
+}
+
+// How many pixels of that picture of him lie outside of the box that it is drawn in.
+static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, struct ui_box box, int *within)
+{
+    struct tablet *t = &g->tablet;
+    const double scale = glass_scale(g);
+    const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
+    const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
+    const struct lens *lens = &t->picture.lens;
+    struct cover cover = cover_of(lens, all);
+    struct ui_box whole = {cover.x, cover.y, cover.scale * lens->width, cover.scale * lens->height};
+    EXPECT_TRUE(picture);
+    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
+    ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a ground without soft edges
+    ui_picture(t->ui, picture, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_end(t->ui);
+    EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
+    glass_read(g);
+    int beyond = 0;
+    for (int y = 0; y < g->height; y++)
+        for (int x = 0; x < g->width; x++) {
+            const uint8_t *rgba = g->rgba + 4 * (y * g->width + x);
+            const double at_x = (x + 0.5) / scale, at_y = (y + 0.5) / scale;
+            bool inside = at_x >= box.x && at_x <= box.x + box.w && at_y >= box.y && at_y <= box.y + box.h;
+            bool his = rgba[0] < 255 || rgba[1] < 255 || rgba[2] < 255;
+            *within += his && inside;
+            beyond += his && !inside;
+        }
+    return beyond;
+}
+
+static void test_he_is_drawn_whole(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    glass_draw(&g);
+    g.tablet.show.orbit.distance_m = 4;
+    for (int i = 0; i < 8; i++) {
+        const struct stage_picture *p = &g.tablet.picture;
+        const struct ui_box all = {0, 0, g.width / glass_scale(&g), g.height / glass_scale(&g)};
+        int within = 0, shaded = 0;
+        glass_seek(&g, i / 7.0);
+        g.tablet.show.orbit.angle_rad += 0.8;
+        glass_draw(&g);
+        const struct cover cover = cover_of(&p->lens, all);
+        EXPECT_INT(beyond_the_box(&g, p->actor, scene_actor_box(p, cover, all), &within), 0);
+        EXPECT_INT(beyond_the_box(&g, p->shadow, scene_shadow_box(p, cover, all), &shaded), 0);
+        EXPECT_AT_LEAST(within, 2000);
+        EXPECT_AT_LEAST(shaded, 500);
+    }
+    glass_close(&g);
+}
+
+static void test_a_photograph_is_what_is_seen_without_the_controls(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
+    glass_settle(&g, true);
+    show_do(&g.tablet.show, DO_PHOTOGRAPH, clock_now_ns());
+    glass_draw(&g);
+    const char *notice = g.tablet.show.notice, *name = strstr(notice, "reenact-");
+    EXPECT_TRUE(name);
+    uint8_t *bytes, *rgb = malloc(640 * 480 * 3);
+    size_t count;
+    EXPECT_STATUS(file_read(scratch_file(&rehearsal.scratch, name), &bytes, &count), OK);
+    EXPECT_STATUS(jpeg_decode(bytes, count, rgb, 640, 480), OK); // as large as the camera's picture
+    double sum = 0;                                              // where the actor is not, it is the camera's picture
+    for (int y = 0; y < 120; y++)
+        for (int x = 0; x < 3 * 120; x++)
+            sum += abs(rgb[y * 640 * 3 + x] - g.tablet.sight->rgb[y * 640 * 3 + x]);
+    EXPECT_AT_MOST(sum / (120 * 360), 4);
+    free(rgb);
+    free(bytes);
+    glass_close(&g);
+}
+
+static void test_a_recording_that_is_taken_away_plays_on(void **state)
+{
+    (void)state;
+    char away[300];
+    struct glass g;
+    snprintf(away, sizeof away, "%s.away", rehearsal.file);
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    glass_draw(&g);
+    EXPECT_INT(rename(rehearsal.file, away), 0);
+    g.tablet.checked_ns = 0;
+    glass_seek(&g, 0.8);
+    glass_draw(&g);
+    EXPECT_TRUE(show_hint(&g.tablet.show) && strstr(show_hint(&g.tablet.show), "taken away"));
+    EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
+    EXPECT_INT(rename(away, rehearsal.file), 0);
+    g.tablet.checked_ns = 0;
+    glass_draw(&g);
+    EXPECT_TRUE(!show_hint(&g.tablet.show));
+    glass_close(&g);
+}
+
+static void test_a_camera_that_is_lost_says_what_to_do(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.blind);
+    glass_settle(&g, false);
+    const char *hint = show_hint(&g.tablet.show);
+    EXPECT_TRUE(hint && strstr(hint, "tag"));
+    glass_close(&g);
+    // And one that is not there at all.
+    char nowhere[300];
+    snprintf(nowhere, sizeof nowhere, "folder:%s", scratch_file(&rehearsal.scratch, "nowhere"));
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", nowhere);
+    for (int i = 0; i < 500 && !*g.tablet.eyes_now.trouble; i++) {
+        tablet_update(&g.tablet, clock_now_ns());
+        clock_sleep_until_ns(clock_now_ns() + 10000000);
+    }
+    glass_draw(&g);
+    hint = show_hint(&g.tablet.show);
+    EXPECT_TRUE(hint && strstr(hint, "nowhere"));
+    EXPECT_TRUE(g.tablet.show.orbiting); // one can look all the same
+    glass_close(&g);
+}
+
+static void test_the_mirror_shows_him_the_other_way_round(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    glass_draw(&g);
+    glass_seek(&g, 0.5);
+    struct tablet *t = &g.tablet;
+    glass_draw(&g);
+    struct vec3 left = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER],
+                right = t->picture.skeleton.joint[JOINT_RIGHT_SHOULDER];
+    show_do(&t->show, DO_MIRROR, clock_now_ns());
+    glass_draw(&g);
+    struct vec3 mirrored = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER];
+    EXPECT_TRUE(t->picture.turned_over);
+    // His left shoulder is where the right one was, but for how far he leans.
+    EXPECT_AT_MOST(v3_distance(mirrored, right), v3_distance(mirrored, left));
+    // What is drawn goes along with the skeleton: it covers the mirrored joints.
+    show_do(&t->show, DO_SKELETON, clock_now_ns());
+    glass_draw(&g);
+    EXPECT_AT_LEAST(t->picture.parts, 8);
+    glass_close(&g);
+}
+
+static void test_the_take_is_there_at_once_and_better_soon(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
+    struct tablet *t = &g.tablet;
+    glass_draw(&g);
+    glass_draw(&g);
+    EXPECT_AT_LEAST(t->picture.parts, 8);
+    EXPECT_TRUE(!t->picture.prepared);
+    int plain = 0, both = 0, better = 0;
+    double share = 0;
+    for (int64_t until = clock_now_ns() + 200000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
+        glass_draw_and_wait(&g);
+        EXPECT_AT_LEAST(t->show.prepared, share);
+        share = t->show.prepared;
+        plain += !t->picture.prepared;
+        both += t->picture.prepared && t->picture.former;
+    }
+    glass_draw(&g);
+    better = t->picture.prepared && !t->picture.former;
+    print_message("%d pictures plain, %d with both\n", plain, both);
+    EXPECT_AT_LEAST(plain, 1);
+    EXPECT_AT_LEAST(both, 1);
+    EXPECT_INT(better, 1);
+    glass_close(&g);
+}
+
+static void test_a_file_without_a_take_says_so(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, SHORT / 2, LONG / 2, scratch_file(&rehearsal.scratch, "none.reenact"), NULL, NULL);
+    glass_draw(&g);
+    EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.tablet.show.trouble, "none.reenact"));
+    glass_close(&g);
+    open_glass(&g, SHORT / 2, LONG / 2, rehearsal.file, "somebody else", NULL);
+    glass_draw(&g);
+    EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.tablet.show.trouble, "somebody else"));
+    glass_close(&g);
+}
+
+// ---------------------------------------------------------------- photographs of screens
+
+enum { SCREENS = 8 };
+static const char *const screen_names[SCREENS] = {"takes", "place",   "orbit", "layers",
+                                                  "speed", "sources", "move",  "lost"};
+
+// Brings screen number n about.
+static void arrange(struct glass *g, int n)
+{
+    struct show *s = &g->tablet.show;
+    int64_t now = clock_now_ns();
+    glass_seek(g, 0.42);
+    s->sheet = SHEET_NONE;
+    s->orbiting = false;
+    s->page = PAGE_WATCH;
+    s->moving = s->sources = s->inset = s->strip = s->skeleton = s->orbit_wished = false;
+    s->placement = (struct placement){0};
+    switch (n) {
+    case 0: s->page = PAGE_TAKES; break;
+    case 2:
+        show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad;
+        break;
+    case 3:
+        show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad + 0.4;
+        s->skeleton = s->inset = s->strip = true;
+        s->sheet = SHEET_LAYERS;
+        break;
+    case 4: s->sheet = SHEET_SPEED; break;
+    case 5:
+        s->sources = true;
+        show_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad + 1;
+        break;
+    case 6:
+        show_do(s, DO_MOVE, now);
+        show_set_turn(s, 0.6);
+        break;
+    default: break;
+    }
+}
+
+static bool full_of_something(const struct glass *g)
+{
+    int first =
+        glass_count_color(g, (uint32_t)g->rgba[0] << 24 | (uint32_t)g->rgba[1] << 16 | (uint32_t)g->rgba[2] << 8, 3);
+    return first < g->width * g->height * 9 / 10;
+}
+
+// Screen number n, dark and light, into `folder`, where there is one.
+static void photograph_one(struct glass *g, int n, const char *folder)
+{
+    static uint8_t last[LONG * SHORT * 4];
+    const size_t bytes = (size_t)g->width * (size_t)g->height * 4;
+    for (int dark = 1; dark >= 0; dark--) {
+        char path[600];
+        g->tablet.show.dark = dark;
+        arrange(g, n);
+        glass_draw(g);
+        glass_draw(g); // what a tap changed is seen in the second
+        if (folder && g->tablet.show.orbiting)
+            glass_rest(g);
+        else if (folder)
+            glass_settle(g, n < SCREENS - 1);
+        glass_read(g);
+        EXPECT_TRUE(full_of_something(g));
+        if (!dark)
+            EXPECT_AT_LEAST(glass_difference(g, last), 0.5);
+        memcpy(last, g->rgba, bytes);
+        if (!folder)
+            continue;
+        snprintf(path, sizeof path, "%s/%s-%s-%s.png", folder, screen_names[n],
+                 g->width < g->height ? "upright" : "wide", dark ? "dark" : "light");
+        EXPECT_STATUS(png_write(path, PNG_RGBA8, g->rgba, g->width, g->height), OK);
+    }
+}
+
+static void photograph_all(const char *file, const char *take, const char *camera, const char *blind,
+                           const char *folder, bool upright)
+{
+    struct glass g;
+    const int share = folder ? 1 : SHARE, width = (upright ? SHORT : LONG) / share,
+              height = (upright ? LONG : SHORT) / share;
+    open_glass(&g, width, height, file, take, camera);
+    g.tablet.show.take_wanted = true;
+    glass_settle(&g, true);
+    if (folder)
+        glass_prepare(&g);
+    for (int n = 0; n < SCREENS - 1; n++)
+        photograph_one(&g, n, folder);
+    glass_close(&g);
+    open_glass(&g, width, height, file, take, blind);
+    g.tablet.show.take_wanted = true;
+    glass_settle(&g, false);
+    photograph_one(&g, SCREENS - 1, folder);
+    glass_close(&g);
+}
+
+static void test_every_screen_is_drawn_wide_and_upright_dark_and_light(void **state)
+{
+    (void)state;
+    for (int upright = 0; upright < WAYS_UP; upright++)
+        photograph_all(rehearsal.file, "turn", rehearsal.camera, rehearsal.blind, NULL, upright);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    rehearsal = rehearsal_make();
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    rehearsal_end(&rehearsal);
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc == 4) {
+        rehearsal.scratch = scratch_make();
+        rehearse_camera(&rehearsal.scratch, "wall", NULL, 1);
+        snprintf(rehearsal.blind, sizeof rehearsal.blind, "folder:%s/wall", rehearsal.scratch.path);
+        for (int upright = 0; upright < 2; upright++)
+            photograph_all(argv[1], NULL, argv[2], rehearsal.blind, argv[3], upright);
+        rehearsal_end(&rehearsal);
+        return 0;
+    }
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_takes_are_chosen_with_a_finger),
+        cmocka_unit_test(test_an_orbit_shows_the_actor_and_a_finger_turns_it),
+#ifndef EMULATED // which would have the take prepared twice
+        cmocka_unit_test(test_nothing_is_drawn_when_nothing_changes),
+#endif
+        cmocka_unit_test(test_actor_and_camera_are_of_one_instant),
+        cmocka_unit_test(test_he_is_drawn_whole),
+        cmocka_unit_test(test_a_screen_mounted_turned_shows_the_same),
+        cmocka_unit_test(test_what_a_finger_hits_is_large_enough_on_every_screen),
+        cmocka_unit_test(test_who_does_not_look_misses_nothing),
+        cmocka_unit_test(test_a_photograph_is_what_is_seen_without_the_controls),
+        cmocka_unit_test(test_a_recording_that_is_taken_away_plays_on),
+        cmocka_unit_test(test_a_camera_that_is_lost_says_what_to_do),
+        cmocka_unit_test(test_the_mirror_shows_him_the_other_way_round),
+        cmocka_unit_test(test_the_take_is_there_at_once_and_better_soon),
+        cmocka_unit_test(test_a_file_without_a_take_says_so),
+        cmocka_unit_test(test_every_screen_is_drawn_wide_and_upright_dark_and_light),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}

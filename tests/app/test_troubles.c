@@ -1,0 +1,135 @@
+// What may be amiss with the camera while one watches: each has its sentence on the screen, and goes on once it is
+// mended, without a touch.
+#include "tests/support/test.h"
+
+#include "base/clock.h"
+#include "tests/support/glass.h"
+#include "tests/support/rehearsal.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static struct rehearsal rehearsal;
+
+static void open_glass(struct glass *g, const char *camera)
+{
+    static char uri[300]; // as long as the glass is open
+    snprintf(uri, sizeof uri, "folder:%s", scratch_file(&rehearsal.scratch, camera));
+    const struct tablet_options how = {
+        .file = rehearsal.file, .take = "turn", .camera = uri, .fixed_fineness = true, .refresh_hz = 60};
+    glass_open(g, GLASS_LONG / 4, GLASS_SHORT / 4, &how);
+}
+
+static void move(const char *from, const char *to)
+{
+    EXPECT_INT(rename(scratch_file(&rehearsal.scratch, from), scratch_file(&rehearsal.scratch, to)), 0);
+}
+
+// Draws until the screen says something with that word in it.
+static void expect_said(struct glass *g, const char *word)
+{
+    const int64_t until_ns = clock_now_ns() + 60000000000;
+    const char *hint;
+    do {
+        glass_draw(g);
+        hint = show_hint(&g->tablet.show);
+        clock_sleep_until_ns(clock_now_ns() + 2000000);
+    } while ((!hint || !strstr(hint, word)) && clock_now_ns() < until_ns);
+    print_message("%s\n", hint ? hint : "nothing is said");
+    EXPECT_TRUE(hint && strstr(hint, word));
+}
+
+static void expect_all_is_well(struct glass *g)
+{
+    glass_settle(g, true);
+    EXPECT_TRUE(g->tablet.show.presence == 1 && !show_hint(&g->tablet.show));
+    EXPECT_TRUE(!g->tablet.show.orbiting && g->tablet.picture.camera && g->tablet.picture.parts > 0);
+}
+
+static void one_that_is_not_there_is_waited_for(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, "later");
+    expect_said(&g, "later");
+    EXPECT_TRUE(g.tablet.show.orbiting && g.tablet.show.player.playing); // he can be looked at all the same
+    EXPECT_AT_LEAST(g.tablet.picture.parts, 1);
+    move("viewer", "later");
+    expect_all_is_well(&g);
+    move("later", "viewer");
+    glass_close(&g);
+}
+
+static void one_that_is_pulled_out_may_be_put_in_again(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, "viewer");
+    expect_all_is_well(&g);
+    for (int times = 0; times < 2; times++) {
+        move("viewer", "pulled");
+        expect_said(&g, "viewer");
+        EXPECT_TRUE(g.tablet.show.player.playing && g.tablet.show.page == PAGE_WATCH);
+        move("pulled", "viewer");
+        expect_all_is_well(&g);
+    }
+    glass_close(&g);
+}
+
+// Pictures of a quarter of the size, with the whole size's calibration.
+static void one_of_an_odd_size_is_told_from_one_without_pictures(void **state)
+{
+    (void)state;
+    struct glass g;
+    rehearse_camera(&rehearsal.scratch, "odd", NULL, 0.25);
+    move("odd/calibration.json", "kept.json");
+    move("viewer/calibration.json", "odd/calibration.json");
+    open_glass(&g, "odd");
+    expect_said(&g, "calibration.json says");
+    move("odd/calibration.json", "viewer/calibration.json");
+    move("odd", "was-odd");
+    move("viewer", "odd");
+    expect_all_is_well(&g);
+    move("odd", "viewer");
+    glass_close(&g);
+}
+
+static void one_that_sees_no_tag_goes_on_with_the_first(void **state)
+{
+    (void)state;
+    struct glass g;
+    open_glass(&g, "wall");
+    expect_said(&g, "Point me at a tag");
+    EXPECT_NEAR(g.tablet.show.presence, 0, 0);
+    move("wall", "blank");
+    move("viewer", "wall");
+    expect_all_is_well(&g);
+    move("wall", "viewer");
+    move("blank", "wall");
+    glass_close(&g);
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    rehearsal = rehearsal_make();
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    rehearsal_end(&rehearsal);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(one_that_is_not_there_is_waited_for),
+        cmocka_unit_test(one_that_is_pulled_out_may_be_put_in_again),
+        cmocka_unit_test(one_of_an_odd_size_is_told_from_one_without_pictures),
+        cmocka_unit_test(one_that_sees_no_tag_goes_on_with_the_first),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}

@@ -1,0 +1,28 @@
+// Memory for the caches: where it begins, and that all of it is there, below, at and above a large page.
+#include "tests/support/test.h"
+
+#include "base/memory.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static void it_begins_at_a_line_and_is_all_there(void **state)
+{
+    (void)state;
+    const size_t page = 2 << 20, sizes[] = {0, 1, MEMORY_LINE, MEMORY_LINE + 1, page - 1, page, page + 1, 3 * page};
+    for (size_t i = 0; i < COUNT_OF(sizes); i++) {
+        unsigned char *memory = memory_in_lines(sizes[i]);
+        EXPECT_TRUE(memory);
+        EXPECT_INT((uintptr_t)memory % (sizes[i] < page ? MEMORY_LINE : page), 0);
+        memset(memory, 1, sizes[i]); // the sanitizers see to it
+        free(memory);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(it_begins_at_a_line_and_is_all_there),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

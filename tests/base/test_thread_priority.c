@@ -1,0 +1,77 @@
+// A thread of the background comes after others, and so do those that it starts; nobody else does.
+#include "tests/support/test.h"
+
+#include "base/thread_priority.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <sys/resource.h>
+
+static int nice_of_this_thread(void) { return getpriority(PRIO_PROCESS, 0); }
+
+static void *look(void *nice)
+{
+    *(int *)nice = nice_of_this_thread();
+    return NULL;
+}
+
+static void *go_behind(void *nices)
+{
+    int *nice = nices;
+    pthread_t child;
+    background_begin();
+    nice[0] = nice_of_this_thread();
+    assert_int_equal(pthread_create(&child, NULL, look, &nice[1]), 0);
+    pthread_join(child, NULL);
+    return NULL;
+}
+
+static void only_that_thread_and_its_own(void **state)
+{
+    (void)state;
+    const int before = nice_of_this_thread(), nicest = 19;
+    int nice[2];
+    pthread_t behind;
+    assert_int_equal(pthread_create(&behind, NULL, go_behind, nice), 0);
+    pthread_join(behind, NULL);
+    EXPECT_INT(nice[0], before + 5 < nicest ? before + 5 : nicest);
+    EXPECT_INT(nice[1], nice[0]);
+    EXPECT_INT(nice_of_this_thread(), before);
+}
+
+static int policy_of_this_thread(void)
+{
+    int policy;
+    struct sched_param param;
+    pthread_getschedparam(pthread_self(), &policy, &param);
+    return policy;
+}
+
+static void *leave_real_time(void *policy)
+{
+    background_begin();
+    *(int *)policy = policy_of_this_thread();
+    return NULL;
+}
+
+static void real_time_is_not_for_the_background(void **state)
+{
+    (void)state;
+    const struct sched_param first = {1}, none = {0};
+    pthread_t behind;
+    int policy;
+    if (pthread_setschedparam(pthread_self(), SCHED_RR, &first))
+        skip(); // nobody may have it here
+    assert_int_equal(pthread_create(&behind, NULL, leave_real_time, &policy), 0);
+    pthread_join(behind, NULL);
+    EXPECT_INT(policy, SCHED_OTHER);
+    EXPECT_INT(policy_of_this_thread(), SCHED_RR);
+    pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(only_that_thread_and_its_own),
+                                       cmocka_unit_test(real_time_is_not_for_the_background)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

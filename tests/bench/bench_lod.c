@@ -1,0 +1,268 @@
+// Error against time of each level of drawing, from 1 m to 6 m, all round the small world's dancer, each view at
+// another recorded instant. The truth is the world's own picture, from exactly there.
+//
+// The error: between the true outline and the drawn one lies so much area for each pixel of the true outline's length,
+// so it is the mean distance between the two. Beside it what the program predicted (reenact/render/lod_error.h), and
+// how far the colours are off where both cover. Times are of all threads together until all is drawn, the median of
+// some drawings one after the other of the same picture by each level in turn, then the median of the views, over the
+// plain path's.
+#include "tests/bench/bench.h"
+#include "tests/bench/bench_lod_plot.h"
+#include "tests/bench/bench_look.h"
+#include "tests/bench/bench_views_data.h"
+
+#include "reenact/render/actor_renderer.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { VIEWS = 6, DRAWN = 5, LEVELS = 5 };
+static const double ABOVE_M = 0.4;       // the viewer, above the waist
+static const double AROUND_M = 0.35;     // of the person about the joints, at most
+static const double SAME_PLACE_M = 0.15; // furniture is before him if it is so much nearer than his nearest joint
+
+// How the levels are drawn. Rounded cylinders are what there is beyond paper of somebody whose shape is not known.
+static const struct {
+    const char *name, *colour;
+    enum detail detail;
+    bool unknown;    // the person's shape
+    double error_px; // allowed
+} plans[LEVELS] = {
+    {"paper", "#c60", DETAIL_PAPER, false, 1},       {"rounded cylinders", "#383", DETAIL_FULL, true, 1},
+    {"full", "#06c", DETAIL_FULL, false, 1},         {"auto, 1 px", "#000", DETAIL_AUTO, false, 1},
+    {"auto, 20 px", "#a0a", DETAIL_AUTO, false, 20},
+};
+
+struct level {
+    struct painter *painter;
+    double area, length, predicted, squares, covered; // sums over a distance's views
+    int plain;                                        // views drawn at paper
+    double ms[VIEWS];
+};
+
+enum { NOBODY, PERSON, HIDDEN };
+
+struct stage {
+    struct views_data data;
+    struct world *world;
+    struct gpu *gpu;
+    struct level level[LEVELS];
+    uint8_t *rgb, *rgba, *seen; // the true picture; the drawn person; NOBODY ... of each pixel
+    double length;              // of the true outline
+};
+
+// ------------------------------------------------------------- the truth
+
+// The part of the picture with the person in it, as a lens of its own. *nearest_m: of the joints.
+static struct lens crop_to(const struct lens *whole, const struct skeleton *in_viewer, int *left, int *top,
+                           double *nearest_m)
+{
+    double x0 = whole->width, x1 = 0, y0 = whole->height, y1 = 0;
+    *nearest_m = INFINITY;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        struct vec3 p = in_viewer->joint[j];
+        double z = fmax(p.z, 0.2), margin = AROUND_M * whole->fx / z;
+        struct pixel at = lens_project(whole, v3(p.x, p.y, z));
+        x0 = fmin(x0, at.x - margin), x1 = fmax(x1, at.x + margin);
+        y0 = fmin(y0, at.y - margin), y1 = fmax(y1, at.y + margin);
+        *nearest_m = fmin(*nearest_m, z);
+    }
+    struct lens part = *whole;
+    *left = (int)fmax(0, floor(x0));
+    *top = (int)fmax(0, floor(y0));
+    part.width = (int)fmin(whole->width, ceil(x1)) - *left;
+    part.height = (int)fmin(whole->height, ceil(y1)) - *top;
+    part.cx -= *left;
+    part.cy -= *top;
+    return part;
+}
+
+// The sum over directions of an outline's steps between pixels is 4/pi of its length.
+static double outline_length(const uint8_t *seen, int width, int height)
+{
+    int steps = 0;
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            const uint8_t *at = &seen[y * width + x];
+            steps += x + 1 < width && at[0] + at[1] == PERSON;
+            steps += y + 1 < height && at[0] + at[width] == PERSON;
+        }
+    return steps * 0.7853981633974483;
+}
+
+static enum status film_truth(struct stage *s, struct pose viewer, double time_s)
+{
+    const struct lens *lens = &s->data.lens;
+    size_t pixels = (size_t)lens->width * (size_t)lens->height;
+    struct skeleton joints = world_joints_in_camera(s->world, time_s, viewer);
+    int left, top;
+    double nearest_m;
+    struct world_shot shot = {crop_to(lens, &joints, &left, &top, &nearest_m), viewer, time_s, true};
+    size_t part = (size_t)shot.lens.width * (size_t)shot.lens.height;
+    uint8_t *rgb = malloc(3 * part), *mask = malloc(part);
+    uint16_t *room = malloc(part * sizeof *room);
+    enum status status = rgb && mask && room ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    if (status == OK)
+        status = world_render(s->world, &shot, &(struct world_picture){.color = rgb, .mask = mask});
+    shot.actor = false;
+    if (status == OK)
+        status = world_render(s->world, &shot, &(struct world_picture){.depth = room});
+    memset(s->seen, NOBODY, pixels);
+    for (size_t i = 0; i < part && status == OK; i++) {
+        size_t at = (i / (size_t)shot.lens.width + (size_t)top) * (size_t)lens->width + i % (size_t)shot.lens.width +
+                    (size_t)left;
+        bool hidden = room[i] && room[i] * 0.001 < nearest_m - SAME_PLACE_M;
+        s->seen[at] = hidden ? HIDDEN : mask[i] ? PERSON : NOBODY;
+        memcpy(s->rgb + 3 * at, rgb + 3 * i, 3);
+    }
+    s->length = outline_length(s->seen, lens->width, lens->height);
+    free(rgb);
+    free(mask);
+    free(room);
+    return status;
+}
+
+// ------------------------------------------------------------- the levels
+
+static void judge(const struct stage *s, struct level *l)
+{
+    l->length += s->length;
+    for (int i = 0; i < s->data.lens.width * s->data.lens.height; i++) {
+        bool there = s->seen[i] == PERSON, drawn = s->rgba[4 * i + 3] >= 128;
+        if (s->seen[i] == HIDDEN)
+            continue;
+        l->area += there != drawn;
+        for (int c = 0; c < 3 && there && drawn; c++) {
+            double d = (double)s->rgba[4 * i + c] - (double)s->rgb[3 * i + c];
+            l->squares += d * d;
+            l->covered++;
+        }
+    }
+}
+
+static enum status draw_view(struct stage *s, const struct painter_view *view, int number)
+{
+    double ms[LEVELS][DRAWN];
+    enum status status = OK;
+    for (int i = 0; i < DRAWN * LEVELS && status == OK; i++) {
+        struct level *l = &s->level[i % LEVELS];
+        struct painter_result result;
+        double started_ms = bench_all_threads_ms();
+        status = painter_draw(l->painter, view, &result);
+        if (status == OK)
+            status = gpu_wait(s->gpu);
+        ms[i % LEVELS][i / LEVELS] = bench_all_threads_ms() - started_ms;
+        if (status != OK || i < (DRAWN - 1) * LEVELS)
+            continue;
+        status = painter_read_actor(l->painter, s->rgba);
+        l->predicted += result.error_px;
+        l->plain += result.level == DETAIL_PAPER;
+        judge(s, l);
+    }
+    for (int i = 0; i < LEVELS && status == OK; i++)
+        s->level[i].ms[number] = bench_percentile(ms[i], DRAWN, 0.5);
+    return status;
+}
+
+static enum status look(struct stage *s, double away_m, int number)
+{
+    const struct take *take = s->data.own;
+    const struct take_entry *e = take_entry(take, number * take_frame_count(take) / VIEWS);
+    int64_t since_ns = e->time_ns - take_entry(take, 0)->time_ns;
+    double time_s = (double)since_ns * 1e-9, angle = 6.283185307179586 * number / VIEWS;
+    struct vec3 him = world_joints(s->world, time_s).joint[JOINT_WAIST];
+    struct vec3 eye = v3_add(him, v3(away_m * sin(angle), -away_m * cos(angle), ABOVE_M));
+    struct pose viewer = bench_look_at(eye, him);
+    enum status status = film_truth(s, viewer, time_s);
+    // From the sensor on, so that where the sensor was found does not count.
+    struct pose take_from_world = pose_multiply(e->world_from_camera, pose_inverse(world_sensor_pose(s->world)));
+    struct painter_view view = {.world_from_camera = pose_multiply(take_from_world, viewer), .time_ns = since_ns};
+    return status == OK ? draw_view(s, &view, number) : status;
+}
+
+// ------------------------------------------------------------- the stage
+
+static enum status open_stage(struct stage *s)
+{
+    struct world_options world = world_default_options();
+    enum status status = views_data_open(&s->data, NULL);
+    size_t pixels = (size_t)s->data.lens.width * (size_t)s->data.lens.height;
+    if (status == OK)
+        status = world_open(&s->world, &world);
+    if (status == OK)
+        status = gpu_open(&s->gpu);
+    for (int i = 0; i < LEVELS && status == OK; i++) {
+        struct painter_options o = painter_default_options();
+        o.detail = plans[i].detail;
+        o.error_px = plans[i].error_px;
+        o.likeness_later = plans[i].unknown;
+        status = painter_open(&s->level[i].painter, s->gpu, s->data.own, &s->data.lens, &o);
+        if (status == OK && plans[i].unknown)
+            status = painter_give_likeness(s->level[i].painter, NULL);
+    }
+    if (status != OK)
+        return status;
+    s->rgb = malloc(3 * pixels);
+    s->rgba = malloc(4 * pixels);
+    s->seen = malloc(pixels);
+    return s->rgb && s->rgba && s->seen ? OK : fail(ERR_MEMORY, "no memory for a picture");
+}
+
+static void close_stage(struct stage *s)
+{
+    for (int i = 0; i < LEVELS; i++)
+        painter_close(&s->level[i].painter);
+    gpu_close(&s->gpu);
+    world_close(&s->world);
+    views_data_close(&s->data);
+    free(s->rgb);
+    free(s->rgba);
+    free(s->seen);
+}
+
+static enum status sum_up(struct bench *b, struct stage *s, int distance, struct levels_line *lines)
+{
+    enum status status = OK;
+    double plain_ms = bench_percentile(s->level[0].ms, VIEWS, 0.5);
+    for (int i = 0; i < LEVELS && status == OK; i++) {
+        struct level *l = &s->level[i];
+        struct levels_mark *m = &lines[i].mark[distance];
+        char name[64];
+        *m = (struct levels_mark){distance + 1, bench_percentile(l->ms, VIEWS, 0.5) / plain_ms, l->area / l->length,
+                                  l->predicted / VIEWS};
+        snprintf(name, sizeof name, "%g m, %s", m->away_m, plans[i].name);
+        status = bench_add_row(b, name,
+                               (const double[]){m->time_ratio, m->error_px, m->predicted_px,
+                                                sqrt(l->squares / fmax(l->covered, 1)), 100.0 * l->plain / VIEWS});
+        *l = (struct level){.painter = l->painter};
+    }
+    return status;
+}
+
+static enum status run(struct bench *b)
+{
+    static struct stage s;
+    static const char *const columns[] = {"time_ratio", "error_px", "predicted", "grey_rms", "paper_pct"};
+    struct levels_line lines[LEVELS];
+    for (int i = 0; i < LEVELS; i++)
+        lines[i] = (struct levels_line){
+            .name = plans[i].name, .colour = plans[i].colour, .ring = plans[i].detail == DETAIL_AUTO};
+    bench_columns(b, columns, COUNT_OF(columns));
+    enum status status = open_stage(&s);
+    for (int d = 0; d < LEVELS_DISTANCES && status == OK; d++) {
+        for (int v = 0; v < VIEWS && status == OK; v++)
+            status = look(&s, d + 1, v);
+        if (status == OK)
+            status = sum_up(b, &s, d, lines);
+    }
+    const char *plot = bench_inputs(b)->plot;
+    if (status == OK && plot)
+        status = levels_plot(plot, lines, LEVELS);
+    close_stage(&s);
+    return status;
+}
+
+const struct bench_stage bench_stage_levels = {
+    "levels", "error against time of each level, 1 m to 6 m from the person", "error_px", "time_ratio", {NULL}, run};

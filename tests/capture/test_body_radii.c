@@ -1,0 +1,160 @@
+// The body's radii, on pictures of a puppet whose truth is known.
+#include "tests/support/test.h"
+
+#include "capture/body_radii.h"
+
+#include <string.h>
+
+enum { WIDTH = 320, HEIGHT = 240 };
+
+static struct calibration kinect(void)
+{
+    struct lens lens = {WIDTH, HEIGHT, 262.5, 262.5, 159.5, 119.5, 0, 0, 0, 0, 0, 0, 0};
+    return (struct calibration){lens, lens, true, POSE_IDENTITY};
+}
+
+// Arms out, legs apart, 2.5 m away, facing the camera: the left hand is on the picture's right.
+static struct skeleton puppet(void)
+{
+    struct skeleton s;
+    const struct vec3 joints[JOINT_COUNT] = {
+        [JOINT_HEAD] = {0, -0.65, 2.5},
+        [JOINT_NECK] = {0, -0.45, 2.5},
+        [JOINT_LEFT_SHOULDER] = {0.2, -0.4, 2.5},
+        [JOINT_LEFT_ELBOW] = {0.48, -0.35, 2.5},
+        [JOINT_LEFT_HAND] = {0.75, -0.3, 2.5},
+        [JOINT_RIGHT_SHOULDER] = {-0.2, -0.4, 2.5},
+        [JOINT_RIGHT_ELBOW] = {-0.48, -0.35, 2.5},
+        [JOINT_RIGHT_HAND] = {-0.75, -0.3, 2.5},
+        [JOINT_TORSO] = {0, -0.15, 2.5},
+        [JOINT_WAIST] = {0, 0.1, 2.5},
+        [JOINT_LEFT_HIP] = {0.12, 0.18, 2.5},
+        [JOINT_LEFT_KNEE] = {0.2, 0.6, 2.5},
+        [JOINT_LEFT_FOOT] = {0.25, 1.0, 2.5},
+        [JOINT_RIGHT_HIP] = {-0.12, 0.18, 2.5},
+        [JOINT_RIGHT_KNEE] = {-0.2, 0.6, 2.5},
+        [JOINT_RIGHT_FOOT] = {-0.25, 1.0, 2.5},
+    };
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        s.joint[j] = joints[j];
+        s.confidence[j] = 1;
+    }
+    return s;
+}
+
+static const double true_radius[PART_COUNT] = {
+    [PART_HEAD] = 0.09,           [PART_UPPER_TORSO] = 0.16,  [PART_LOWER_TORSO] = 0.14,
+    [PART_LEFT_UPPER_ARM] = 0.05, [PART_LEFT_FOREARM] = 0.04, [PART_RIGHT_UPPER_ARM] = 0.05,
+    [PART_RIGHT_FOREARM] = 0.04,  [PART_LEFT_THIGH] = 0.075,  [PART_LEFT_SHIN] = 0.05,
+    [PART_RIGHT_THIGH] = 0.075,   [PART_RIGHT_SHIN] = 0.05,
+};
+
+static uint16_t depth[WIDTH * HEIGHT];
+static uint8_t mask[WIDTH * HEIGHT];
+
+// Draws every part flat, as a band of its radius about its bone, 5 cm before it.
+static void draw(const struct calibration *c, const struct skeleton *s)
+{
+    memset(depth, 0, sizeof depth);
+    memset(mask, 0, sizeof mask);
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++)
+            for (int p = 0; p < PART_COUNT; p++) {
+                struct vec3 a = s->joint[part_ends[p].from], b = s->joint[part_ends[p].to];
+                struct vec3 at = v3_scale(lens_ray(&c->depth, (struct pixel){x, y}), a.z - 0.05);
+                at.z = a.z; // all bones of the puppet lie at one depth
+                struct vec3 bone = v3_sub(b, a);
+                double t = v3_dot(v3_sub(at, a), bone) / v3_dot(bone, bone);
+                if (t >= 0 && t <= 1 && v3_distance(at, v3_add(a, v3_scale(bone, t))) < true_radius[p]) {
+                    depth[y * WIDTH + x] = (uint16_t)lround(1000 * (a.z - 0.05));
+                    mask[y * WIDTH + x] = 1;
+                }
+            }
+}
+
+static void test_radii_of_a_clear_pose(void **state)
+{
+    (void)state;
+    struct calibration c = kinect();
+    struct skeleton s = puppet();
+    struct representative r;
+    draw(&c, &s);
+    representative_start(&r);
+    EXPECT_TRUE(representative_offer(&r, 5, &c, &s, depth, mask));
+    EXPECT_INT(r.body.representative_frame, 5);
+    for (int p = 0; p < PART_COUNT; p++) {
+        double length = v3_distance(s.joint[part_ends[p].from], s.joint[part_ends[p].to]);
+        // a pixel is 9 mm wide at that distance; thighs and lower torso run into each other
+        EXPECT_NEAR(r.body.radius_rate[p] * length, true_radius[p], p == PART_LOWER_TORSO ? 0.03 : 0.012);
+    }
+}
+
+static void test_value_prefers_what_the_paper_asks_for(void **state)
+{
+    (void)state;
+    struct skeleton good = puppet(), arms_down = puppet(), arms_forward = puppet(), crossed = puppet();
+    arms_down.joint[JOINT_LEFT_HAND] = v3(0.22, 0.2, 2.5);
+    arms_forward.joint[JOINT_LEFT_HAND] = v3(0.2, -0.4, 1.9);
+    crossed.joint[JOINT_LEFT_FOOT].x = -0.3;
+    crossed.joint[JOINT_RIGHT_FOOT].x = 0.3;
+    double value = representative_value(&good);
+    EXPECT_TRUE(value > representative_value(&arms_down) + 0.1);
+    EXPECT_TRUE(value > representative_value(&arms_forward) + 0.1);
+    EXPECT_TRUE(representative_value(&arms_down) > representative_value(&crossed));
+    // Seen from behind, the same pose is worth the same.
+    struct skeleton back = good;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        back.joint[j] = v3(-good.joint[j].x, good.joint[j].y, 5 - good.joint[j].z);
+    EXPECT_NEAR(representative_value(&back), value, 1e-9);
+}
+
+static void test_what_was_never_seen_has_no_radius(void **state)
+{
+    (void)state;
+    struct calibration c = kinect();
+    struct skeleton s = puppet();
+    struct representative r;
+    draw(&c, &s);
+    const enum joint unseen[] = {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
+    for (size_t i = 0; i < COUNT_OF(unseen); i++) {
+        s.confidence[unseen[i]] = 0;
+        s.joint[unseen[i]] = v3(NAN, NAN, NAN);
+    }
+    representative_start(&r);
+    EXPECT_TRUE(representative_offer(&r, 0, &c, &s, depth, mask));
+    EXPECT_NEAR(r.body.radius_rate[PART_LEFT_SHIN], 0, 0);
+    EXPECT_NEAR(r.body.radius_rate[PART_RIGHT_THIGH], 0, 0);
+    EXPECT_AT_LEAST(r.body.radius_rate[PART_LEFT_FOREARM], 0.05);
+}
+
+static void test_hard_cases_give_no_radius_and_no_nan(void **state)
+{
+    (void)state;
+    struct calibration c = kinect();
+    struct skeleton s = puppet();
+    draw(&c, &s);
+    struct skeleton none = s;
+    none.joint[JOINT_LEFT_HAND] = none.joint[JOINT_LEFT_ELBOW]; // a limb of no length
+    EXPECT_NEAR(representative_part_radius(&c, &none, depth, mask, PART_LEFT_FOREARM), 0, 0);
+    struct skeleton behind = s;
+    behind.joint[JOINT_LEFT_HAND].z = -1;
+    EXPECT_NEAR(representative_part_radius(&c, &behind, depth, mask, PART_LEFT_FOREARM), 0, 0);
+    struct skeleton outside = s;
+    outside.joint[JOINT_LEFT_ELBOW].x += 2;
+    outside.joint[JOINT_LEFT_HAND].x += 2;
+    EXPECT_NEAR(representative_part_radius(&c, &outside, depth, mask, PART_LEFT_FOREARM), 0, 0);
+    memset(depth, 0, sizeof depth);
+    for (int p = 0; p < PART_COUNT; p++)
+        EXPECT_NEAR(representative_part_radius(&c, &s, depth, mask, (enum part)p), 0, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_radii_of_a_clear_pose),
+        cmocka_unit_test(test_value_prefers_what_the_paper_asks_for),
+        cmocka_unit_test(test_what_was_never_seen_has_no_radius),
+        cmocka_unit_test(test_hard_cases_give_no_radius_and_no_nan),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,194 @@
+// A place filmed without depth keeps the natural points that its pictures agree on, and a camera found by them is no
+// further off than it says, with tags in sight and with all of them taken away.
+//
+//     test_color_sweep [CAMERAS [SEED]]      default 8 9
+#include "capture/mapping/mapper.h"
+#include "tests/support/covariance_check.h"
+#include "tests/support/align.h"
+#include "tests/world/world.h"
+
+#include <stdlib.h>
+
+enum { SWEEP = 36, LEAST_POINTS = 600 };
+// Three numbers of a position: 95 % lie below the first, all but one in a million below the second.
+static const double WITHIN_95_SHIFT = 7.815, NEVER = 30.7;
+
+static int cameras = 8;
+static uint64_t seed = 9;
+
+static struct {
+    struct world *world;
+    const struct place_tag *tags; // where they are
+    struct place place;
+    struct pose world_from_place;
+    double tags_off_m;
+} room;
+
+static enum status film(struct mapper *m, const struct lens *lens)
+{
+    uint8_t *color = malloc((size_t)lens->width * (size_t)lens->height * 3);
+    EXPECT_TRUE(color != NULL);
+    enum status status = OK;
+    for (int i = 0; i < SWEEP && status == OK; i++) {
+        double time_s = (double)WORLD_SWEEP_S * i / SWEEP;
+        struct world_shot shot = {*lens, world_sweep_pose(room.world, time_s), 0, false};
+        EXPECT_STATUS(world_render(room.world, &shot, &(struct world_picture){.color = color}), OK);
+        world_color_noise(color, lens->width, lens->height, seed * 1000 + (uint64_t)i);
+        status = mapper_add(m, &(struct frame){.time_ns = (int64_t)(time_s * 1e9), .color = color});
+    }
+    free(color);
+    return status;
+}
+
+static int enter(void **state)
+{
+    (void)state;
+    struct world_options o = world_default_options();
+    struct calibration camera = {.color = world_calibration(1).color};
+    struct mapper_tag listed[32];
+    struct mapper *m;
+    struct mapper_report report;
+    int32_t count;
+    o.motion = "still";
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&room.world, &o), OK);
+    room.tags = world_tags(room.world, &count);
+    EXPECT_AT_MOST(count, (int)COUNT_OF(listed));
+    for (int32_t i = 0; i < count; i++)
+        listed[i] = (struct mapper_tag){room.tags[i].id, room.tags[i].side_m};
+    EXPECT_STATUS(mapper_open(&m, &camera, listed, count, NULL), OK);
+    EXPECT_STATUS(film(m, &camera.color), OK);
+    EXPECT_STATUS(mapper_finish(m, &room.place, &report), OK);
+    mapper_close(&m);
+    EXPECT_INT(report.frames_placed, SWEEP);
+    EXPECT_INT(room.place.tag_count, count);
+    room.tags_off_m = align_tags(&room.place, room.tags, count, &room.world_from_place);
+    return 0;
+}
+
+static int leave(void **state)
+{
+    (void)state;
+    place_free(&room.place);
+    world_close(&room.world);
+    return 0;
+}
+
+static void tags_are_where_they_say(void **state)
+{
+    (void)state;
+    double squared = tags_squared(&room.place, room.tags, room.world_from_place);
+    printf("%d tags within %.2f mm rms, off by %.1f where 6 is said\n", (int)room.place.tag_count,
+           room.tags_off_m * 1e3, squared);
+    EXPECT_AT_MOST(room.tags_off_m, 0.002);
+    EXPECT_AT_MOST(squared, 2 * 6);
+}
+
+static void points_are_kept(void **state)
+{
+    (void)state;
+    printf("%d points\n", (int)room.place.point_count);
+    EXPECT_AT_LEAST(room.place.point_count, LEAST_POINTS);
+    for (int32_t i = 0; i < room.place.point_count; i++) {
+        const struct place_point *p = &room.place.points[i];
+        EXPECT_TRUE(p->covariance[0] > 0); // each says how surely it is known
+        struct vec3 from = v3((double)p->seen_from[0], (double)p->seen_from[1], (double)p->seen_from[2]);
+        EXPECT_AT_LEAST(v3_length(from), 0.1); // and from where it was seen
+        EXPECT_AT_MOST(v3_length(from), 1.000001);
+    }
+}
+
+// Squared error of a position in standard deviations.
+static double shift_squared(struct pose found, const double covariance[36], struct pose truth)
+{
+    struct vec3 off = pose_multiply(pose_inverse(found), truth).translation;
+    const double d[3] = {off.x, off.y, off.z};
+    double shift[9], inverse[9], sum = 0;
+    for (int i = 0; i < 9; i++)
+        shift[i] = covariance[(3 + i / 3) * 6 + 3 + i % 3];
+    EXPECT_TRUE(invert_symmetric(shift, 3, inverse));
+    for (int i = 0; i < 9; i++)
+        sum += d[i / 3] * inverse[i] * d[i % 3];
+    return sum;
+}
+
+// Where the tablet is found, each picture by itself.
+struct found {
+    int pictures, within;
+    double squares, worst_m; // of errors, metres
+    double sum, worst;       // of errors squared, in standard deviations
+};
+
+static void find(struct locator *l, const uint8_t *color, struct pose truth, struct found *f)
+{
+    struct location at;
+    enum status status = locator_find(l, color, NULL, &at);
+    EXPECT_TRUE(status >= 0);
+    if (status != OK)
+        return;
+    struct pose in_world = pose_multiply(room.world_from_place, at.world_from_camera);
+    double off = v3_distance(in_world.translation, truth.translation);
+    double e = shift_squared(in_world, at.covariance, truth);
+    if (e > WITHIN_95_SHIFT)
+        printf("  %.1f mm where %.1f are said, %d points, %d tags\n", off * 1e3, at.position_sigma_m * 1e3,
+               (int)at.points_used, (int)at.tags_used);
+    f->pictures++;
+    f->within += e <= WITHIN_95_SHIFT;
+    f->squares += off * off;
+    f->sum += e;
+    f->worst_m = fmax(f->worst_m, off);
+    f->worst = fmax(f->worst, e);
+}
+
+static void expect_honest(const char *name, const struct found *f, int least_found)
+{
+    printf("%s: %d of %d found, %.1f mm rms, worst %.1f mm, %d within 95 %%, %.1f where 3 is said, worst %.1f\n", name,
+           f->pictures, cameras, sqrt(f->squares / f->pictures) * 1e3, f->worst_m * 1e3, f->within,
+           f->sum / f->pictures, f->worst);
+    EXPECT_AT_LEAST(f->pictures, least_found);
+    // All of them stand on the errors of one map, so chance makes more of a difference than among as many maps.
+    EXPECT_AT_MOST(f->sum / f->pictures, 2 * 3);
+    EXPECT_AT_MOST(f->worst, NEVER);
+}
+
+static void cameras_are_where_they_say(void **state)
+{
+    (void)state;
+    const struct lens lens = world_viewer_calibration(1).color;
+    uint8_t *color = malloc((size_t)lens.width * (size_t)lens.height * 3);
+    struct place bare = room.place; // its tags taken away
+    struct locator *with_tags, *without;
+    struct found in_sight = {0}, taken_away = {0};
+    EXPECT_TRUE(color != NULL);
+    bare.tag_count = 0;
+    EXPECT_STATUS(locator_open(&with_tags, &room.place, &lens, NULL), OK);
+    EXPECT_STATUS(locator_open(&without, &bare, &lens, NULL), OK);
+    for (int i = 0; i < cameras; i++) {
+        double time_s = world_seconds(room.world) * i / cameras;
+        struct world_shot shot = {lens, world_viewer_pose(room.world, time_s), time_s, false};
+        EXPECT_STATUS(world_render(room.world, &shot, &(struct world_picture){.color = color}), OK);
+        world_color_noise(color, lens.width, lens.height, seed * 1000 + 500 + (uint64_t)i);
+        find(with_tags, color, shot.world_from_camera, &in_sight);
+        find(without, color, shot.world_from_camera, &taken_away);
+    }
+    expect_honest("tags and points", &in_sight, cameras - 1);
+    expect_honest("points alone", &taken_away, cameras * 3 / 4);
+    locator_close(&with_tags);
+    locator_close(&without);
+    free(color);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(tags_are_where_they_say),
+        cmocka_unit_test(points_are_kept),
+        cmocka_unit_test(cameras_are_where_they_say),
+    };
+    if (argc > 1)
+        cameras = atoi(argv[1]);
+    if (argc > 2)
+        seed = (uint64_t)atoi(argv[2]);
+    printf("%d cameras, seed %llu\n", cameras, (unsigned long long)seed);
+    return cmocka_run_group_tests(tests, enter, leave);
+}

@@ -1,0 +1,112 @@
+// A sweep by a sensor with a rolling shutter: the place must come out about as well as from one that reads all rows at
+// once. Every row is rendered from where the sensor is when it is read.
+#include "tests/support/test.h"
+
+#include "capture/mapping/mapper.h"
+#include "tests/support/align.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { PICTURES = 18 };
+static const double READOUT_S = 0.03, STEP_S = 0.07, STAYS = 0.05; // of what is undone
+
+static struct pose path(const void *context, double time_s)
+{
+    return world_sweep_pose(context, fmin(fmax(time_s, 0), WORLD_SWEEP_S));
+}
+
+struct film {
+    const struct world *world;
+    struct calibration sensor; // with the readout it was filmed with
+    uint8_t *color[PICTURES];
+    uint16_t *depth[PICTURES];
+};
+
+static double time_of(int picture) { return (picture + 1) * STEP_S; }
+
+static struct film make_film(const struct world *w, double readout_s)
+{
+    struct film f = {.world = w, .sensor = world_calibration(1)};
+    f.sensor.color.readout_s = readout_s;
+    const struct lens *lens = &f.sensor.color;
+    size_t pixels = (size_t)lens->width * (size_t)lens->height;
+    for (int i = 0; i < PICTURES; i++) {
+        f.color[i] = malloc(pixels * 3);
+        f.depth[i] = malloc(pixels * sizeof *f.depth[i]);
+        EXPECT_TRUE(f.color[i] && f.depth[i]);
+        struct world_shot shot = {*lens, path(w, time_of(i)), 0, false};
+        struct world_picture picture = {.color = f.color[i], .depth = f.depth[i]};
+        EXPECT_STATUS(readout_s > 0 ? world_render_rolling(w, &shot, path, w, time_of(i), &picture)
+                                    : world_render(w, &shot, &picture),
+                      OK);
+        world_color_noise(f.color[i], lens->width, lens->height, (uint64_t)i);
+        EXPECT_STATUS(world_depth_noise(lens, f.depth[i], (uint64_t)i, f.depth[i]), OK);
+    }
+    return f;
+}
+
+static void free_film(struct film *f)
+{
+    for (int i = 0; i < PICTURES; i++) {
+        free(f->color[i]);
+        free(f->depth[i]);
+    }
+}
+
+// Maps the film, of which the mapper is told that it was read within `told_s`. What the tags are off by.
+static double map_film(const char *name, const struct film *f, double told_s)
+{
+    struct calibration sensor = f->sensor;
+    struct mapper_tag listed[32];
+    struct mapper *m;
+    struct mapper_report report;
+    struct place place;
+    int32_t count;
+    const struct place_tag *tags = world_tags(f->world, &count);
+    EXPECT_AT_MOST(count, 32);
+    for (int32_t i = 0; i < count; i++)
+        listed[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
+    sensor.color.readout_s = told_s;
+    EXPECT_STATUS(mapper_open(&m, &sensor, listed, count, NULL), OK);
+    for (int i = 0; i < PICTURES; i++) {
+        struct frame frame = {.time_ns = (int64_t)(time_of(i) * 1e9), .color = f->color[i], .depth = f->depth[i]};
+        EXPECT_STATUS(mapper_add(m, &frame), OK);
+    }
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    struct pose world_from_place;
+    double off = align_tags(&place, tags, count, &world_from_place);
+    printf("%s: %d of %d pictures, %d tags within %.2f mm rms, %.3f px, %d points\n", name, (int)report.frames_placed,
+           PICTURES, (int)place.tag_count, off * 1e3, place.rms_px, (int)place.point_count);
+    EXPECT_INT(report.frames_placed, PICTURES);
+    EXPECT_AT_LEAST(place.tag_count, 4);
+    place_free(&place);
+    mapper_close(&m);
+    return off;
+}
+
+static void a_place_swept_row_by_row(void **state)
+{
+    (void)state;
+    struct world_options o = world_default_options();
+    struct world *w;
+    o.motion = "still";
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&w, &o), OK);
+    struct film whole = make_film(w, 0), rolling = make_film(w, READOUT_S);
+    double wanted = map_film("all rows at once", &whole, 0);
+    double untold = map_film("read in 30 ms, but not said to be", &rolling, 0);
+    double told = map_film("read in 30 ms", &rolling, READOUT_S);
+    EXPECT_AT_LEAST(untold, 5 * wanted); // else nothing was to be undone
+    EXPECT_AT_MOST(told - wanted, (untold - wanted) * STAYS);
+    free_film(&whole);
+    free_film(&rolling);
+    world_close(&w);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(a_place_swept_row_by_row)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

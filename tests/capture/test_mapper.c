@@ -1,0 +1,484 @@
+#include "capture/mapping/mapper.h"
+#include "locate/camera_tracker.h"
+#include "platform/file.h"
+#include "tests/support/covariance_check.h"
+#include "tests/support/align.h"
+#include "tests/support/tag_picture.h"
+#include "tests/support/test.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+// ---------------------------------------------------------------- tags.json
+
+static enum status read_text(const char *text, struct mapper_tag **tags, int32_t *count)
+{
+    char path[] = "/tmp/reenact_tags_XXXXXX";
+    int file = mkstemp(path);
+    EXPECT_TRUE(file >= 0);
+    EXPECT_INT(write(file, text, strlen(text)), (long long)strlen(text));
+    close(file);
+    enum status status = mapper_read_tags(path, tags, count);
+    unlink(path);
+    return status;
+}
+
+static void tag_lists(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {
+        "",
+        "[]",
+        "{",
+        "{\"family\": \"tag36h11\"}",
+        "{\"side_m\": {\"0\": 0.2}}",
+        "{\"family\": \"tag16h5\", \"side_m\": {\"0\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {}}",
+        "{\"family\": \"tag36h11\", \"side_m\": [0.2]}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"x\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": \"0.2\"}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": -0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"0\": 200}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"587\": 0.2}}",
+        "{\"family\": \"tag36h11\", \"side_m\": {\"1\": 0.2, \"01\": 0.2}}",
+        "{\"family\": 3, \"side_m\": {\"0\": 0.2}}",
+    };
+    struct mapper_tag *tags;
+    int32_t count;
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        EXPECT_STATUS(read_text(bad[i], &tags, &count), ERR_INPUT);
+        EXPECT_TRUE(tags == NULL && strlen(status_sentence()) > 20);
+    }
+    EXPECT_STATUS(mapper_read_tags("/nowhere/tags.json", &tags, &count), ERR_MISSING);
+    EXPECT_STATUS(read_text("{\"family\": \"tag36h11\", \"side_m\": {\"12\": 0.24, \"3\": 0.2}}", &tags, &count), OK);
+    EXPECT_INT(count, 2);
+    EXPECT_INT(tags[0].id, 3);
+    EXPECT_NEAR(tags[1].side_m, 0.24, 0);
+    free(tags);
+}
+
+// ---------------------------------------------------------------- a room
+
+enum { SWEEP = 36 }; // pictures of the sweep
+
+struct room {
+    struct world *world;
+    struct calibration calibration;
+    struct mapper_tag tags[32];
+    int32_t tag_count;
+    uint8_t *color[SWEEP];
+    uint16_t *depth[SWEEP];
+};
+
+static struct room the_room; // filmed once, for all tests
+
+static int64_t sweep_time_ns(int i) { return (int64_t)(1e9 * WORLD_SWEEP_S * i / SWEEP); }
+
+static int film_room(void **state)
+{
+    (void)state;
+    struct room *r = &the_room;
+    struct world_options o = world_default_options();
+    int32_t count;
+    o.motion = "still";
+    o.threads = 2;
+    EXPECT_STATUS(world_open(&r->world, &o), OK);
+    r->calibration = world_calibration(1);
+    const struct place_tag *tags = world_tags(r->world, &count);
+    for (int32_t i = 0; i < count; i++)
+        r->tags[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
+    r->tag_count = count;
+    size_t pixels = (size_t)r->calibration.color.width * (size_t)r->calibration.color.height;
+    for (int i = 0; i < SWEEP; i++) {
+        r->color[i] = malloc(pixels * 3);
+        r->depth[i] = malloc(pixels * sizeof *r->depth[i]);
+        EXPECT_TRUE(r->color[i] && r->depth[i]);
+        struct world_shot shot = {r->calibration.color, world_sweep_pose(r->world, (double)sweep_time_ns(i) * 1e-9), 0,
+                                  false};
+        struct world_picture picture = {.color = r->color[i], .depth = r->depth[i]};
+        EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
+        world_color_noise(r->color[i], shot.lens.width, shot.lens.height, 1000 + (uint64_t)i);
+        EXPECT_STATUS(world_depth_noise(&shot.lens, r->depth[i], 50 + (uint64_t)i, r->depth[i]), OK);
+    }
+    return 0;
+}
+
+static int leave_room(void **state)
+{
+    (void)state;
+    for (int i = 0; i < SWEEP; i++) {
+        free(the_room.color[i]);
+        free(the_room.depth[i]);
+    }
+    world_close(&the_room.world);
+    return 0;
+}
+
+// Every `step`th picture of the sweep, by a sensor whose depth is so many times as long as it should be; 0: it has
+// none.
+static enum status film(const struct room *r, struct mapper *m, int step, double depth_times)
+{
+    size_t pixels = (size_t)r->calibration.depth.width * (size_t)r->calibration.depth.height;
+    uint16_t *depth = malloc(pixels * sizeof *depth);
+    enum status status = depth ? OK : ERR_MEMORY;
+    for (int i = 0; i < SWEEP && status == OK; i += step) {
+        struct frame frame = {
+            .time_ns = sweep_time_ns(i), .color = r->color[i], .depth = depth_times > 0 ? depth : NULL};
+        for (size_t k = 0; k < pixels; k++)
+            depth[k] = (uint16_t)(depth_times * r->depth[i][k] + 0.5);
+        status = mapper_add(m, &frame);
+    }
+    free(depth);
+    return status;
+}
+
+// rms of the mapped tags' corners against the truth after the best rigid motion.
+static double tag_error(const struct room *r, const struct place *place, struct pose *world_from_place)
+{
+    int32_t count;
+    const struct place_tag *tags = world_tags(r->world, &count);
+    return align_tags(place, tags, count, world_from_place);
+}
+
+// What a sweep of the room came to.
+struct mapped {
+    struct place place;
+    struct mapper_report report;
+    struct pose world_from_place; // by its tags, where there are any
+    double tags_off_m;            // likewise
+};
+
+// From what `film` films. tag_count: how many of the room's tags are told of.
+static struct mapped map_room(const struct room *r, int32_t tag_count, int step, double depth_times)
+{
+    struct mapped m;
+    struct mapper *mapper;
+    EXPECT_STATUS(mapper_open(&mapper, &r->calibration, tag_count ? r->tags : NULL, tag_count, NULL), OK);
+    EXPECT_STATUS(film(r, mapper, step, depth_times), OK);
+    EXPECT_STATUS(mapper_finish(mapper, &m.place, &m.report), OK);
+    mapper_close(&mapper);
+    m.world_from_place = POSE_IDENTITY;
+    m.tags_off_m = tag_count ? tag_error(r, &m.place, &m.world_from_place) : 0;
+    return m;
+}
+
+static void check_axes(const struct place *place, struct pose world_from_place)
+{
+    // z up and 0 on the floor, as in the world; x and the origin as the lowest tag has them.
+    struct vec3 up = quat_rotate(world_from_place.rotation, v3(0, 0, 1));
+    EXPECT_AT_LEAST(up.z, cos(0.2 / 57.3));
+    EXPECT_NEAR(world_from_place.translation.z, 0, 0.006);
+    const struct place_tag *first = &place->tags[0];
+    for (int32_t i = 1; i < place->tag_count; i++)
+        if (place->tags[i].id < first->id)
+            first = &place->tags[i];
+    struct vec3 x = quat_rotate(first->world_from_tag.rotation, v3(1, 0, 0));
+    EXPECT_NEAR(first->world_from_tag.translation.x, 0, 1e-9);
+    EXPECT_NEAR(first->world_from_tag.translation.y, 0, 1e-9);
+    EXPECT_NEAR(x.y, 0, 1e-9);
+    EXPECT_TRUE(x.x > 0.9);
+}
+
+// Where the tablet is found in the map, against the truth.
+static void check_viewer(const struct room *r, const struct place *place, struct pose world_from_place, double most_m,
+                         double most_deg)
+{
+    struct calibration viewer = world_viewer_calibration(1);
+    uint8_t *color = malloc((size_t)viewer.color.width * (size_t)viewer.color.height * 3);
+    struct locator *l;
+    double worst_m = 0, worst_rad = 0;
+    int found = 0, asked = 0;
+    EXPECT_TRUE(color != NULL);
+    EXPECT_STATUS(locator_open(&l, place, &viewer.color, NULL), OK);
+    for (double t = 0; t < world_seconds(r->world); t += world_seconds(r->world) / 6, asked++) {
+        struct world_shot shot = {viewer.color, world_viewer_pose(r->world, t), t, false};
+        struct world_picture picture = {.color = color};
+        struct location at;
+        EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
+        world_color_noise(color, shot.lens.width, shot.lens.height, 77);
+        enum status status = locator_find(l, color, NULL, &at);
+        EXPECT_TRUE(status >= 0);
+        if (status != OK)
+            continue;
+        struct pose in_world = pose_multiply(world_from_place, at.world_from_camera);
+        worst_m = fmax(worst_m, v3_distance(in_world.translation, shot.world_from_camera.translation));
+        worst_rad = fmax(worst_rad, pose_angle(in_world, shot.world_from_camera));
+        found++;
+    }
+    printf("tablet: %d of %d found, worst %.1f mm, %.3f degrees\n", found, asked, worst_m * 1e3, worst_rad * 57.2958);
+    EXPECT_AT_LEAST(found, asked - 1);
+    EXPECT_AT_MOST(worst_m, most_m);
+    EXPECT_AT_MOST(worst_rad * 57.2958, most_deg);
+    locator_close(&l);
+    free(color);
+}
+
+// A tablet that is walked once round in nine seconds and hands out two pictures a second: each lies far from where the
+// ones before lead.
+static void check_slow_viewer(const struct room *r, const struct place *place, struct pose world_from_place,
+                              double most_m)
+{
+    enum { PICTURES_ROUND = 18 };
+    struct calibration viewer = world_viewer_calibration(1);
+    uint8_t *color = malloc((size_t)viewer.color.width * (size_t)viewer.color.height * 3);
+    struct camera_track *track;
+    double worst_m = 0;
+    int found = 0;
+    EXPECT_TRUE(color != NULL);
+    EXPECT_STATUS(camera_track_open(&track, place, &viewer.color, NULL), OK);
+    for (int i = 0; i < PICTURES_ROUND; i++) {
+        double t = world_seconds(r->world) * i / PICTURES_ROUND;
+        struct world_shot shot = {viewer.color, world_viewer_pose(r->world, t), t, false};
+        struct location at;
+        struct camera_motion motion;
+        EXPECT_STATUS(world_render(r->world, &shot, &(struct world_picture){.color = color}), OK);
+        world_color_noise(color, shot.lens.width, shot.lens.height, 200 + (uint64_t)i);
+        if (camera_track_look(track, color, NULL, i * 500000000LL, &at, &motion) != OK)
+            continue;
+        struct pose in_world = pose_multiply(world_from_place, at.world_from_camera);
+        worst_m = fmax(worst_m, v3_distance(in_world.translation, shot.world_from_camera.translation));
+        found++;
+    }
+    printf("tablet with two pictures a second: %d of %d found, worst %.1f mm\n", found, PICTURES_ROUND, worst_m * 1e3);
+    EXPECT_AT_LEAST(found, PICTURES_ROUND - 1);
+    EXPECT_AT_MOST(worst_m, most_m);
+    camera_track_close(&track);
+    free(color);
+}
+
+static void a_room_is_mapped(void **state)
+{
+    (void)state;
+    struct room r = the_room;
+    int32_t count;
+    // a tag listed that hangs nowhere, and one that hangs but is not listed
+    int32_t unlisted = r.tags[4].id;
+    r.tags[4] = (struct mapper_tag){500, 0.2};
+    struct mapped m = map_room(&r, r.tag_count, 1, 1);
+    const struct place *place = &m.place;
+    const struct mapper_report *report = &m.report;
+    double error = m.tags_off_m, off = tags_squared(place, world_tags(r.world, &count), m.world_from_place);
+    printf("tags off by %.1f where 6 is said\n", off);
+    EXPECT_AT_LEAST(off, 3);
+    EXPECT_AT_MOST(off, 9);
+    printf("%d of %d pictures placed, %d tags within %.2f mm rms, %d points, rms %.3f px, %.1f mm\n",
+           (int)report->frames_placed, (int)report->frames, (int)place->tag_count, error * 1e3, (int)place->point_count,
+           place->rms_px, place->rms_m * 1e3);
+    EXPECT_AT_LEAST(report->frames_placed, 32);
+    EXPECT_AT_LEAST(report->tags_mapped, r.tag_count - 2);
+    EXPECT_INT(place->tag_count, report->tags_mapped);
+    EXPECT_INT(report->tags_unseen, 1);
+    EXPECT_INT(report->first_unseen, 500);
+    EXPECT_AT_LEAST(report->tags_unlisted, 1);
+    EXPECT_INT(report->first_unlisted, unlisted);
+    EXPECT_TRUE(report->floor_from_depth);
+    EXPECT_AT_MOST(error, 0.006);
+    EXPECT_AT_LEAST(place->rms_px, 0.001);
+    EXPECT_AT_MOST(place->rms_px, 0.5);
+    EXPECT_AT_LEAST(place->point_count, 300);
+    EXPECT_AT_MOST(place->point_count, 4000);
+    EXPECT_AT_LEAST(place->view_count, 15);
+    EXPECT_AT_MOST(place->view_count, 40);
+    for (int32_t i = 0; i < place->view_count; i++)
+        EXPECT_TRUE(place->views[i].jpeg && place->views[i].depth);
+    check_axes(place, m.world_from_place);
+    check_viewer(&r, place, m.world_from_place, 0.02, 0.25);
+    place_free(&m.place);
+}
+
+static void without_depth_the_tags_give_the_scale(void **state)
+{
+    (void)state;
+    struct room r = the_room;
+    struct mapped m = map_room(&r, r.tag_count, 2, 0);
+    const struct place *place = &m.place;
+    printf("without depth: %d of %d pictures placed, %d tags within %.2f mm rms, %d points\n",
+           (int)m.report.frames_placed, (int)m.report.frames, (int)place->tag_count, m.tags_off_m * 1e3,
+           (int)place->point_count);
+    EXPECT_AT_MOST(m.tags_off_m, 0.003);
+    EXPECT_AT_LEAST(place->point_count, 50);
+    check_viewer(&r, place, m.world_from_place, 0.03, 0.3);
+    EXPECT_TRUE(!m.report.floor_from_depth);
+    EXPECT_NEAR(place->rms_m, 0, 0);
+    struct vec3 up = quat_rotate(m.world_from_place.rotation, v3(0, 0, 1));
+    EXPECT_AT_LEAST(up.z, cos(2 / 57.3));
+    place_free(&m.place);
+}
+
+// A sensor whose depth is 2 % long does not make the room so: the tags' sides are known.
+static void tags_correct_the_depth(void **state)
+{
+    (void)state;
+    struct room r = the_room;
+    struct mapped m = map_room(&r, r.tag_count, 2, 1.02);
+    printf("depth 2 %% long: %d tags within %.2f mm rms\n", (int)m.place.tag_count, m.tags_off_m * 1e3);
+    EXPECT_AT_LEAST(m.place.tag_count, r.tag_count - 2);
+    EXPECT_AT_MOST(m.tags_off_m, 0.006);
+    check_viewer(&r, &m.place, m.world_from_place, 0.02, 0.25);
+    place_free(&m.place);
+}
+
+// Where a place without tags has its axes: z up, the origin below the first picture, x to its right.
+static struct pose axes_of_first_picture(const struct room *r)
+{
+    struct pose first = world_sweep_pose(r->world, 0);
+    struct vec3 x = quat_rotate(first.rotation, v3(1, 0, 0));
+    struct pose world_from_place = {quat_from_rotation_vector(v3(0, 0, atan2(x.y, x.x))), first.translation};
+    world_from_place.translation.z = 0;
+    return world_from_place;
+}
+
+static void without_tags_the_depth_gives_the_scale(void **state)
+{
+    (void)state;
+    struct room r = the_room;
+    struct mapped m = map_room(&r, 0, 1, 1);
+    printf("without tags: %d of %d pictures placed, %d points\n", (int)m.report.frames_placed, (int)m.report.frames,
+           (int)m.place.point_count);
+    EXPECT_INT(m.report.frames_placed, m.report.frames);
+    EXPECT_INT(m.place.tag_count, 0);
+    EXPECT_TRUE(m.report.floor_from_depth);
+    EXPECT_NEAR(m.report.lost_to_s - m.report.lost_from_s, 0, 0);
+    check_viewer(&r, &m.place, axes_of_first_picture(&r), 0.025, 0.4);
+    place_free(&m.place);
+}
+
+// No picture shows two tags; what can be recognised beside them carries the sweep on from where one was seen.
+static void a_few_tags_do_no_harm(void **state)
+{
+    (void)state;
+    struct room r = the_room;
+    static const int few[] = {1, 6}; // on walls that face each other
+    for (size_t i = 0; i < COUNT_OF(few); i++)
+        r.tags[i] = (struct mapper_tag){few[i], world_tags(r.world, &(int32_t){0})[few[i]].side_m};
+    struct mapped m = map_room(&r, COUNT_OF(few), 1, 1);
+    printf("of two tags: %d of %d pictures placed, %d tags within %.2f mm rms, %d points\n",
+           (int)m.report.frames_placed, (int)m.report.frames, (int)m.place.tag_count, m.tags_off_m * 1e3,
+           (int)m.place.point_count);
+    EXPECT_INT(m.report.frames_placed, m.report.frames);
+    EXPECT_INT(m.place.tag_count, COUNT_OF(few));
+    EXPECT_AT_LEAST(m.place.point_count, 500);
+    EXPECT_AT_MOST(m.tags_off_m, 0.01);
+    check_viewer(&r, &m.place, m.world_from_place, 0.025, 0.4);
+    check_slow_viewer(&r, &m.place, m.world_from_place, 0.025);
+    place_free(&m.place);
+}
+
+// ---------------------------------------------------------------- sweeps that lead nowhere
+
+static struct calibration small_camera(void)
+{
+    struct calibration c = {.color = tag_picture_lens(160, 120, 131), .color_from_depth = POSE_IDENTITY};
+    return c;
+}
+
+static void no_tag_is_a_sentence(void **state)
+{
+    (void)state;
+    static uint8_t gray[160 * 120 * 3];
+    struct calibration c = small_camera();
+    struct mapper_tag tag = {5, 0.2};
+    struct mapper *m;
+    struct place place;
+    struct mapper_report report;
+    EXPECT_STATUS(mapper_open(&m, &c, &tag, 1, NULL), OK);
+    EXPECT_STATUS(mapper_finish(m, &place, &report), ERR_INPUT); // no picture at all
+    mapper_close(&m);
+    EXPECT_STATUS(mapper_open(&m, &c, &tag, 1, NULL), OK);
+    memset(gray, 128, sizeof gray);
+    EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = 1}), OK); // without colour
+    EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = 2, .color = gray}), OK);
+    EXPECT_STATUS(mapper_finish(m, &place, &report), ERR_INPUT);
+    EXPECT_SAYS("tag");
+    EXPECT_TRUE(place.tags == NULL && place.tag_count == 0);
+    EXPECT_INT(report.tags_unseen, 1);
+    mapper_close(&m);
+    mapper_close(&m);
+}
+
+static void senseless_input(void **state)
+{
+    (void)state;
+    struct calibration c = small_camera(), bad = c;
+    struct mapper_tag tags[2] = {{5, 0.2}, {5, 0.2}};
+    struct mapper *m;
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 2, NULL), ERR_INPUT);
+    EXPECT_TRUE(m == NULL);
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 0, NULL), ERR_INPUT); // nor depth
+    tags[0].side_m = NAN;
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 1, NULL), ERR_INPUT);
+    tags[0] = (struct mapper_tag){900, 0.2};
+    EXPECT_STATUS(mapper_open(&m, &c, tags, 1, NULL), ERR_INPUT);
+    bad.color.fx = 0;
+    EXPECT_STATUS(mapper_open(&m, &bad, &tags[1], 1, NULL), ERR_INPUT);
+    bad = c;
+    bad.color = (struct lens){0};
+    EXPECT_STATUS(mapper_open(&m, &bad, &tags[1], 1, NULL), ERR_INPUT);
+    EXPECT_SAYS("depth only");
+    bad = c;
+    bad.color.focal_sigma = 0.15; // a guess
+    EXPECT_STATUS(mapper_open(&m, &bad, &tags[1], 1, NULL), ERR_INPUT);
+    struct mapper_options o = mapper_default_options();
+    o.quad_decimate = 0;
+    EXPECT_STATUS(mapper_open(&m, &c, &tags[1], 1, &o), ERR_INPUT);
+    EXPECT_TRUE(m == NULL);
+}
+
+// Hours of filming must not fill the memory; tags never seen together stay apart.
+static void long_sweeps_are_thinned_out(void **state)
+{
+    (void)state;
+    static uint8_t rgb[160 * 120 * 3];
+    struct calibration c = small_camera();
+    struct mapper_tag list[2] = {{5, 0.2}, {6, 0.2}};
+    struct place_tag tags[2] = {{.id = 5, .side_m = 0.2, .world_from_tag = POSE_IDENTITY},
+                                {.id = 6, .side_m = 0.2, .world_from_tag = POSE_IDENTITY}};
+    struct mapper_options o = mapper_default_options();
+    struct mapper *m;
+    struct place place;
+    struct mapper_report report;
+    o.most_points = 0;
+    EXPECT_STATUS(mapper_open(&m, &c, list, 2, &o), OK);
+    for (int view = 0; view < 10; view++) {
+        bool other = view == 9; // the second tag, alone
+        struct tag_picture p = {.lens = c.color,
+                                .tags = &tags[other],
+                                .tag_count = 1,
+                                .rgb = rgb,
+                                .noise = 1,
+                                .seed = 3,
+                                .world_from_camera = tag_picture_view(0.6, 0.15 * view - 0.7, 0.3 - 0.08 * view, 0)};
+        EXPECT_TRUE(tag_picture_draw(&p));
+        for (int i = 0; i < 60; i++)
+            EXPECT_STATUS(mapper_add(m, &(struct frame){.time_ns = view * 60 + i, .color = rgb}), OK);
+    }
+    EXPECT_STATUS(mapper_finish(m, &place, &report), OK);
+    EXPECT_INT(report.frames_seen, 600);
+    EXPECT_AT_MOST(report.frames, 240);
+    EXPECT_AT_LEAST(report.frames, 120);
+    EXPECT_INT(report.tags_apart, 1);
+    EXPECT_INT(report.first_apart, 6);
+    EXPECT_INT(place.tag_count, 1);
+    EXPECT_AT_MOST(place.view_count, 40);
+    EXPECT_AT_LEAST(place.view_count, 5);
+    place_free(&place);
+    mapper_close(&m);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(tag_lists),
+        cmocka_unit_test(a_room_is_mapped),
+        cmocka_unit_test(without_depth_the_tags_give_the_scale),
+        cmocka_unit_test(tags_correct_the_depth),
+        cmocka_unit_test(without_tags_the_depth_gives_the_scale),
+        cmocka_unit_test(a_few_tags_do_no_harm),
+        cmocka_unit_test(no_tag_is_a_sentence),
+        cmocka_unit_test(senseless_input),
+        cmocka_unit_test(long_sweeps_are_thinned_out),
+    };
+    return cmocka_run_group_tests(tests, film_room, leave_room);
+}

@@ -1,0 +1,111 @@
+// A lower leg that was taken to be beside its place: what sticks out of the person tells where it is.
+#include "capture/tracking/tracker_backward.h"
+#include "capture/tracking/occluded_shin.h"
+#include "tests/support/tracked_film.h"
+#include "tests/support/test.h"
+
+#include "capture/body/two_bone_ik.h"
+
+#include <stdlib.h>
+
+enum { FPS = 30, FRAMES = 30, EVERY = 5 };
+#define ASIDE_RADIANS 0.3
+
+static const enum joint foot[2] = {JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT};
+static const enum segment shin[2] = {SEG_LEFT_SHIN, SEG_RIGHT_SHIN};
+
+struct tally {
+    int tried, found, alone;     // alone: of poses as they were fitted, left as they are
+    double aside_m, set_right_m; // sums over those found, of the foot off where it was fitted
+};
+
+// Turns a lower leg about its knee, in the picture.
+static struct body_pose turned_aside(const struct body_shape *shape, const struct body_pose *pose, int leg,
+                                     double radians)
+{
+    struct body_pose out = *pose;
+    struct body_build build;
+    body_build(shape, pose, &build);
+    struct vec3 knee = build.origin[shin[leg]], along = v3_unit(v3_sub(build.joint[foot[leg]], knee)),
+                across = v3_unit(v3_cross(along, knee));
+    body_aim(shape, &out, shin[leg], v3_add(v3_scale(along, cos(radians)), v3_scale(across, sin(radians))));
+    return out;
+}
+
+static void try_leg(struct fit_task *task, const struct body_pose *fitted, int leg, struct fit_room *room,
+                    struct tally *tally)
+{
+    const struct body_shape *shape = &task->shape.mean;
+    struct body_build build, aside, back;
+    struct body_pose found;
+    body_build(shape, fitted, &build);
+    body_judge(task, fitted, shape, &room->best);
+    tally->alone += shin_aside_gain(task, FIRST_LEG + leg, room, &found) == 0;
+    for (int side = -1; side <= 1; side += 2) {
+        struct body_pose pose = turned_aside(shape, fitted, leg, side * ASIDE_RADIANS);
+        body_judge(task, &pose, shape, &room->best);
+        tally->tried++;
+        if (!(shin_aside_gain(task, FIRST_LEG + leg, room, &found) > 0))
+            continue;
+        body_build(shape, &pose, &aside);
+        body_build(shape, &found, &back);
+        tally->found++;
+        tally->aside_m += v3_distance(aside.joint[foot[leg]], build.joint[foot[leg]]);
+        tally->set_right_m += v3_distance(back.joint[foot[leg]], build.joint[foot[leg]]);
+    }
+}
+
+// The fit is taken for the truth here: it lies on the person, as seen from everywhere but behind the other leg.
+static void film(double aside_degrees, struct tally *tally)
+{
+    struct tracked_film f;
+    struct body_evidence *evidence;
+    struct fit_room *room = calloc(1, sizeof *room);
+    double half = aside_degrees * 3.14159265358979323846 / 360;
+    assert_non_null(room);
+    tracked_film_open(&f, "man", "kata");
+    EXPECT_STATUS(evidence_open(&evidence, &f.calibration.depth), OK);
+    struct pose from =
+        pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(f.world));
+    for (int k = 0; k < FRAMES; k++) {
+        struct skeleton told;
+        tracked_film_shoot(&f, from, (double)k / FPS, (uint64_t)k);
+        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &told, f.mask), OK);
+        if (k % EVERY)
+            continue;
+        for (size_t i = 0; i < f.pixels; i++)
+            f.truth_mask[i] = f.truth_mask[i] ? 255 : 0;
+        assert_true(evidence_read(evidence, f.depth, f.truth_mask, 600));
+        struct fit_task task = {.every = 1, .evidence = evidence, .reach_m = 0.12};
+        task.shape.mean = *tracker_shape(f.tracker);
+        for (int leg = 0; leg < 2; leg++)
+            try_leg(&task, tracker_pose(f.tracker), leg, room, tally);
+    }
+    evidence_close(&evidence);
+    tracked_film_close(&f);
+    free(room);
+}
+
+static void a_shin_beside_the_person_is_brought_back(void **state)
+{
+    (void)state;
+    static const double aside[] = {0, 45, 90};
+    for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
+        struct tally t = {0};
+        film(aside[i], &t);
+        print_message("seen from %g degrees: %d of %d found, %.0f mm off before, %.0f after; %d of %d left as fitted\n",
+                      aside[i], t.found, t.tried, 1000 * t.aside_m / t.found, 1000 * t.set_right_m / t.found, t.alone,
+                      t.tried / 2);
+        EXPECT_AT_LEAST(t.found, 0.9 * t.tried);
+        EXPECT_AT_MOST(t.set_right_m, 0.35 * t.aside_m);
+        EXPECT_AT_LEAST(t.alone, 0.7 * t.tried / 2);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_shin_beside_the_person_is_brought_back),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,115 @@
+// Where the recording sensor stands: a stand that gives way by centimetres is noticed, somebody who walks about before
+// it is not taken for that.
+#include "capture/sensor_pose.h"
+#include "tests/support/film.h"
+#include "tests/support/test.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { FRAMES = 76, PUSHED_AT = 40, SELDOM = 15, SOON = 5 };
+
+static struct world *world;
+static struct place place;
+static struct pose world_from_place;
+
+static int enter(void **state)
+{
+    (void)state;
+    place = film_mapped_place(&world, 24, &world_from_place);
+    world_close(&world); // in which nobody moves
+    struct world_options options = world_default_options();
+    options.threads = 2;
+    EXPECT_STATUS(world_open(&world, &options), OK);
+    return 0;
+}
+
+static int leave(void **state)
+{
+    (void)state;
+    place_free(&place);
+    world_close(&world);
+    return 0;
+}
+
+struct outcome {
+    int moves, far_moves;
+    double off_m, seen_at; // at the end; the frame after which it was noticed
+};
+
+// Films the dancer with a sensor that is pushed once.
+static struct outcome film(struct vec3 push, double turn)
+{
+    struct calibration c = world_calibration(1);
+    size_t pixels = (size_t)c.color.width * (size_t)c.color.height;
+    uint8_t *color = malloc(pixels * 3);
+    uint16_t *depth = malloc(pixels * sizeof *depth);
+    struct sensor_pose *s;
+    struct pose stand = world_sensor_pose(world), pushed = stand, at;
+    struct outcome o = {.seen_at = -1};
+    pushed.translation = v3_add(pushed.translation, push);
+    pushed.rotation = quat_multiply(pushed.rotation, quat_from_rotation_vector(v3(0, turn, 0)));
+    EXPECT_TRUE(color && depth);
+    EXPECT_STATUS(sensor_pose_open(&s, &place, &c), OK);
+    for (int i = 0; i < FRAMES; i++) {
+        struct world_shot shot = {c.color, i < PUSHED_AT ? stand : pushed, i / 30.0, true};
+        // the others it does not look at
+        bool looked_at = i < SENSOR_POSE_SETTLE || i % (i > PUSHED_AT && v3_length(push) > 0 ? SOON : SELDOM) == 0;
+        if (looked_at) {
+            EXPECT_STATUS(world_render(world, &shot, &(struct world_picture){.color = color, .depth = depth}), OK);
+            world_color_noise(color, c.color.width, c.color.height, (uint64_t)i);
+            EXPECT_STATUS(world_depth_noise(&c.depth, depth, (uint64_t)i, depth), OK);
+        }
+        EXPECT_STATUS(sensor_pose_look(s, looked_at ? color : NULL, looked_at ? depth : NULL), OK);
+        if (sensor_pose_moves(s) && o.seen_at < 0)
+            o.seen_at = i;
+    }
+    EXPECT_TRUE(sensor_pose_get(s, &at));
+    o.moves = sensor_pose_moves(s);
+    o.far_moves = sensor_pose_far_moves(s);
+    o.off_m = v3_distance(pose_apply(world_from_place, at.translation), pushed.translation);
+    printf("pushed by %.0f mm: moved %d times, %d far, noticed at frame %.0f, in the end %.1f mm off\n",
+           v3_length(push) * 1e3, o.moves, o.far_moves, o.seen_at, o.off_m * 1e3);
+    sensor_pose_close(&s);
+    free(color);
+    free(depth);
+    return o;
+}
+
+static void nobody_pushes_it(void **state)
+{
+    (void)state;
+    struct outcome o = film(v3(0, 0, 0), 0);
+    EXPECT_INT(o.moves, 0);
+    EXPECT_AT_MOST(o.off_m, 0.01);
+}
+
+static void a_stand_that_gives_way(void **state)
+{
+    (void)state;
+    struct outcome o = film(v3(0.03, 0.015, 0.01), 0.004);
+    EXPECT_INT(o.moves, 1);
+    EXPECT_INT(o.far_moves, 0);
+    EXPECT_AT_MOST(o.seen_at, PUSHED_AT + 25);
+    EXPECT_AT_MOST(o.off_m, 0.01);
+}
+
+static void a_stand_that_is_carried(void **state)
+{
+    (void)state;
+    struct outcome o = film(v3(0.3, 0, 0), 0.05);
+    EXPECT_INT(o.moves, 1);
+    EXPECT_INT(o.far_moves, 1);
+    EXPECT_AT_MOST(o.off_m, 0.01);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(nobody_pushes_it),
+        cmocka_unit_test(a_stand_that_gives_way),
+        cmocka_unit_test(a_stand_that_is_carried),
+    };
+    return cmocka_run_group_tests(tests, enter, leave);
+}

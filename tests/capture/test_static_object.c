@@ -1,0 +1,173 @@
+// Furniture that was taken for a person, in a room that nobody has swept: when a person comes, they are followed. And
+// who stands still is no furniture, whoever walks past.
+#include "tests/support/tracked_film.h"
+#include "tests/support/test.h"
+
+#include "capture/segmentation/segment.h"
+#include "capture/tracking/skeleton_smoother.h"
+
+enum { FPS = 30 };
+
+// ---------------------------------------------------------------- what moves
+
+// So many pictures in a row nothing of the man moved, who stands still before a sensor that sways by so much, half that
+// to both sides, once in three seconds.
+static int motionless(double sway_m, int pictures)
+{
+    struct tracked_film f;
+    struct segmenter *s;
+    tracked_film_open(&f, "man", "still");
+    EXPECT_STATUS(segmenter_open(&s, &f.calibration.depth), OK);
+    for (int k = 0; k < pictures; k++) {
+        double along = 0.5 * sway_m * sin(2 * acos(-1) / 3 * 2 * k / FPS); // every second picture is learned from
+        tracked_film_shoot(&f, moved(world_sensor_pose(f.world), v3(0, 0, along)), 0, 700 + (uint64_t)k);
+        EXPECT_STATUS(segmenter_next(s, f.depth, NULL, 0, f.mask), OK);
+        segmenter_learn(s);
+    }
+    int count = segmenter_motionless(s);
+    segmenter_close(&s);
+    tracked_film_close(&f);
+    return count;
+}
+
+static void who_sways_is_no_furniture(void **state)
+{
+    (void)state;
+    enum { PICTURES = 40, OF_FURNITURE = 12 };
+    int statue = motionless(0, PICTURES), man = motionless(0.02, PICTURES);
+    print_message("of %d pictures in a row nothing moves: %d of a statue, %d of who sways by 20 mm\n", PICTURES, statue,
+                  man);
+    EXPECT_AT_LEAST(statue, OF_FURNITURE);
+    EXPECT_AT_MOST(man, OF_FURNITURE - 1);
+}
+
+// ---------------------------------------------------------------- who comes
+
+struct visitor {
+    struct world_figure figure;
+    const char *motion;
+    double aside_degrees, nearer_m;
+    struct world_spot spot;
+    bool table;
+    uint64_t seed;
+    double until_s;
+};
+
+struct outcome {
+    double furthest_m; // what was told, off the one person who is there
+    double last_m;     // the same in the end, the mean of half a second
+    int taken_back;    // pictures in which somebody was told and nobody is settled
+};
+
+static void open_room(struct tracked_film *f, const struct visitor *v)
+{
+    tracked_film_open(f, "man", "still");
+    world_close(&f->world);
+    struct world_options options = world_default_options();
+    options.plain = true;
+    options.motion = v->motion;
+    options.figure = v->figure;
+    options.spot = v->spot;
+    options.table = v->table;
+    EXPECT_STATUS(world_open(&f->world, &options), OK);
+}
+
+static struct outcome follow(const struct visitor *v)
+{
+    struct tracked_film f;
+    struct settle *settle;
+    struct outcome out = {0};
+    open_room(&f, v);
+    double half = v->aside_degrees * acos(-1) / 360;
+    struct pose from =
+        pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(f.world));
+    from = moved(from, v3(0, 0, v->nearer_m));
+    EXPECT_STATUS(settle_open(&settle, &f.calibration), OK);
+    int count = (int)(v->until_s * FPS), last = FPS / 2;
+    bool told[400];
+    for (int k = 0; k < count; k++) {
+        double t = (double)k / FPS;
+        struct skeleton got, truth = world_joints_in_camera(f.world, t, from);
+        tracked_film_shoot(&f, from, t, v->seed + (uint64_t)k);
+        enum status status = tracker_next(f.tracker, nanoseconds(t), f.depth, &got, NULL);
+        EXPECT_TRUE(status >= 0);
+        told[k] = status == OK;
+        EXPECT_STATUS(settle_note(settle, f.tracker, nanoseconds(t), told[k] ? &got : NULL), OK);
+        double error = told[k] ? error_of(&got, &truth) : 0;
+        out.furthest_m = fmax(out.furthest_m, error);
+        out.last_m += k < count - last ? 0 : error / last;
+    }
+    EXPECT_STATUS(settle_finish(settle), OK);
+    for (int k = 0; k < count; k++)
+        out.taken_back += told[k] && !settle_skeleton(settle, k);
+    settle_close(&settle);
+    tracked_film_close(&f);
+    return out;
+}
+
+static void who_comes_is_followed_and_not_furniture(void **state)
+{
+    (void)state;
+    const struct visitor visitors[] = {
+        {{.height_m = 1.72, .build = 0.35, .palette = 2},
+         "visit",
+         -3.7,
+         -0.01,
+         {.turned = -0.1307},
+         false,
+         27687424,
+         4.2},
+        {{.height_m = 1.87, .build = 0.03}, "walk", 123.841, 0, {.x = 0.1965, .y = -0.1577}, true, 33236043, 3.2},
+    };
+    for (size_t i = 0; i < COUNT_OF(visitors); i += TRACKED_EACH) {
+        struct outcome o = follow(&visitors[i]);
+        print_message("%s, seed %llu: at worst %.2f m off, in the end %.3f m, %d pictures taken back\n",
+                      visitors[i].motion, (unsigned long long)visitors[i].seed, o.furthest_m, o.last_m, o.taken_back);
+        EXPECT_AT_LEAST(o.furthest_m, 0.5); // furniture was followed, or this shows nothing
+        EXPECT_AT_MOST(o.last_m, 0.1);
+        EXPECT_AT_LEAST(o.taken_back, 12);
+    }
+}
+
+// ---------------------------------------------------------------- who stands still
+
+// A woman who does not move by a hair for two seconds; then a man walks past behind her.
+static void who_stands_still_stays_the_one(void **state)
+{
+    (void)state;
+    enum { STILL = 60, PASSING = 45 };
+    struct tracked_film s, other;
+    tracked_film_open(&s, "woman", "still");
+    tracked_film_open(&other, "man", "still");
+    struct pose from = world_sensor_pose(s.world);
+    struct skeleton truth = world_joints_in_camera(s.world, 0, from);
+    double last = 0, worst = 0;
+    for (int k = 0; k < STILL + PASSING; k++) {
+        struct skeleton got;
+        tracked_film_shoot(&s, from, 0, 30 + (uint64_t)k);
+        if (k >= STILL) {
+            tracked_film_shoot(&other, moved(from, v3(2.0 - 2.4 * (k - STILL) / FPS, 0, -0.7)), 0, 90 + (uint64_t)k);
+            for (size_t i = 0; i < s.pixels; i++)
+                if (other.truth_mask[i] && other.depth[i] && (!s.depth[i] || other.depth[i] < s.depth[i]))
+                    s.depth[i] = other.depth[i];
+        }
+        EXPECT_STATUS(tracker_next(s.tracker, nanoseconds((double)k / FPS), s.depth, &got, NULL), OK);
+        last = error_of(&got, &truth);
+        worst = fmax(worst, k < STILL ? 0 : last);
+    }
+    print_message("while somebody walks past: at worst %.3f m off, in the end %.3f m\n", worst, last);
+    EXPECT_AT_MOST(worst, 0.06);
+    EXPECT_AT_MOST(last, 0.06);
+    tracked_film_close(&s);
+    tracked_film_close(&other);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(who_sways_is_no_furniture),
+        cmocka_unit_test(who_comes_is_followed_and_not_furniture),
+        cmocka_unit_test(who_stands_still_stays_the_one),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,214 @@
+// What a tracker does not see: which way round somebody stands at first, what is
+// behind a table, an arm behind the back.
+#include "tests/support/tracked_film.h"
+#include "tests/support/test.h"
+
+enum { FPS = 30 };
+
+static bool is_mirrored(const struct skeleton *got, const struct skeleton *truth)
+{
+    enum joint l = JOINT_LEFT_SHOULDER, r = JOINT_RIGHT_SHOULDER;
+    double keep = v3_distance(got->joint[l], truth->joint[l]) + v3_distance(got->joint[r], truth->joint[r]),
+           cross = v3_distance(got->joint[l], truth->joint[r]) + v3_distance(got->joint[r], truth->joint[l]);
+    return cross < 0.7 * keep;
+}
+
+// From the front, or from the figure's left by this angle, at the same distance of the room's middle.
+static struct pose seen_from(const struct tracked_film *s, double aside_degrees)
+{
+    double half = aside_degrees * 3.14159265358979323846 / 360;
+    return pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(s->world));
+}
+
+static void whichever_way_they_face_at_first(void **state)
+{
+    (void)state;
+    static const double aside[] = {0, 90, 180, 270};
+    struct tracked_film s;
+    tracked_film_open(&s, "man", "kata");
+    for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
+        struct pose from = seen_from(&s, aside[i]);
+        int last = -1;
+        tracker_reset(s.tracker);
+        for (int k = 0; k < 25; k++) {
+            double t = (double)k / FPS;
+            struct skeleton got, truth = world_joints_in_camera(s.world, t, from);
+            tracked_film_shoot(&s, from, t, (uint64_t)k);
+            EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(t), s.depth, &got, NULL), OK);
+            if (is_mirrored(&got, &truth))
+                last = k;
+        }
+        print_message("seen from %g degrees: left and right are right from frame %d on\n", aside[i], last + 1);
+        EXPECT_AT_MOST(last + 1, i == 0 ? 0 : 20);
+    }
+    tracked_film_close(&s);
+}
+
+// Nobody stands then as people mostly do.
+static void who_bends_or_kicks_at_first(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *motion;
+        double time_s, most_m;
+    } starts[] = {{"bend", 4, 0.06}, {"kata", 3.9, 0.15}};
+    for (size_t i = 0; i < COUNT_OF(starts); i++) {
+        struct tracked_film s;
+        struct skeleton got;
+        tracked_film_open(&s, "man", starts[i].motion);
+        struct pose from = world_sensor_pose(s.world);
+        tracked_film_shoot(&s, from, starts[i].time_s, 1);
+        EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(starts[i].time_s), s.depth, &got, NULL), OK);
+        struct skeleton truth = world_joints_in_camera(s.world, starts[i].time_s, from);
+        print_message("%s, first seen at %.1f s: %.3f m off\n", starts[i].motion, starts[i].time_s,
+                      error_of(&got, &truth));
+        EXPECT_AT_MOST(error_of(&got, &truth), starts[i].most_m);
+        tracked_film_close(&s);
+    }
+}
+
+// A table: where a ray meets the box, nearer than what is there.
+static void put_table(struct tracked_film *s, struct pose from, struct vec3 low, struct vec3 high)
+{
+    const struct lens *l = &s->calibration.depth;
+    for (int y = 0; y < l->height; y++)
+        for (int x = 0; x < l->width; x++) {
+            struct vec3 ray = quat_rotate(from.rotation, lens_ray(l, (struct pixel){x, y})), o = from.translation;
+            double d[3] = {ray.x, ray.y, ray.z}, at[3] = {o.x, o.y, o.z}, a[3] = {low.x, low.y, low.z},
+                   b[3] = {high.x, high.y, high.z};
+            double in = 0, out = 1e9;
+            for (int k = 0; k < 3; k++) {
+                double t0 = (a[k] - at[k]) / d[k], t1 = (b[k] - at[k]) / d[k];
+                in = fmax(in, fmin(t0, t1));
+                out = fmin(out, fmax(t0, t1));
+            }
+            uint16_t *here = &s->depth[y * l->width + x];
+            if (in > 0.3 && in < out && (!*here || 1000 * in < *here)) {
+                *here = (uint16_t)lround(1000 * in);
+                s->truth_mask[y * l->width + x] = 0;
+            }
+        }
+}
+
+static void behind_a_table(void **state)
+{
+    (void)state;
+    static const char *const motions[] = {"kata", "pirouette"};
+    for (size_t m = 0; m < COUNT_OF(motions); m += TRACKED_EACH) {
+        struct tracked_film s;
+        tracked_film_open(&s, "man", motions[m]);
+        struct pose from = world_sensor_pose(s.world);
+        struct vec3 stand = world_joints(s.world, 0).joint[JOINT_WAIST];
+        int mirrored = 0;
+        double error = 0;
+        for (int k = 0; k < 40; k++) {
+            double t = (double)k / FPS;
+            struct skeleton got, truth = world_joints_in_camera(s.world, t, from);
+            tracked_film_shoot(&s, from, t, (uint64_t)k);
+            put_table(&s, from, v3(stand.x - 0.7, stand.y - 1.1, 0), v3(stand.x + 0.7, stand.y - 0.5, 0.75));
+            EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(t), s.depth, &got, NULL), OK);
+            EXPECT_TRUE(got.confidence[JOINT_LEFT_FOOT] == 0 && got.confidence[JOINT_RIGHT_FOOT] == 0);
+            mirrored += is_mirrored(&got, &truth);
+            error += error_of(&got, &truth) / 40;
+        }
+        print_message("%s behind a table: %.3f m over the joints that are claimed\n", motions[m], error);
+        EXPECT_INT(mirrored, 0);
+        EXPECT_AT_MOST(error, 0.065);
+        tracked_film_close(&s);
+    }
+}
+
+static void an_arm_that_was_hidden_is_found_again(void **state)
+{
+    (void)state;
+    static const double aside[] = {0, 45, -45};
+    struct tracked_film s;
+    tracked_film_open(&s, "man", "hide");
+    for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
+        struct pose from = seen_from(&s, aside[i]);
+        double hidden = 0, out = 0;
+        int again = -1, out_k = 60; // by then it hangs in sight again
+        tracker_reset(s.tracker);
+        for (int k = 16; k < 82; k++) { // so far it hangs
+            double t = (double)k / FPS;
+            struct skeleton got, truth = world_joints_in_camera(s.world, t, from);
+            tracked_film_shoot(&s, from, t, (uint64_t)k);
+            EXPECT_STATUS(tracker_next(s.tracker, nanoseconds(t), s.depth, &got, NULL), OK);
+            double e = v3_distance(got.joint[JOINT_LEFT_HAND], truth.joint[JOINT_LEFT_HAND]);
+            hidden += k >= 36 && k < 54 ? e / 18 : 0;
+            out = k >= 74 ? fmax(out, e) : out;
+            if (k >= out_k && again < 0 && e < 0.12)
+                again = k - out_k;
+        }
+        print_message(
+            "from %g degrees: the hidden hand within %.2f m, found again %d frames after, then within %.2f m\n",
+            aside[i], hidden, again, out);
+        EXPECT_TRUE(again >= 0 && again <= 10);
+        EXPECT_AT_MOST(out, 0.12);
+    }
+    tracked_film_close(&s);
+}
+
+static bool in_sight(const struct lens *l, struct vec3 p)
+{
+    struct pixel px = lens_project(l, p);
+    return px.x >= 0 && px.y >= 0 && px.x < l->width && px.y < l->height;
+}
+
+struct claims {
+    int gone, claimed; // joints beyond the picture's edge; of them, said to be seen
+    int visible, seen; // the same in the picture
+};
+
+// The last seconds of a visit, in which the figure walks out of the picture.
+static void watch_leave(const char *figure, double aside_degrees, struct claims *c)
+{
+    struct tracked_film s;
+    tracked_film_open(&s, figure, "visit");
+    struct pose from = seen_from(&s, aside_degrees);
+    for (int k = 0; k < 3 * FPS; k++) {
+        double t = world_seconds(s.world) - 3.5 + (double)k / FPS;
+        struct skeleton got, truth = world_joints_in_camera(s.world, t, from);
+        tracked_film_shoot(&s, from, t, (uint64_t)k);
+        if (tracker_next(s.tracker, nanoseconds(t), s.depth, &got, NULL) != OK)
+            continue;
+        for (int j = 0; j < JOINT_COUNT; j++) {
+            bool there = in_sight(&s.calibration.depth, truth.joint[j]), told = got.confidence[j] == 1;
+            c->visible += there;
+            c->seen += there && told;
+            c->gone += !there;
+            c->claimed += !there && told;
+        }
+    }
+    tracked_film_close(&s);
+}
+
+// Of who walks out of the picture, what is already beyond its edge is mostly not said to be seen.
+static void what_has_left_the_picture_is_guessed(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *figure;
+        double aside_degrees;
+    } films[] = {{"man", 0}, {"coat", 20}, {"child", 10}};
+    struct claims c = {0};
+    for (size_t i = 0; i < COUNT_OF(films); i++)
+        watch_leave(films[i].figure, films[i].aside_degrees, &c);
+    print_message("of %d joints beyond the edge %d are said to be seen, of %d in the picture %d\n", c.gone, c.claimed,
+                  c.visible, c.seen);
+    EXPECT_AT_LEAST(c.gone, 100);
+    EXPECT_AT_MOST(c.claimed, 0.4 * c.gone);
+    EXPECT_AT_LEAST(c.seen, 0.78 * c.visible);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(whichever_way_they_face_at_first),
+        cmocka_unit_test(who_bends_or_kicks_at_first),
+        cmocka_unit_test(behind_a_table),
+        cmocka_unit_test(an_arm_that_was_hidden_is_found_again),
+        cmocka_unit_test(what_has_left_the_picture_is_guessed),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,191 @@
+// A camera followed from picture to picture past printed tags whose truth is known.
+#include "locate/pose_kalman.h"
+#include "locate/camera_tracker.h"
+#include "tests/support/tag_picture.h"
+#include "tests/support/test.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { WIDTH = 640, HEIGHT = 480 };
+static const double HZ = 30;
+
+static uint8_t rgb[WIDTH * HEIGHT * 3];
+
+static struct place_tag wall[4] = {
+    {.id = 0, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {-0.8, 0.3, 0}}},
+    {.id = 1, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {0.7, 0.4, 0}}},
+    {.id = 2, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {0.1, -0.6, 0}}},
+    {.id = 3, .side_m = 0.2, .world_from_tag = {{0, 0.7071, 0, 0.7071}, {-1.2, 0, 0.8}}},
+};
+static const struct place room = {.tags = wall, .tag_count = 4};
+
+// Someone who walks sideways past the wall, looking at it, their hand swinging.
+static struct pose walk(double t)
+{
+    return tag_picture_view(2.5 + 0.1 * sin(2 * t), 0.35 * sin(0.9 * t), 0.05 * sin(5 * t), 0.03 * sin(4 * t));
+}
+
+static void draw(const struct place_tag *tags, int count, struct pose world_from_camera, uint64_t seed)
+{
+    struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 525),
+                            .tags = tags,
+                            .tag_count = count,
+                            .noise = 2,
+                            .seed = seed,
+                            .rgb = rgb,
+                            .world_from_camera = world_from_camera};
+    EXPECT_TRUE(tag_picture_draw(&p));
+}
+
+static struct camera_track *open_track(const struct place *place, double most_sigma_m)
+{
+    struct lens lens = tag_picture_lens(WIDTH, HEIGHT, 525);
+    struct locator_options options = locator_default_options();
+    struct camera_track *t;
+    options.max_position_sigma_m = most_sigma_m;
+    EXPECT_STATUS(camera_track_open(&t, place, &lens, &options), OK);
+    return t;
+}
+
+static void a_walk_is_followed(void **state)
+{
+    (void)state;
+    struct camera_track *track = open_track(&room, 0.05);
+    struct vec3 before = {0, 0, 0};
+    double worst_m = 0, jump_m = 0, ahead_m = 0, ahead_rad = 0;
+    for (int i = 0; i < 20; i++) {
+        double t = i / HZ;
+        struct pose truth = walk(t);
+        struct location at;
+        struct camera_motion motion;
+        draw(wall, 4, truth, 100 + (uint64_t)i);
+        EXPECT_STATUS(camera_track_look(track, rgb, NULL, (int64_t)(t * 1e9), &at, &motion), OK);
+        struct vec3 error = v3_sub(at.world_from_camera.translation, truth.translation);
+        worst_m = fmax(worst_m, v3_length(error));
+        jump_m = fmax(jump_m, i ? v3_distance(error, before) : 0);
+        before = error;
+        if (i > 5) { // when it is shown, a picture later
+            struct pose then = walk(t + 1 / HZ), said = camera_at(&motion, (int64_t)((t + 1 / HZ) * 1e9));
+            ahead_m = fmax(ahead_m, v3_distance(said.translation, then.translation));
+            ahead_rad = fmax(ahead_rad, pose_angle(said, then));
+        }
+    }
+    printf("a walk: worst %.2f mm, jumps up to %.2f mm; a picture ahead %.2f mm, %.3f degrees\n", worst_m * 1e3,
+           jump_m * 1e3, ahead_m * 1e3, ahead_rad * 57.2958);
+    EXPECT_AT_MOST(worst_m, 0.005);
+    EXPECT_AT_MOST(jump_m, 0.004);
+    EXPECT_AT_MOST(ahead_m, 0.01);
+    EXPECT_AT_MOST(ahead_rad * 57.2958, 0.3);
+    camera_track_close(&track);
+    EXPECT_TRUE(track == NULL);
+}
+
+static void lost_and_found(void **state)
+{
+    (void)state;
+    struct camera_track *track = open_track(&room, 0.05);
+    struct location at = {.rms_px = -1};
+    struct camera_motion motion;
+    memset(rgb, 90, sizeof rgb);
+    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 0, &at, &motion), NOTHING);
+    EXPECT_NEAR(at.rms_px, -1, 0); // untouched
+    draw(wall, 4, walk(0), 7);
+    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 33000000, &at, &motion), OK);
+    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 33000000, &at, &motion), ERR_ORDER);
+    memset(rgb, 90, sizeof rgb);
+    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 66000000, &at, &motion), NOTHING);
+    // Carried elsewhere while nothing could be seen: no memory may hold it back.
+    struct pose elsewhere = tag_picture_view(1.6, -0.3, 0.1, 0.3);
+    draw(wall, 4, elsewhere, 8);
+    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 99000000, &at, &motion), OK);
+    double off = v3_distance(at.world_from_camera.translation, elsewhere.translation);
+    printf("carried elsewhere: found within %.2f mm\n", off * 1e3);
+    EXPECT_AT_MOST(off, 0.005);
+    camera_track_close(&track);
+}
+
+// A small tag seen nearly head-on looks the same mirrored. Five pictures tell.
+static void mirrored_poses_are_told_apart(void **state)
+{
+    (void)state;
+    struct place_tag tag = {.id = 7, .side_m = 0.16, .world_from_tag = POSE_IDENTITY};
+    const struct place place = {.tags = &tag, .tag_count = 1};
+    int unsure = 0, wrong_first = 0, wrong = 0;
+    for (int sequence = 0; sequence < 8; sequence++) {
+        struct camera_track *track = open_track(&place, 2);
+        for (int i = 0; i < 5; i++) {
+            double t = i / HZ, yaw = 0.12 + 0.03 * sequence + 0.8 * t;
+            struct pose truth = tag_picture_view(4 - 0.5 * t, yaw, -0.1 + 0.4 * t, 0);
+            struct location at;
+            struct camera_motion motion;
+            draw(&tag, 1, truth, 900 + 10 * (uint64_t)sequence + (uint64_t)i);
+            enum status status = camera_track_look(track, rgb, NULL, (int64_t)(t * 1e9), &at, &motion);
+            EXPECT_TRUE(status == OK || status == AMBIGUOUS);
+            bool flipped = pose_angle(at.world_from_camera, truth) > 15 / 57.3;
+            unsure += i == 0 && status == AMBIGUOUS;
+            wrong_first += i == 0 && flipped;
+            wrong += i == 4 && flipped;
+        }
+        camera_track_close(&track);
+    }
+    printf("8 walks past one tag: at first %d unsure and %d mirrored, after five pictures %d mirrored\n", unsure,
+           wrong_first, wrong);
+    EXPECT_INT(wrong, 0);
+}
+
+// What the filter says of its errors must be true of them, and a turn in step must not lag.
+static void the_motion_is_filtered_honestly(void **state)
+{
+    (void)state;
+    struct dice dice = {3};
+    const double turn_sigma = 0.002, shift_sigma = 0.004;
+    double covariance[36] = {0}, sum = 0, lag = 0, rough = 0, fine = 0;
+    for (int i = 0; i < 6; i++)
+        covariance[i * 7] = i < 3 ? turn_sigma * turn_sigma : shift_sigma * shift_sigma;
+    struct kalman k;
+    int count = 0;
+    for (int i = 0; i < 300; i++) {
+        // stands for five seconds, then walks off at a metre a second
+        struct pose truth = {{0, 0, 0, 1}, {i < 150 ? 0 : (i - 150) / HZ, 0, 0}};
+        struct vec3 turn = dice_normal3(&dice, turn_sigma);
+        struct pose noise = {quat_from_rotation_vector(turn), dice_normal3(&dice, shift_sigma)};
+        struct pose seen = pose_multiply(truth, noise);
+        if (i)
+            kalman_move(&k, 1 / HZ);
+        if (i)
+            EXPECT_TRUE(kalman_measure(&k, seen, covariance, 1e9) >= 0);
+        else
+            kalman_start(&k, seen, covariance);
+        double error[3] = {k.world_from_camera.translation.x - truth.translation.x, k.world_from_camera.translation.y,
+                           k.world_from_camera.translation.z};
+        if (i >= 20 && i < 150) {
+            for (int a = 0; a < 3; a++)
+                sum += error[a] * error[a] / k.covariance[3 + a][3 + a];
+            fine += error[1] * error[1];
+            rough += seen.translation.y * seen.translation.y;
+            count += 3;
+        }
+        if (i >= 180)
+            lag += error[0] / 120;
+    }
+    printf("standing: errors %.2f of what is said, jitter %.2f of the measured; walking at 1 m/s: %.2f mm behind\n",
+           sqrt(sum / count), sqrt(fine / rough), -lag * 1e3);
+    EXPECT_AT_MOST(sqrt(sum / count), 1.2);
+    EXPECT_AT_MOST(sqrt(fine / rough), 0.9);
+    EXPECT_NEAR(lag, 0, 0.001);
+    struct kalman before = k;
+    EXPECT_TRUE(kalman_measure(&k, (struct pose){{0, 0, 0, 1}, {50, 0, 0}}, covariance, 43) > 43);
+    EXPECT_INT(memcmp(&before, &k, sizeof k), 0); // far off changes nothing
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_walk_is_followed),
+        cmocka_unit_test(lost_and_found),
+        cmocka_unit_test(mirrored_poses_are_told_apart),
+        cmocka_unit_test(the_motion_is_filtered_honestly),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

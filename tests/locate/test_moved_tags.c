@@ -1,0 +1,186 @@
+// Tags that somebody hung elsewhere: while the place was mapped, and since. They are left out and said, and nobody is
+// placed by them, though they be all that are in sight.
+#include "capture/mapping/mapper.h"
+#include "locate/locator.h"
+#include "tests/support/align.h"
+#include "tests/support/test.h"
+#include "tests/world/world.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { PICTURES = 24, HALF = PICTURES / 2, MOST_TAGS = 32, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
+
+// A sweep once round the room as it was; what its second half would have been with tag 8 moved.
+static struct sweep {
+    struct world *world;
+    struct calibration calibration;
+    struct mapper_tag tags[MOST_TAGS];
+    int32_t tag_count;
+    uint8_t color[PICTURES][PIXELS * 3], late_color[HALF][PIXELS * 3];
+    uint16_t depth[PICTURES][PIXELS], late_depth[HALF][PIXELS];
+} sweep;
+
+static struct world *open_world(struct world_moved moved)
+{
+    struct world *w;
+    struct world_options o = world_default_options();
+    o.motion = "still";
+    o.seed = 3;
+    o.threads = 2;
+    o.moved = moved;
+    EXPECT_STATUS(world_open(&w, &o), OK);
+    return w;
+}
+
+static int64_t time_ns(int i) { return (int64_t)(1e9 * WORLD_SWEEP_S * i / PICTURES); }
+
+static void film(const struct world *w, int i, uint8_t *color, uint16_t *depth)
+{
+    struct world_shot shot = {sweep.calibration.color, world_sweep_pose(w, (double)time_ns(i) * 1e-9), 0, false};
+    EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){.color = color, .depth = depth}), OK);
+    world_color_noise(color, WIDTH, HEIGHT, 500 + (uint64_t)i);
+    EXPECT_STATUS(world_depth_noise(&shot.lens, depth, 900 + (uint64_t)i, depth), OK);
+}
+
+static int enter(void **state)
+{
+    (void)state;
+    sweep.calibration = world_calibration(1);
+    sweep.world = open_world((struct world_moved){0});
+    struct world *late = open_world((struct world_moved){.tags = 1u << 8, .right = 0.5, .up = -0.4});
+    const struct place_tag *tags = world_tags(sweep.world, &sweep.tag_count);
+    for (int32_t i = 0; i < sweep.tag_count; i++)
+        sweep.tags[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
+    for (int i = 0; i < PICTURES; i++)
+        film(sweep.world, i, sweep.color[i], sweep.depth[i]);
+    for (int i = 0; i < HALF; i++)
+        film(late, HALF + i, sweep.late_color[i], sweep.late_depth[i]);
+    world_close(&late);
+    return 0;
+}
+
+static int leave(void **state)
+{
+    (void)state;
+    world_close(&sweep.world);
+    return 0;
+}
+
+// moved: tag 8 was, half-way.
+static struct place map(const struct mapper_tag *tags, int32_t tag_count, bool moved, struct mapper_report *report)
+{
+    struct mapper *m;
+    struct place place;
+    EXPECT_STATUS(mapper_open(&m, &sweep.calibration, tags, tag_count, NULL), OK);
+    for (int i = 0; i < PICTURES; i++) {
+        bool late = moved && i >= HALF;
+        struct frame frame = {.time_ns = time_ns(i),
+                              .color = late ? sweep.late_color[i - HALF] : sweep.color[i],
+                              .depth = late ? sweep.late_depth[i - HALF] : sweep.depth[i]};
+        EXPECT_STATUS(mapper_add(m, &frame), OK);
+    }
+    EXPECT_STATUS(mapper_finish(m, &place, report), OK);
+    mapper_close(&m);
+    return place;
+}
+
+static void moved_while_it_was_mapped(void **state)
+{
+    (void)state;
+    struct mapper_report report;
+    struct pose world_from_place;
+    int32_t count;
+    struct place place = map(sweep.tags, sweep.tag_count, true, &report);
+    const struct place_tag *truth = world_tags(sweep.world, &count);
+    double off_m = align_tags(&place, truth, count, &world_from_place);
+    printf("tag 8 moved half-way: %d tags in two places, the first %d; %d others mapped within %.2f mm rms\n",
+           (int)report.tags_astray, (int)report.first_astray, (int)place.tag_count, off_m * 1e3);
+    EXPECT_INT(report.tags_astray, 1);
+    EXPECT_INT(report.first_astray, 8);
+    EXPECT_INT(report.tags_apart, 0);
+    EXPECT_INT(report.frames_placed, PICTURES);
+    for (int32_t i = 0; i < place.tag_count; i++)
+        EXPECT_TRUE(place.tags[i].id != 8);
+    EXPECT_AT_LEAST(place.tag_count, sweep.tag_count - 2);
+    EXPECT_AT_MOST(off_m, 0.005);
+    place_free(&place);
+}
+
+// Of pictures from several sides of a room in which tags were moved: how far off the worst is where one is placed, and
+// how many tags are said to have been moved. first: the lowest number of them. from, to: how far round, in parts of 24.
+static double find_in(const struct place *place, struct world_moved moved, int from, int to, int *found,
+                      int32_t *moved_count, int32_t *first)
+{
+    static uint8_t color[PIXELS * 3];
+    struct world *w = open_world(moved);
+    struct lens lens = world_viewer_calibration(1).color;
+    struct pose world_from_place;
+    struct locator *l;
+    double worst_m = 0;
+    int32_t count;
+    const struct place_tag *truth = world_tags(sweep.world, &count);
+    EXPECT_AT_MOST(align_tags(place, truth, count, &world_from_place), 0.005);
+    EXPECT_STATUS(locator_open(&l, place, &lens, NULL), OK);
+    *found = 0;
+    for (int i = from; i < to; i++) {
+        struct world_shot shot = {lens, world_viewer_pose(w, world_seconds(w) * i / 24), 0, false};
+        struct location at;
+        EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){.color = color}), OK);
+        world_color_noise(color, lens.width, lens.height, 40 + (uint64_t)i);
+        if (locator_find(l, color, NULL, &at) != OK)
+            continue;
+        struct pose in_world = pose_multiply(world_from_place, at.world_from_camera);
+        worst_m = fmax(worst_m, v3_distance(in_world.translation, shot.world_from_camera.translation));
+        ++*found;
+    }
+    *moved_count = locator_moved_tags(l, first);
+    locator_close(&l);
+    world_close(&w);
+    return worst_m;
+}
+
+static void expect_found(const struct place *place, struct world_moved moved, int32_t least_said, int32_t first_said)
+{
+    enum { FROM = 0, TO = 3 };
+    int32_t said, first;
+    int found;
+    double worst_m = find_in(place, moved, FROM, TO, &found, &said, &first);
+    printf("%d of %d found, the worst %.1f mm off; %d tags said to be moved, the first %d\n", found, TO - FROM,
+           worst_m * 1e3, (int)said, (int)first);
+    EXPECT_INT(found, TO - FROM);
+    EXPECT_AT_MOST(worst_m, 0.025);
+    EXPECT_AT_LEAST(said, least_said);
+    EXPECT_INT(first, first_said);
+    if (!least_said)
+        EXPECT_INT(said, 0);
+}
+
+static void moved_since(void **state)
+{
+    (void)state;
+    const struct world_moved none = {0}, one = {.tags = 1u << 1, .right = -0.3, .up = 0.1},
+                             together = {.tags = 1u << 0 | 1u << 1 | 1u << 8, .right = 0.3, .up = 0.1};
+    struct mapper_report report;
+    struct place all = map(sweep.tags, sweep.tag_count, false, &report);
+    EXPECT_INT(report.tags_astray, 0);
+    EXPECT_INT(report.first_astray, -1);
+    expect_found(&all, none, 0, -1);
+    expect_found(&all, one, 1, 1);
+    expect_found(&all, together, 2, 0); // two on one wall, as far from each other as they were
+    place_free(&all);
+    const struct mapper_tag few[] = {sweep.tags[1], sweep.tags[6]};
+    struct place two = map(few, COUNT_OF(few), false, &report);
+    expect_found(&two, none, 0, -1);
+    expect_found(&two, one, 1, 1); // the only one in sight
+    place_free(&two);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(moved_while_it_was_mapped),
+        cmocka_unit_test(moved_since),
+    };
+    return cmocka_run_group_tests(tests, enter, leave);
+}

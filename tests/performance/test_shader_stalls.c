@@ -1,0 +1,149 @@
+// Nothing that takes long is put off until somebody watches: once the take is prepared, no target and no program is
+// made and no shader is compiled when he is drawn coarser or finer, or when another frame is shown. (When the room
+// comes to hide him: test_drawing_costs.) Where no graphics chip draws, a shader compiled in between is a picture that
+// takes five times as long.
+#include "tests/support/test.h"
+
+#include "base/clock.h"
+#include "tests/support/compiled.h"
+#include "tests/support/glass.h"
+#include "tests/support/rehearsal.h"
+#include "tests/support/retake.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static struct rehearsal rehearsal;
+static struct glass glass;
+
+static int64_t made(void) { return gpu_count(glass.gpu).made; }
+
+// Draws the first frame until it has come to rest, at that level of the governor's.
+static void draw_at(int level)
+{
+    glass.tablet.governor.level = level;
+    glass_rest(&glass);
+    EXPECT_NEAR(glass.tablet.look.fineness, governor_scale(&glass.tablet.governor), 0);
+    EXPECT_TRUE(glass.tablet.picture.prepared);
+    EXPECT_AT_LEAST(glass.tablet.picture.parts, 8);
+}
+
+// The picture last drawn, without controls, and with him or without.
+static void draw_scene(bool with_him)
+{
+    struct tablet *t = &glass.tablet;
+    const struct ui_input input = {
+        .width_px = glass.width, .height_px = glass.height, .px_per_dp = ui_px_per_dp(t->ui)};
+    const struct brush brush = {t->ui, theme_of(true)};
+    struct show show = t->show;
+    show.presence = with_him;
+    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
+    scene_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->picture, &show);
+    ui_end(t->ui);
+    EXPECT_STATUS(ui_draw(t->ui, glass.target, 0), OK);
+    glass_read(&glass);
+}
+
+// Whoever plays on does not wait for a frame, however far from it those are that were loaded.
+static void playing_waits_for_no_frame(void **state)
+{
+    (void)state;
+    struct player *player = &glass.tablet.show.player;
+    const int64_t made_before = made(), now = clock_now_ns();
+    player_set_speed(player, now, PLAYER_SLOWEST);
+    player_play(player, now, true);
+    player_seek(player, clock_now_ns(), player->length_ns - player->step_ns);
+    glass_draw(&glass);
+    EXPECT_TRUE(glass.tablet.look.playing);
+    EXPECT_AT_LEAST((double)glass.tablet.look.time_ns, 4e9); // only the first frame is there
+    EXPECT_AT_LEAST(glass.tablet.picture.parts, 8);
+    EXPECT_INT(made(), made_before);
+    glass_seek(&glass, 0);
+    player_set_speed(player, clock_now_ns(), 1);
+    glass_rest(&glass);
+}
+
+static void coarser_and_finer_cost_nothing(void **state)
+{
+    (void)state;
+    const size_t bytes = (size_t)glass.width * (size_t)glass.height * 4;
+    uint8_t *fine = malloc(bytes);
+    assert_true(fine);
+    draw_at(0);
+    draw_scene(true);
+    memcpy(fine, glass.rgba, bytes);
+    draw_scene(false);
+    const double his = glass_difference(&glass, fine);
+    const int64_t made_before = made();
+    const int compiled_before = compiled_so_far();
+    for (int level = 1; level <= GOVERNOR_LEVELS; level++) {
+        draw_at(level % GOVERNOR_LEVELS);
+        draw_scene(true);
+        const double off = glass_difference(&glass, fine);
+        print_message("at %.2f: %lld made, %d compiled; off by %.3f where he is %.3f\n",
+                      governor_scale(&glass.tablet.governor), (long long)(made() - made_before),
+                      compiled_so_far() - compiled_before, off, his);
+        EXPECT_AT_MOST(off, 0.1 * his); // he is where he was, as large
+    }
+    free(fine);
+    EXPECT_INT(made(), made_before);
+    EXPECT_INT(compiled_so_far(), compiled_before);
+}
+
+// Whatever part of the picture they take up.
+static void other_frames_are_drawn_as_the_first(void **state)
+{
+    (void)state;
+    draw_at(0);
+    const int compiled_before = compiled_so_far();
+    const int64_t frames = stage_frames(glass.tablet.stage);
+    for (int64_t i = 0; i < frames; i++) {
+        glass_seek(&glass, (double)i / (double)(frames - 1));
+        glass_rest(&glass);
+    }
+    glass_seek(&glass, 0);
+    glass_rest(&glass);
+    EXPECT_INT(compiled_so_far(), compiled_before);
+}
+
+// A frame a second.
+static void slow_down(void *self, struct retaken *frame)
+{
+    (void)self;
+    frame->time_ns = frame->number * 1000000000;
+}
+
+// Prepared, and at rest on the first frame.
+static int make(void **state)
+{
+    (void)state;
+    rehearsal = rehearsal_make();
+    retake(rehearsal.file, "turn", "slowly", slow_down, NULL);
+    const struct tablet_options how = {.file = rehearsal.file, .take = "slowly", .refresh_hz = 60};
+    glass_open(&glass, GLASS_LONG, GLASS_SHORT, &how);
+    glass_draw(&glass);
+    glass_seek(&glass, 0);
+    glass_prepare(&glass);
+    glass_rest(&glass);
+    if (strstr(gpu_renderer(glass.gpu), "llvmpipe"))
+        EXPECT_AT_LEAST(compiled_so_far(), 1); // they are counted
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    glass_close(&glass);
+    rehearsal_end(&rehearsal);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(playing_waits_for_no_frame),
+        cmocka_unit_test(coarser_and_finer_cost_nothing),
+        cmocka_unit_test(other_frames_are_drawn_as_the_first),
+    };
+    return cmocka_run_group_tests(tests, make, end);
+}

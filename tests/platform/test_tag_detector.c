@@ -1,0 +1,112 @@
+#include "tests/support/tag_picture.h"
+#include "tests/support/test.h"
+
+#include <string.h>
+
+enum { WIDTH = 320, HEIGHT = 240 };
+
+static uint8_t rgb[WIDTH * HEIGHT * 3], gray[WIDTH * HEIGHT];
+
+static int find(struct tag_picture *p, double decimate, struct tag_seen *out)
+{
+    struct tag_finder *f;
+    int count;
+    p->rgb = rgb;
+    EXPECT_TRUE(tag_picture_draw(p));
+    for (size_t i = 0; i < sizeof gray; i++)
+        gray[i] = rgb[3 * i + 1];
+    EXPECT_STATUS(tag_finder_open(&f, decimate), OK);
+    EXPECT_STATUS(tag_finder_find(f, gray, WIDTH, HEIGHT, out, 8, &count), OK);
+    tag_finder_close(&f);
+    EXPECT_TRUE(f == NULL);
+    return count;
+}
+
+// Number, order of corners and the centre-of-pixel convention, upright and turned.
+static void corners_in_order(void **state)
+{
+    (void)state;
+    for (int turn = 0; turn < 4; turn++) {
+        struct place_tag tag = {.id = 17, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
+        struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 262.5),
+                                .tags = &tag,
+                                .tag_count = 1,
+                                .world_from_camera = tag_picture_view(1, 0.2, -0.1, turn * 1.5707963),
+                                .noise = 1,
+                                .seed = 1,
+                                .linear = true};
+        struct tag_seen seen[8];
+        struct pixel truth[4], mean = {0, 0};
+        EXPECT_INT(find(&p, 1, seen), 1);
+        EXPECT_INT(seen[0].id, 17);
+        tag_picture_corners(&p, 0, truth);
+        for (int k = 0; k < 4; k++) {
+            EXPECT_NEAR(seen[0].corner[k].x, truth[k].x, 0.6);
+            EXPECT_NEAR(seen[0].corner[k].y, truth[k].y, 0.6);
+            mean.x += (seen[0].corner[k].x - truth[k].x) / 4;
+            mean.y += (seen[0].corner[k].y - truth[k].y) / 4;
+        }
+        EXPECT_NEAR(mean.x, 0, 0.12); // half a pixel would show here
+        EXPECT_NEAR(mean.y, 0, 0.12);
+    }
+}
+
+static void twins_are_both_reported(void **state)
+{
+    (void)state;
+    struct place_tag tags[2] = {{.id = 4, .side_m = 0.15, .world_from_tag = {{0, 0, 0, 1}, {0.2, 0, 0}}},
+                                {.id = 4, .side_m = 0.15, .world_from_tag = {{0, 0, 0, 1}, {-0.2, 0, 0}}}};
+    struct tag_picture p = {.lens = tag_picture_lens(WIDTH, HEIGHT, 262.5),
+                            .tags = tags,
+                            .tag_count = 2,
+                            .world_from_camera = tag_picture_view(1, 0, 0, 0)};
+    struct tag_seen seen[8];
+    EXPECT_INT(find(&p, 1, seen), 2);
+    EXPECT_TRUE(seen[0].corner[0].x < seen[1].corner[0].x);
+}
+
+static void nothing_to_see(void **state)
+{
+    (void)state;
+    struct tag_finder *f;
+    struct tag_seen seen[8];
+    int count = 7;
+    memset(gray, 90, sizeof gray);
+    EXPECT_STATUS(tag_finder_open(&f, 2), OK);
+    EXPECT_STATUS(tag_finder_find(f, gray, WIDTH, HEIGHT, seen, 8, &count), OK);
+    EXPECT_INT(count, 0);
+    EXPECT_STATUS(tag_finder_find(f, gray, 3, 2, seen, 8, &count), OK); // smaller than anything
+    EXPECT_INT(count, 0);
+    tag_finder_close(&f);
+    tag_finder_close(&f);
+}
+
+static void senseless_options(void **state)
+{
+    (void)state;
+    static const double bad[] = {0, 0.5, 9, -1, NAN, INFINITY};
+    for (size_t i = 0; i < COUNT_OF(bad); i++) {
+        struct tag_finder *f;
+        EXPECT_STATUS(tag_finder_open(&f, bad[i]), ERR_INPUT);
+        EXPECT_TRUE(f == NULL);
+    }
+    struct tag_pattern pattern;
+    EXPECT_TRUE(!tag_pattern(-1, &pattern));
+    EXPECT_TRUE(!tag_pattern(TAG_NUMBERS, &pattern));
+    EXPECT_TRUE(tag_pattern(TAG_NUMBERS - 1, &pattern));
+    for (int i = 0; i < TAG_CELLS; i++) { // the rim is black
+        EXPECT_INT(pattern.cell[0][i] + pattern.cell[i][0], 0);
+        EXPECT_INT(pattern.cell[TAG_CELLS - 1][i] + pattern.cell[i][TAG_CELLS - 1], 0);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(corners_in_order),
+        cmocka_unit_test(twins_are_both_reported),
+        cmocka_unit_test(nothing_to_see),
+        cmocka_unit_test(senseless_options),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

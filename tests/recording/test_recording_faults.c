@@ -1,0 +1,433 @@
+// What a recording survives: a killed writer, a full disk, a cut, wrong bytes.
+#include "tests/support/recording_sample.h"
+
+#include "capture/recording/recording_schema.h"
+#include "base/clock.h"
+#include "platform/database.h"
+
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+
+enum { KILLS = 50, AT_ONCE = 10, FRAME_NS = 33333333, MUTATIONS = 80, CUTS = 40 };
+
+static uint64_t seed;
+
+static void remove_with_log(const char *path)
+{
+    static const char *const endings[] = {"", ".damaged", "-wal", "-shm"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        snprintf(name, sizeof name, "%s%s", path, endings[i]);
+        unlink(name);
+    }
+}
+
+// ------------------------------------------------------------- kill -9
+
+// Adds frames at 30 Hz until it is killed; *added says how many it got rid of.
+static _Noreturn void record_until_killed(const char *path, volatile int64_t *added)
+{
+    struct calibration calibration = some_calibration();
+    struct recording_writer *w;
+    struct made m;
+    if (recording_create(&w, path) != OK || recording_begin_take(w, "a", &calibration) != OK)
+        _exit(1);
+    make_frame(&m, 0);
+    int64_t start = clock_now_ns();
+    for (int64_t i = 0;; i++) {
+        m.frame.time_ns = i * FRAME_NS;
+        clock_sleep_until_ns(start + i * FRAME_NS);
+        if (recording_add_frame(w, &m.frame) != OK)
+            _exit(1);
+        *added = i + 1;
+    }
+}
+
+// What a killed writer left must be sound, and at most a second short.
+static int64_t check_killed(const char *path, int64_t added)
+{
+    struct recording_report report;
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.takes, 1);
+    EXPECT_INT(report.interrupted_takes, 1);
+    EXPECT_INT(report.damaged_frames, 0);
+    EXPECT_AT_MOST((double)(added - report.frames) * FRAME_NS * 1e-9, 1.0);
+    EXPECT_AT_LEAST((double)(added + 1 - report.frames), 0);
+    return added - report.frames;
+}
+
+static void test_kill_at_any_moment(void **state)
+{
+    (void)state;
+    struct dice dice = {seed};
+    volatile int64_t *added =
+        mmap(NULL, AT_ONCE * sizeof *added, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    assert_true(added != MAP_FAILED);
+    printf("frames short:");
+    for (int round = 0; round < KILLS / AT_ONCE; round++) {
+        pid_t child[AT_ONCE];
+        int64_t when_ns[AT_ONCE];
+        char path[AT_ONCE][128];
+        for (int i = 0; i < AT_ONCE; i++) {
+            snprintf(path[i], sizeof path[i], "%s/killed-%d-%d", folder, round, i);
+            added[i] = 0;
+            when_ns[i] = (int64_t)(1.4e9 * dice_uniform(&dice));
+            fflush(NULL);
+            if (!(child[i] = fork()))
+                record_until_killed(path[i], &added[i]);
+        }
+        bool killed[AT_ONCE] = {false};
+        int64_t first_ns[AT_ONCE] = {0}, give_up_ns = clock_now_ns() + INT64_C(60000000000);
+        for (int alive = AT_ONCE; alive;) {
+            assert_true(clock_now_ns() < give_up_ns);
+            for (int i = 0; i < AT_ONCE; i++) {
+                int64_t now = clock_now_ns();
+                if (!first_ns[i] && added[i])
+                    first_ns[i] = now;
+                if (!killed[i] && first_ns[i] && now >= first_ns[i] + when_ns[i]) {
+                    kill(child[i], SIGKILL);
+                    waitpid(child[i], NULL, 0);
+                    killed[i] = true;
+                    alive--;
+                }
+            }
+            clock_sleep_until_ns(clock_now_ns() + 300000);
+        }
+        for (int i = 0; i < AT_ONCE; i++) {
+            printf(" %lld", (long long)check_killed(path[i], added[i]));
+            if (round)
+                remove_with_log(path[i]);
+        }
+    }
+    printf("\n");
+    munmap((void *)added, AT_ONCE * sizeof *added);
+}
+
+static void test_life_after_a_kill(void **state)
+{
+    (void)state;
+    // The first round's last file: append to it, then let repair complete it.
+    const char *path = path_of("killed-0-9");
+    struct calibration calibration = some_calibration();
+    struct recording_report before, report;
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_verify(path, &before), OK);
+    EXPECT_STATUS(recording_append(&w, path), OK);
+    EXPECT_STATUS(recording_begin_take(w, "b", &calibration), OK);
+    add_frames(w, 0, 4);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_TRUE(database_is_settled(path));
+    EXPECT_STATUS(recording_repair(path, &report), OK);
+    EXPECT_INT(report.interrupted_takes, 1);
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.interrupted_takes, 0);
+    EXPECT_INT(report.frames, before.frames + 4);
+    EXPECT_TRUE(!file_exists(path_of("killed-0-9.damaged")));
+
+    path = path_of("killed-0-8"); // repair alone
+    EXPECT_STATUS(recording_repair(path, &report), OK);
+    EXPECT_TRUE(database_is_settled(path));
+}
+
+// ------------------------------------------------------------- full disk
+
+// Returns 0 when everything went as recording.h promises; *added: frames that were taken.
+static int fill_disk(const char *path, rlim_t most, volatile int64_t *added)
+{
+    signal(SIGXFSZ, SIG_IGN);
+    struct rlimit limit = {most, most};
+    if (setrlimit(RLIMIT_FSIZE, &limit))
+        return 1;
+    struct calibration calibration = some_calibration();
+    struct recording_writer *w;
+    enum status status = recording_create(&w, path);
+    if (status != OK)
+        return w || status != ERR_IO || file_exists(path) ? 2 : 0;
+    status = recording_begin_take(w, "a", &calibration);
+    static struct made m;
+    for (int i = 0; status == OK && i < 4000; i++) {
+        make_frame(&m, i);
+        status = recording_add_frame(w, &m.frame);
+        *added += status == OK;
+        free(m.jpeg);
+    }
+    if (status != ERR_IO || !strstr(status_sentence(), "disk is full") || !strstr(status_sentence(), path)) {
+        print_error("a full disk says '%s'\n", status_sentence());
+        return 3;
+    }
+    if (*added && recording_add_frame(w, &m.frame) == OK)
+        return 4;
+    status = recording_close(&w);
+    return status == ERR_IO && !w && strstr(status_sentence(), "disk is full") ? 0 : 5;
+}
+
+static void test_full_disk(void **state)
+{
+    (void)state;
+    volatile int64_t *added = mmap(NULL, sizeof *added, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    assert_true(added != MAP_FAILED);
+    const rlim_t limits[] = {0, 70000, 200000, 500000, 700000, 1000000, 2500000};
+    printf("full disk, frames added and kept:");
+    for (size_t i = 0; i < COUNT_OF(limits); i++) {
+        char path[128];
+        snprintf(path, sizeof path, "%s/full-%zu", folder, i);
+        *added = 0;
+        fflush(NULL);
+        pid_t child = fork();
+        if (!child)
+            _exit(fill_disk(path, limits[i], added));
+        int how;
+        waitpid(child, &how, 0);
+        EXPECT_INT(how, 0);
+        if (!file_exists(path))
+            continue;
+        struct recording_report report;
+        EXPECT_STATUS(recording_verify(path, &report), OK);
+        printf(" %lld/%lld", (long long)*added, (long long)report.frames);
+        EXPECT_AT_MOST((double)report.frames, (double)*added);
+        struct recording_writer *w; // with room again, it goes on
+        EXPECT_STATUS(recording_append(&w, path), OK);
+        EXPECT_STATUS(recording_close(&w), OK);
+    }
+    printf("\n");
+    munmap((void *)added, sizeof *added);
+}
+
+// ------------------------------------------------------------- damage
+
+// A number that changes with anything that a reader is told.
+static uint64_t mix(uint64_t hash, const void *bytes, size_t count)
+{
+    for (const uint8_t *b = bytes; bytes && count--; b++)
+        hash = (hash ^ *b) * UINT64_C(0x100000001b3);
+    return hash ^ (bytes != NULL);
+}
+
+static uint64_t hash_of(const char *path)
+{
+    struct recording *r;
+    struct place place;
+    uint64_t hash = 0xcbf29ce484222325u;
+    EXPECT_STATUS(recording_open(&r, path), OK);
+    if (recording_read_place(r, &place) == OK) {
+        hash = mix(hash, place.tags, (size_t)place.tag_count * sizeof *place.tags);
+        hash = mix(hash, place.points, (size_t)place.point_count * sizeof *place.points);
+        for (int i = 0; i < place.view_count; i++)
+            hash = mix(hash, place.views[i].depth, WIDTH * HEIGHT * 2);
+        place_free(&place);
+    }
+    for (int i = 0; i < recording_take_count(r); i++) {
+        struct take *t;
+        hash = mix(hash, recording_take_name(r, i), strlen(recording_take_name(r, i)));
+        EXPECT_STATUS(take_open(&t, r, recording_take_name(r, i)), OK);
+        hash = mix(hash, take_body(t)->radius_rate, sizeof take_body(t)->radius_rate);
+        for (int64_t k = 0; k < take_frame_count(t); k++) {
+            struct take_pictures p;
+            const struct take_entry *e = take_entry(t, k);
+            EXPECT_STATUS(take_read(t, k, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &p), OK);
+            hash = mix(hash, &e->time_ns, sizeof e->time_ns);
+            hash = mix(hash, &e->world_from_camera, sizeof e->world_from_camera);
+            hash = mix(hash, e->skeleton.joint, sizeof e->skeleton.joint);
+            hash = mix(hash, p.color, COLOR_WIDTH * COLOR_HEIGHT * 3);
+            hash = mix(hash, p.depth, WIDTH * HEIGHT * 2);
+            hash = mix(hash, p.mask, WIDTH * HEIGHT);
+        }
+        take_close(&t);
+    }
+    recording_free(&r);
+    return hash;
+}
+
+// Looks at a damaged file in every way; returns the frames that repair saved, -1 when it could not.
+static int64_t use_damaged(const char *path, uint64_t whole_hash, int *undetected)
+{
+    struct recording_report report;
+    enum status status = recording_verify(path, &report);
+    if (status == OK) { // the damage must lie where nothing lies
+        ++*undetected;
+        EXPECT_TRUE(hash_of(path) == whole_hash);
+        return report.frames;
+    }
+    EXPECT_AT_MOST(status, -1);
+    EXPECT_SAYS(path);
+    status = recording_repair(path, &report);
+    if (status != OK) {
+        EXPECT_SAYS(path);
+        return -1;
+    }
+    int64_t saved = report.frames;
+    EXPECT_STATUS(recording_verify(path, &report), OK);
+    EXPECT_INT(report.frames, saved);
+    EXPECT_INT(report.interrupted_takes, 0);
+    return saved;
+}
+
+static void test_cut_anywhere(void **state)
+{
+    (void)state;
+    struct dice dice = {seed + 1};
+    uint8_t *bytes;
+    size_t count;
+    write_recording(path_of("whole"));
+    uint64_t hash = hash_of(path_of("whole"));
+    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    int undetected = 0;
+    printf("of %d frames, saved after cuts:", FRAMES + 3);
+    for (int i = 0; i < CUTS; i++) {
+        size_t at = i < 3   ? (size_t)(i * 50)
+                    : i % 2 ? count / 65536 * 65536 * (size_t)i / CUTS / 65536 * 65536
+                            : (size_t)(dice_uniform(&dice) * (double)count);
+        EXPECT_STATUS(file_write(path_of("cut"), bytes, at), OK);
+        printf(" %lld", (long long)use_damaged(path_of("cut"), hash, &undetected));
+        remove_with_log(path_of("cut"));
+    }
+    printf("\n");
+    EXPECT_INT(undetected, 0);
+    free(bytes);
+}
+
+static void test_wrong_bytes_anywhere(void **state)
+{
+    (void)state;
+    struct dice dice = {seed + 2};
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(path_of("whole"));
+    int undetected = 0;
+    printf("saved after wrong bytes:");
+    for (int i = 0; i < MUTATIONS; i++) {
+        uint8_t *wrong = malloc(count);
+        assert_non_null(wrong);
+        memcpy(wrong, bytes, count);
+        // Single bytes anywhere, or a stretch of zeros, or bytes of the tables' beginning.
+        int changes = 1 + (int)(8 * dice_uniform(&dice));
+        for (int k = 0; k < changes; k++) {
+            size_t at = (size_t)(dice_uniform(&dice) * (double)(i % 4 == 3 ? 66000 : count));
+            wrong[at] ^= (uint8_t)(1 << (int)(8 * dice_uniform(&dice)));
+        }
+        if (i % 4 == 1) {
+            size_t at = (size_t)(dice_uniform(&dice) * (double)(count - 5000));
+            memset(wrong + at, 0, 5000);
+        }
+        EXPECT_STATUS(file_write(path_of("wrong"), wrong, count), OK);
+        free(wrong);
+        printf(" %lld", (long long)use_damaged(path_of("wrong"), hash, &undetected));
+        remove_with_log(path_of("wrong"));
+    }
+    printf("; %d of %d left no trace\n", undetected, MUTATIONS);
+    free(bytes);
+}
+
+// A table's name may be damaged so that sqlite finds it all the same: in what is optional, that must not be absence.
+static void test_wrong_byte_in_a_tables_name(void **state)
+{
+    (void)state;
+    static const char *const name[] = {"place",   "place_view",  "take",      "frame",
+                                       "picture", "point_error", "tag_error", "point_side"};
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(path_of("whole"));
+    int undetected = 0;
+    for (size_t i = 0; i < COUNT_OF(name); i++) {
+        char row[64]; // of sqlite_schema: type, name, tbl_name
+        size_t length = (size_t)snprintf(row, sizeof row, "table%s%s", name[i], name[i]);
+        uint8_t *at = memmem(bytes, count, row, length);
+        assert_non_null(at);
+        size_t letters[] = {1, strlen("table") + 1};
+        for (size_t k = 0; k < COUNT_OF(letters); k++) {
+            at[letters[k]] ^= 'a' ^ 'A';
+            EXPECT_STATUS(file_write(path_of("name"), bytes, count), OK);
+            at[letters[k]] ^= 'a' ^ 'A';
+            EXPECT_INT(use_damaged(path_of("name"), hash, &undetected), FRAMES + 3);
+            remove_with_log(path_of("name"));
+        }
+    }
+    printf("%d of %zu names left no trace\n", undetected, 2 * COUNT_OF(name));
+    free(bytes);
+}
+
+// A table's text may be damaged so that it still parses and only says that id is a column like others.
+static void test_wrong_byte_in_a_tables_text(void **state)
+{
+    (void)state;
+    static const char text[] = "(id INTEGER PRIMARY KEY";
+    uint8_t *bytes, *at;
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(path_of("whole"));
+    int texts = 0, undetected = 0;
+    struct calibration calibration = some_calibration();
+    for (size_t from = 0; (at = memmem(bytes + from, count - from, text, sizeof text - 1)); texts++) {
+        from = (size_t)(at - bytes) + sizeof text - 1;
+        uint8_t *blank = at + sizeof "(id INTEGER" - 1;
+        *blank = '0';
+        EXPECT_STATUS(file_write(path_of("text"), bytes, count), OK);
+        *blank = ' ';
+        EXPECT_INT(use_damaged(path_of("text"), hash, &undetected), FRAMES + 3);
+        struct recording_writer *w; // and a take more is found where it was put
+        struct recording_report report;
+        EXPECT_STATUS(recording_append(&w, path_of("text")), OK);
+        EXPECT_STATUS(recording_begin_take(w, "later", &calibration), OK);
+        add_frames(w, 0, 4);
+        EXPECT_STATUS(recording_end_take(w), OK);
+        EXPECT_STATUS(recording_close(&w), OK);
+        EXPECT_STATUS(recording_verify(path_of("text"), &report), OK);
+        EXPECT_INT(report.frames, FRAMES + 3 + 4);
+        remove_with_log(path_of("text"));
+    }
+    printf("%d tables' texts, %d left no trace\n", texts, undetected);
+    EXPECT_AT_LEAST(texts, 5);
+    free(bytes);
+}
+
+// A take's calibration with a wrong size: its pictures know better.
+static void test_wrong_byte_in_a_size(void **state)
+{
+    (void)state;
+    struct calibration calibration = some_calibration();
+    uint8_t *bytes, *at, blob[CALIBRATION_BYTES];
+    size_t count;
+    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(path_of("whole"));
+    put_calibration(blob, &calibration);
+    int found = 0, undetected = 0;
+    for (size_t from = 0; (at = memmem(bytes + from, count - from, blob, sizeof blob)); found++) {
+        from = (size_t)(at - bytes) + sizeof blob;
+        const size_t sizes[] = {0, 4, 80, 84}; // width and height for colour, then for depth
+        for (size_t i = 0; i < COUNT_OF(sizes); i++) {
+            at[sizes[i]] ^= 2;
+            EXPECT_STATUS(file_write(path_of("size"), bytes, count), OK);
+            at[sizes[i]] ^= 2;
+            EXPECT_INT(use_damaged(path_of("size"), hash, &undetected), FRAMES + 3);
+            remove_with_log(path_of("size"));
+        }
+    }
+    printf("%d calibrations\n", found);
+    EXPECT_AT_LEAST(found, 1);
+    EXPECT_INT(undetected, 0);
+    free(bytes);
+}
+
+int main(void)
+{
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    const char *given = getenv("REENACT_TEST_SEED");
+    seed = given ? strtoull(given, NULL, 0) : (uint64_t)clock_now_ns();
+    printf("seed REENACT_TEST_SEED=%llu\n", (unsigned long long)seed);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_kill_at_any_moment),
+        cmocka_unit_test(test_life_after_a_kill),
+        cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_cut_anywhere),
+        cmocka_unit_test(test_wrong_bytes_anywhere),
+        cmocka_unit_test(test_wrong_byte_in_a_tables_name),
+        cmocka_unit_test(test_wrong_byte_in_a_tables_text),
+        cmocka_unit_test(test_wrong_byte_in_a_size),
+    };
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}

@@ -1,0 +1,82 @@
+// Numbers about a bone: what is put at a place is found there, beyond the ends, all the way round, and nowhere else.
+#include "tests/support/random.h"
+#include "tests/support/test.h"
+
+#include "reenact/skeleton/bone_chart.h"
+
+#include <string.h>
+
+// Along x, its own axes turned against the world's.
+static const struct part_frame bone = {{1, 2, 3}, {0, 0, 1}, {0, -1, 0}, {1, 0, 0}, 0.4};
+
+static struct vec3 beside(double along_m, double angle_rad, double away_m)
+{
+    const struct vec3 out = v3_add(v3_scale(bone.x, sin(angle_rad)), v3_scale(bone.y, cos(angle_rad)));
+    return v3_add(v3_add(bone.origin, v3_scale(bone.z, along_m)), v3_scale(out, away_m));
+}
+
+static double value_at(const struct bone_chart *chart, struct vec3 point)
+{
+    const struct chart_place place = chart_place_of(&bone, point);
+    return (double)bone_chart_at(chart, &place);
+}
+
+// A number that rises with height and goes round with the angle, put in place by place, is read where it was put.
+static void what_is_put_there_is_found_there(void **state)
+{
+    (void)state;
+    static struct bone_chart sum, count;
+    struct dice dice = {11};
+    print_message("seed 11\n");
+    for (int i = 0; i < 200000; i++) {
+        const double along = -0.3 + dice_uniform(&dice), angle = 7 * dice_uniform(&dice) - 3.5;
+        const struct chart_place place = chart_place_of(&bone, beside(along, angle, 0.05));
+        bone_chart_add(&sum, &place, (float)(along + 0.1 * sin(angle)));
+        bone_chart_add(&count, &place, 1);
+    }
+    EXPECT_NEAR(bone_chart_sum(&count), 200000, 1);
+    for (int i = 0; i < CHART_HEIGHTS * CHART_ANGLES; i++)
+        sum.at[i] /= count.at[i];
+    double worst = 0;
+    for (int k = 0; k < 100; k++) {
+        const double along = -0.1 + 0.006 * k, angle = 0.13 * k;
+        worst = fmax(worst, fabs(value_at(&sum, beside(along, angle, 0.08)) - along - 0.1 * sin(angle)));
+    }
+    print_message("off by %.4f at most\n", worst);
+    EXPECT_AT_MOST(worst, 0.02);
+}
+
+static void beyond_its_border_it_is_as_at_the_border(void **state)
+{
+    (void)state;
+    struct bone_chart chart;
+    for (int i = 0; i < CHART_HEIGHTS * CHART_ANGLES; i++)
+        chart.at[i] = (float)(i / CHART_ANGLES);
+    EXPECT_NEAR(value_at(&chart, beside(-5, 1, 0.1)), 0, 1e-6);
+    EXPECT_NEAR(value_at(&chart, beside(5, 1, 0.1)), CHART_HEIGHTS - 1, 1e-5);
+    EXPECT_NEAR(value_at(&chart, beside(0.2, 3.14159265, 0.1)), value_at(&chart, beside(0.2, -3.14159265, 0.1)), 1e-5);
+    EXPECT_NEAR(value_at(&chart, beside(0.2, 0, 0)), (CHART_HEIGHTS - 1) / 2.0, 1e-5); // on the bone itself
+}
+
+static void evened_out_it_spreads_all_the_way_round(void **state)
+{
+    (void)state;
+    struct bone_chart chart;
+    memset(&chart, 0, sizeof chart);
+    chart.at[3 * CHART_ANGLES] = 16;
+    bone_chart_even(&chart);
+    EXPECT_NEAR((double)chart.at[3 * CHART_ANGLES], 4, 1e-6);
+    EXPECT_NEAR((double)chart.at[3 * CHART_ANGLES + CHART_ANGLES - 1], 2, 1e-6);
+    EXPECT_NEAR((double)chart.at[4 * CHART_ANGLES + 1], 1, 1e-6);
+    EXPECT_NEAR(bone_chart_sum(&chart), 16, 1e-5);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_is_put_there_is_found_there),
+        cmocka_unit_test(beyond_its_border_it_is_as_at_the_border),
+        cmocka_unit_test(evened_out_it_spreads_all_the_way_round),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

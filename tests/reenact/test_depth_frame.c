@@ -1,0 +1,238 @@
+// What a frame's depth picture is sorted into: the strip beside the person that the sensor's lamp does not reach, edges
+// between surfaces and what only looks like one; and that what is kept of it comes back as it was.
+#include "tests/support/random.h"
+#include "tests/support/painted_person.h"
+#include "tests/support/test.h"
+
+#include "reenact/observation/depth_frame_cache.h"
+
+#include <string.h>
+
+enum { NARROW_PX = 2, WIDE_PX = 40, WALL_MM = 8000 };
+
+// One frame of a painted person, sorted.
+struct seen {
+    struct painted_take stage;
+    struct source_rays *rays;
+    struct sight sight;
+};
+
+static void see(struct seen *s, const struct one_frame *frame)
+{
+    painted_take_open(&s->stage, &ideal, frame, 1, &whole_measures);
+    EXPECT_STATUS(source_rays_open(&s->rays, take_calibration(s->stage.take)), OK);
+    EXPECT_STATUS(sight_open(&s->sight, s->stage.take, s->rays), OK);
+    EXPECT_STATUS(sight_read(&s->sight, s->stage.take, 0), OK);
+}
+
+static void see_no_more(struct seen *s)
+{
+    sight_close(&s->sight);
+    source_rays_close(&s->rays);
+    painted_take_close(&s->stage);
+}
+
+// As large in the picture, so that much larger.
+static struct skeleton carried_off(const struct skeleton *joints, double depth_mm)
+{
+    struct skeleton s = *joints;
+    for (int j = 0; j < JOINT_COUNT; j++)
+        s.joint[j] = v3_scale(s.joint[j], depth_mm * 1e-3 / s.joint[j].z);
+    return s;
+}
+
+// Takes the readings off `count` pixels to the right of whatever is the person's.
+static void shade(struct painted *film, int count)
+{
+    for (int y = 0; y < H; y++)
+        for (int x = W - 1; x > 0; x--)
+            for (int k = 1; k <= count && film->mask[y * W + x] && x + k < W && !film->mask[y * W + x + k]; k++)
+                film->depth[y * W + x + k] = 0;
+}
+
+// How many pixels beside the person have no reading, and how many of these are nearer than the wall.
+static void count_beside(struct painted *film, int shade_px, int *empty, int *wrong)
+{
+    const struct skeleton joints = whole_body(0);
+    struct one_frame frame = {joints, film->rgb, film->depth, film->mask};
+    struct seen seen;
+    paint_person(film, &ideal, &joints, &whole_measures);
+    const uint16_t wall = film->depth[0];
+    shade(film, shade_px);
+    see(&seen, &frame);
+    const struct sight *sight = &seen.sight;
+    *empty = *wrong = 0;
+    for (int y = sight->top; y <= sight->bottom; y++)
+        for (int x = sight->left; x < W; x++) {
+            int i = y * W + x;
+            *empty += !film->mask[i] && !sight->depth[i];
+            *wrong += !film->mask[i] && sight->depth[i] && sight->depth[i] != wall;
+        }
+    see_no_more(&seen);
+}
+
+static void what_the_lamp_does_not_reach_is_room(void **state)
+{
+    (void)state;
+    static struct painted film;
+    int empty, wrong, left;
+    count_beside(&film, NARROW_PX, &empty, &wrong);
+    count_beside(&film, WIDE_PX, &left, &wrong);
+    print_message("without a reading: of a narrow strip %d pixels, of a wide one %d\n", empty, left);
+    EXPECT_AT_MOST(empty, 150);  // between the legs there is no wall to be seen beyond the strip
+    EXPECT_AT_LEAST(left, 1000); // no lamp throws such a shadow
+    EXPECT_TRUE(wrong == 0);
+}
+
+// Pixels about the person, as far as edges are told, that differ.
+static int differing(const struct sight *a, const struct sight *b)
+{
+    int count = 0;
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++) {
+            int i = y * W + x;
+            bool near = x >= a->left - SIGHT_EDGE_MOST && x <= a->right + SIGHT_EDGE_MOST &&
+                        y >= a->top - SIGHT_EDGE_MOST && y <= a->bottom + SIGHT_EDGE_MOST;
+            count += near && (a->depth[i] != b->depth[i] || a->part[i] != b->part[i] || a->edge[i] != b->edge[i] ||
+                              a->half[i] != b->half[i]);
+        }
+    return count;
+}
+
+static void what_is_kept_comes_back(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static const size_t most_bytes[] = {0, 1 << 20};
+    const struct skeleton joints = whole_body(0);
+    struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
+    struct painted_take stage;
+    struct source_rays *rays;
+    struct sight fresh, brought;
+    const int64_t first = 0;
+    paint_person(&film, &ideal, &joints, &whole_measures);
+    painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
+    EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(sight_open(&fresh, stage.take, rays), OK);
+    EXPECT_STATUS(sight_open(&brought, stage.take, rays), OK);
+    EXPECT_STATUS(sight_read(&fresh, stage.take, 0), OK);
+    for (size_t k = 0; k < COUNT_OF(most_bytes); k++) {
+        struct sights *sights;
+        EXPECT_STATUS(sights_open(&sights, stage.take, &first, 1, most_bytes[k]), OK);
+        for (int time = 0; time < 3; time++) {
+            memset(brought.depth, 1, sizeof *brought.depth * PIXELS);
+            memset(brought.part, 1, PIXELS); // as whoever worked on it leaves it
+            memset(brought.edge, 1, PIXELS);
+            memset(brought.half, 1, PIXELS);
+            brought.left = brought.top = brought.right = brought.bottom = 7;
+            EXPECT_STATUS(sights_read(sights, 0, &brought), OK);
+            EXPECT_INT(differing(&fresh, &brought), 0);
+            EXPECT_INT(brought.left, fresh.left);
+            EXPECT_INT(brought.top, fresh.top);
+            EXPECT_INT(brought.right, fresh.right);
+            EXPECT_INT(brought.bottom, fresh.bottom);
+            EXPECT_INT(brought.has_mask, fresh.has_mask);
+        }
+        sights_close(&sights);
+    }
+    sight_close(&fresh);
+    sight_close(&brought);
+    source_rays_close(&rays);
+    painted_take_close(&stage);
+}
+
+// The person's pixels that are at an edge though all around them are the person's, too.
+static int edges_within(const struct sight *s, const uint8_t *mask)
+{
+    int count = 0;
+    for (int y = 1; y < H - 1; y++)
+        for (int x = 1; x < W - 1; x++) {
+            const int i = y * W + x;
+            bool within = true;
+            for (int k = 0; k < 9; k++)
+                within = within && mask[i + (k / 3 - 1) * W + k % 3 - 1];
+            count += within && !s->edge[i];
+        }
+    return count;
+}
+
+// A flat person in steps, every other reading by one nearer; and with one half before the other.
+static void steps_of_a_far_sensor_are_no_edges(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static const struct {
+        int depth_mm, step_mm, half_mm;
+        bool edges;
+    } cases[] = {{2000, 11, 0, false}, {5000, 72, 0, false}, {5000, 0, 300, true}, {2000, 0, 72, true}};
+    const struct skeleton joints = whole_body(0);
+    paint_person(&film, &ideal, &joints, &whole_measures);
+    for (size_t c = 0; c < COUNT_OF(cases); c++) {
+        struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
+        struct seen seen;
+        frame.skeleton = carried_off(&joints, cases[c].depth_mm);
+        for (int i = 0; i < PIXELS; i++)
+            film.depth[i] = (uint16_t)(film.mask[i] ? cases[c].depth_mm - (i % W % 2) * cases[c].step_mm -
+                                                          (i % W < W / 2) * cases[c].half_mm
+                                                    : WALL_MM);
+        see(&seen, &frame);
+        const int edges = edges_within(&seen.sight, film.mask);
+        print_message("at %d mm, steps of %d, one half %d nearer: %d pixels at an edge\n", cases[c].depth_mm,
+                      cases[c].step_mm, cases[c].half_mm, edges);
+        if (cases[c].edges)
+            EXPECT_AT_LEAST(edges, 50);
+        else
+            EXPECT_INT(edges, 0);
+        see_no_more(&seen);
+    }
+}
+
+static uint16_t noisy(int depth_mm, double noise_mm, struct dice *dice)
+{
+    return (uint16_t)(depth_mm + (int)lrint(noise_mm * dice_normal(dice)));
+}
+
+// A flat person in the noise that such a sensor has so far away, and with one half before the other: an edge goes on
+// from row to row, noise does not.
+static void noise_is_no_edge(void **state)
+{
+    (void)state;
+    enum { FAR_MM = 4000, NOISE_MM = 28, NEARER_MM = 200, SEED = 4 };
+    static struct painted film;
+    const struct skeleton joints = whole_body(0);
+    struct dice dice = {.state = SEED};
+    print_message("seed %d\n", SEED);
+    paint_person(&film, &ideal, &joints, &whole_measures);
+    for (int half_mm = 0; half_mm <= NEARER_MM; half_mm += NEARER_MM) {
+        struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
+        struct seen seen;
+        int inside = 0, rows = 0, cut = 0;
+        frame.skeleton = carried_off(&joints, FAR_MM);
+        for (int i = 0; i < PIXELS; i++)
+            film.depth[i] = film.mask[i] ? noisy(FAR_MM - (i % W < W / 2) * half_mm, NOISE_MM, &dice) : WALL_MM;
+        see(&seen, &frame);
+        const int edges = edges_within(&seen.sight, film.mask);
+        for (int y = 1; y < H - 1; y++)
+            for (int x = 1; x < W - 1; x++) {
+                const bool person = film.mask[y * W + x - 1] && film.mask[y * W + x] && film.mask[y * W + x + 1];
+                inside += person;
+                rows += person && x == W / 2;
+                cut += person && x == W / 2 && !seen.sight.edge[y * W + x];
+            }
+        print_message("one half %d nearer: %d of %d pixels at an edge; cut in %d of %d rows\n", half_mm, edges, inside,
+                      cut, rows);
+        if (half_mm)
+            EXPECT_AT_LEAST(cut, 0.9 * rows);
+        else
+            EXPECT_AT_MOST(edges, 0.005 * inside);
+        see_no_more(&seen);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_the_lamp_does_not_reach_is_room), cmocka_unit_test(what_is_kept_comes_back),
+        cmocka_unit_test(steps_of_a_far_sensor_are_no_edges), cmocka_unit_test(noise_is_no_edge)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

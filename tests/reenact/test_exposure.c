@@ -1,0 +1,141 @@
+// A frame that is darker or brighter than the others is told to be so by what it shows of the person, and the sides it
+// does not show are drawn as dark.
+#include "tests/support/test.h"
+
+#include "reenact/frame/frame_layer.h"
+#include "tests/support/rehearsed.h"
+#include "tests/support/retake.h"
+
+enum { FRAME = 2 };
+
+static struct rehearsed rehearsed;
+
+// What is done to a pixel of the frame. across: 0 to 1, from the left of the person's box to the right.
+typedef int changing(int value, double across);
+
+static int darker(int value, double across)
+{
+    (void)across;
+    return value * 7 / 10;
+}
+
+static int brighter(int value, double across)
+{
+    (void)across;
+    return value * 6 / 5 < 255 ? value * 6 / 5 : 255;
+}
+
+static int black(int value, double across)
+{
+    (void)value, (void)across;
+    return 0;
+}
+
+static int glaring_on_one_side(int value, double across) { return across < 0.25 ? 255 : value; }
+
+struct changed {
+    struct recording *recording;
+    struct take *take;
+};
+
+static void change_frame(void *self, struct retaken *f)
+{
+    changing *const *change = self;
+    const int pixels = f->width * f->height;
+    int left = f->width, right = -1;
+    for (int p = 0; p < pixels; p++)
+        if (f->mask[p]) {
+            const int x = p % f->width;
+            left = x < left ? x : left, right = x > right ? x : right;
+        }
+    for (int p = 0; p < 3 * pixels && f->number == FRAME; p++)
+        f->rgb[p] = (uint8_t)(*change)(f->rgb[p], (p / 3 % f->width - left) / (double)(right - left));
+}
+
+// The take once more, FRAME changed.
+static struct changed change_take(const char *name, changing *change)
+{
+    struct changed out;
+    retake(rehearsed.rehearsal.file, "turn", name, change_frame, &change);
+    EXPECT_STATUS(recording_open(&out.recording, rehearsed.rehearsal.file), OK);
+    EXPECT_STATUS(take_open(&out.take, out.recording, name), OK);
+    return out;
+}
+
+static void load(struct take *of, struct loaded_frame *out)
+{
+    struct frame_loader *loader;
+    EXPECT_STATUS(frame_loader_open(&loader, of, rehearsed.rays, &rehearsed.likeness), OK);
+    EXPECT_STATUS(frame_loader_load(loader, FRAME, out), OK);
+    EXPECT_TRUE(out->seen);
+    frame_loader_close(&loader);
+}
+
+// Compared with the frame as it is; and all points' light goes with it.
+static double ratio(const char *name, changing *change)
+{
+    struct loaded_frame as_it_is, other;
+    struct changed changed = change_take(name, change);
+    load(rehearsed.take, &as_it_is);
+    load(changed.take, &other);
+    const double found = (double)(other.brighter / as_it_is.brighter);
+    print_message("%s: %.3f, as it is %.3f; ratio %.3f\n", name, (double)other.brighter, (double)as_it_is.brighter,
+                  found);
+    for (int i = 0; i < other.point_count; i++) // whichever way they face
+        EXPECT_NEAR((double)other.points[i].light, (double)as_it_is.points[i].light * found, 1e-5);
+    loaded_frame_free(&as_it_is);
+    loaded_frame_free(&other);
+    take_close(&changed.take);
+    recording_free(&changed.recording);
+    return found;
+}
+
+static void a_darker_frame_is_told(void **state)
+{
+    (void)state;
+    EXPECT_NEAR(ratio("darker", darker), 0.7, 0.03);
+}
+
+static void a_brighter_frame_is_told(void **state)
+{
+    (void)state;
+    EXPECT_NEAR(ratio("brighter", brighter), 1.2, 0.03);
+}
+
+// Glare, or somebody else's hand.
+static void what_is_odd_does_not_count(void **state)
+{
+    (void)state;
+    EXPECT_NEAR(ratio("glaring", glaring_on_one_side), 1, 0.03);
+}
+
+static void nobody_turns_black(void **state)
+{
+    (void)state;
+    EXPECT_AT_LEAST(ratio("black", black), 0.6);
+}
+
+static int make(void **state)
+{
+    (void)state;
+    EXPECT_STATUS(rehearsed_open(&rehearsed, REHEARSAL_FRAMES), OK);
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    rehearsed_close(&rehearsed);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_darker_frame_is_told),
+        cmocka_unit_test(a_brighter_frame_is_told),
+        cmocka_unit_test(what_is_odd_does_not_count),
+        cmocka_unit_test(nobody_turns_black),
+    };
+    return cmocka_run_group_tests(tests, make, end);
+}

@@ -1,0 +1,77 @@
+// A limb that is lost for a moment goes with the trunk, as it did before and will after.
+#include "tests/support/painted_person.h"
+#include "tests/support/test.h"
+
+#include "reenact/skeleton/joint_inpainting.h"
+
+enum { FRAMES = 71, LOST_FROM = 10, LOST_TO = 20, GONE_FROM = 11 }; // 40 ms apart
+
+static struct painted film;
+
+// The left forearm rises by 1 cm a frame. All turn with the trunk by a twentieth of a radian a frame.
+static struct skeleton truth_at(int frame)
+{
+    struct skeleton s = whole_body(0.01 * frame);
+    const struct vec3 middle = s.joint[JOINT_TORSO];
+    const struct quat turn = quat_from_rotation_vector(v3(0, -0.05 * frame, 0));
+    for (int j = 0; j < JOINT_COUNT; j++)
+        s.joint[j] = v3_add(middle, quat_rotate(turn, v3_sub(s.joint[j], middle)));
+    return s;
+}
+
+// The left hand is lost from the first to the last of these frames.
+static void open_take(struct painted_take *stage, int first, int last)
+{
+    static struct one_frame frames[FRAMES];
+    for (int i = 0; i < FRAMES; i++) {
+        frames[i] = (struct one_frame){truth_at(i), NULL, film.depth, film.mask};
+        if (i >= first && i <= last) {
+            frames[i].skeleton.confidence[JOINT_LEFT_HAND] = 0;
+            frames[i].skeleton.joint[JOINT_LEFT_HAND] = v3(9, 9, 9);
+        }
+    }
+    painted_take_open(stage, &ideal, frames, FRAMES, &whole_measures);
+}
+
+static void a_lost_hand_goes_with_the_trunk(void **state)
+{
+    (void)state;
+    struct painted_take stage;
+    double worst = 0;
+    open_take(&stage, LOST_FROM, LOST_TO);
+    for (int i = 0; i < FRAMES; i++) {
+        const struct skeleton s = carried_skeleton(stage.take, i), truth = truth_at(i);
+        const bool lost = i >= LOST_FROM && i <= LOST_TO;
+        EXPECT_NEAR(s.confidence[JOINT_LEFT_HAND], lost ? 0.5 : 1, 1e-6);
+        if (lost)
+            worst = fmax(worst, v3_distance(s.joint[JOINT_LEFT_HAND], truth.joint[JOINT_LEFT_HAND]));
+        else
+            EXPECT_NEAR(v3_distance(s.joint[JOINT_LEFT_HAND], truth.joint[JOINT_LEFT_HAND]), 0, 1e-5);
+    }
+    print_message("a hand lost for %d frames is off by %.1f mm\n", LOST_TO - LOST_FROM + 1, 1000 * worst);
+    EXPECT_AT_MOST(worst, 0.03);
+    painted_take_close(&stage);
+}
+
+static void what_is_lost_for_long_stays_unknown(void **state)
+{
+    (void)state;
+    struct painted_take stage;
+    open_take(&stage, GONE_FROM, FRAMES - 1);
+    const int64_t step_ns = take_entry(stage.take, 1)->time_ns - take_entry(stage.take, 0)->time_ns;
+    const int carried = (int)(CARRIED_MOST_NS / step_ns);
+    EXPECT_TRUE(GONE_FROM + carried < FRAMES);
+    for (int i = GONE_FROM; i < FRAMES; i++)
+        EXPECT_NEAR(carried_skeleton(stage.take, i).confidence[JOINT_LEFT_HAND], i < GONE_FROM + carried ? 0.5 : 0,
+                    1e-6);
+    painted_take_close(&stage);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_lost_hand_goes_with_the_trunk),
+        cmocka_unit_test(what_is_lost_for_long_stays_unknown),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,330 @@
+// What is about the actor, in the small world: a table that stands before him hides
+// him, as far as sensors saw it, and nothing else does; and his shadow lies under his feet.
+#include "tests/support/test.h"
+
+#include "platform/jpeg.h"
+#include "reenact/render/actor_renderer.h"
+#include "tests/support/scratch.h"
+#include "tests/world/world.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { VIEWS = 16, FRAMES = 3, MOST = 320 * 240, FINEST = 16 * MOST };
+static const double SCALE = 0.5;
+
+static const struct body measures = {.radius_rate = {0.42, 0.42, 0.6, 0.18, 0.16, 0.18, 0.16, 0.2, 0.15, 0.2, 0.15}};
+
+struct set {
+    struct world *world, *without; // the same without a table
+    struct scratch scratch;
+    struct place place;
+    struct recording *recording;
+    struct take *take;
+    struct gpu *gpu;
+};
+static struct set set;
+
+static struct pose look(struct vec3 from, struct vec3 at)
+{
+    struct vec3 z = v3_unit(v3_sub(at, from)), x = v3_unit(v3_cross(z, v3(0, 0, 1))), y = v3_cross(z, x);
+    double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
+    return (struct pose){quat_from_matrix(m), from};
+}
+
+static struct place film_place(const struct world *w)
+{
+    struct place place = {.calibration = world_calibration(SCALE), .view_count = VIEWS};
+    const struct lens *lens = &place.calibration.depth;
+    place.views = calloc(VIEWS, sizeof *place.views);
+    for (int i = 0; i < VIEWS; i++) {
+        struct place_view *v = &place.views[i];
+        v->world_from_camera = world_sweep_pose(w, (double)i * WORLD_SWEEP_S / VIEWS);
+        v->depth = malloc(sizeof *v->depth * (size_t)lens->width * (size_t)lens->height);
+        struct world_shot shot = {*lens, v->world_from_camera, 0, false};
+        EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){.depth = v->depth}), OK);
+        EXPECT_STATUS(world_depth_noise(lens, v->depth, (uint64_t)i + 1, v->depth), OK);
+    }
+    return place;
+}
+
+static void film_take(const struct world *w, const char *path)
+{
+    static uint8_t rgb[3 * MOST], mask[MOST];
+    static uint16_t depth[MOST];
+    struct recording_writer *writer;
+    const struct calibration c = world_calibration(SCALE);
+    EXPECT_STATUS(recording_create(&writer, path), OK);
+    EXPECT_STATUS(recording_begin_take(writer, "stands", &c), OK);
+    for (int i = 0; i < FRAMES; i++) {
+        const struct pose pose = world_sensor_pose(w);
+        struct world_shot shot = {c.color, pose, 0.1 * i, true};
+        struct take_frame f = {.time_ns = i * 100000000ll,
+                               .world_from_camera = pose,
+                               .located = true,
+                               .depth = depth,
+                               .mask = mask,
+                               .has_skeleton = true};
+        EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){rgb, depth, mask}), OK);
+        EXPECT_STATUS(world_depth_noise(&c.depth, depth, (uint64_t)i + 100, depth), OK);
+        f.skeleton = world_joints_in_camera(w, shot.time_s, pose);
+        uint8_t *jpeg;
+        EXPECT_STATUS(jpeg_encode(rgb, c.color.width, c.color.height, 92, &jpeg, &f.jpeg_bytes), OK);
+        f.jpeg = jpeg;
+        EXPECT_STATUS(recording_add_frame(writer, &f), OK);
+        free(jpeg);
+    }
+    EXPECT_STATUS(recording_put_body(writer, &measures), OK);
+    EXPECT_STATUS(recording_end_take(writer), OK);
+    EXPECT_STATUS(recording_close(&writer), OK);
+}
+
+// Alpha of the actor as somebody beside the table sees him.
+static void draw(struct painter *p, struct pose viewer, bool hidden, uint8_t *rgb, uint8_t *rgba)
+{
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    static uint8_t grey[3 * FINEST];
+    memset(grey, 200, sizeof grey);
+    struct painter_view view = {.world_from_camera = viewer, .color = grey};
+    view.viewer_from_room = hidden ? &viewer_from_room : NULL;
+    struct painter_result result;
+    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    EXPECT_INT(result.parts, PART_COUNT);
+    EXPECT_STATUS(painter_read(p, rgb), OK);
+    EXPECT_STATUS(painter_read_actor(p, rgba), OK);
+}
+
+enum about { NO_ROOM, ROOM, ROOM_UNDIVIDED }; // undivided: all of it is drawn wherever any of it is
+
+static struct painter *painter_with(const struct lens *lens, enum about about)
+{
+    struct painter_options o = painter_default_options();
+    struct painter *p;
+    o.shadow = true;
+    EXPECT_STATUS(painter_open(&p, set.gpu, set.take, lens, &o), OK);
+    if (about != NO_ROOM) {
+        struct room room;
+        EXPECT_STATUS(room_make(&room, &set.place, set.take, NULL), OK);
+        print_message("the room: %d points, %d triangles in %d balls\n", room.point_count, room.corner_count / 3,
+                      room.ball_count);
+        if (about == ROOM_UNDIVIDED) {
+            room.ball_count = 1;
+            room.balls[0] = (struct room_ball){v3(0, 0, 0), 100, 0, room.corner_count};
+        }
+        EXPECT_STATUS(painter_give_room(p, &room), OK);
+    }
+    return p;
+}
+
+static int triangles_before(const struct room *room, struct pose viewer, const struct room_hidden *hidden)
+{
+    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    uint16_t *corners = malloc(sizeof *corners * (size_t)room->corner_count);
+    EXPECT_TRUE(corners);
+    const int count = room_before(room, &viewer_from_room, hidden, corners);
+    free(corners);
+    return count / 3;
+}
+
+static void only_what_may_hide_him_is_drawn(void **state)
+{
+    (void)state;
+    struct room room;
+    EXPECT_STATUS(room_make(&room, &set.place, set.take, NULL), OK);
+    int all = 0;
+    for (int b = 0; b < room.ball_count; b++) {
+        EXPECT_INT(room.balls[b].first, all);
+        all += room.balls[b].count;
+    }
+    EXPECT_INT(all, room.corner_count);
+    const struct skeleton s = world_joints(set.world, 0);
+    const struct pose sensor = world_sensor_pose(set.world), beyond = look(v3(2.7, 0.3, 1.25), v3(0, 0, 0.9));
+    const struct skeleton at_sensor = skeleton_transform(pose_inverse(sensor), &s),
+                          at_table = skeleton_transform(pose_inverse(beyond), &s);
+    const struct room_hidden from_sensor = room_hidden_body(&at_sensor), over_table = room_hidden_body(&at_table),
+                             nothing = {0};
+    struct room_hidden everything = {0};
+    room_hidden_add(&everything, v3(0, 0, 1), 100);
+    const int few = triangles_before(&room, sensor, &from_sensor), many = triangles_before(&room, beyond, &over_table);
+    print_message("of %d triangles %d from the sensor's side, %d over the table\n", all / 3, few, many);
+    EXPECT_AT_MOST(few, 0.3 * all / 3);
+    EXPECT_AT_LEAST(many, few + 100);
+    EXPECT_INT(triangles_before(&room, beyond, &nothing), 0);
+    EXPECT_INT(triangles_before(&room, beyond, &everything), all / 3);
+    room_free(&room);
+}
+
+// A picture is the same as with all of the room, his shadow too.
+static void nothing_that_hides_is_left_out(void **state)
+{
+    (void)state;
+    static uint8_t rgb[2][3 * MOST], rgba[2][4 * MOST];
+    const struct lens lens = world_viewer_calibration(SCALE).color;
+    struct painter *p[2] = {painter_with(&lens, ROOM), painter_with(&lens, ROOM_UNDIVIDED)};
+    for (int e = 0; e < 8; e++) {
+        const double angle = e * 0.785;
+        struct pose viewer = look(v3(2.5 * cos(angle), 2.5 * sin(angle), 1.3), v3(0, 0, 0.7));
+        for (int i = 0; i < 2; i++)
+            draw(p[i], viewer, true, rgb[i], rgba[i]);
+        EXPECT_TRUE(!memcmp(rgb[0], rgb[1], 3 * (size_t)lens.width * (size_t)lens.height));
+        EXPECT_TRUE(!memcmp(rgba[0], rgba[1], 4 * (size_t)lens.width * (size_t)lens.height));
+    }
+    painter_close(&p[0]);
+    painter_close(&p[1]);
+}
+
+static void a_table_hides_him(void **state)
+{
+    (void)state;
+    static uint8_t seen[MOST], there[MOST], rgb[3 * MOST], with[4 * MOST], without[4 * MOST];
+    const struct lens lens = world_viewer_calibration(SCALE).color;
+    struct painter *p = painter_with(&lens, ROOM);
+    const struct vec3 eyes[] = {{2.7, 0.3, 1.25}, {2.4, -0.9, 1.0}, {2.6, 0, 0.9}};
+    for (size_t e = 0; e < COUNT_OF(eyes); e++) {
+        struct pose viewer = look(eyes[e], v3(0, 0, 0.9));
+        struct world_shot shot = {lens, viewer, 0, true};
+        EXPECT_STATUS(world_render(set.world, &shot, &(struct world_picture){.mask = seen}), OK);
+        EXPECT_STATUS(world_render(set.without, &shot, &(struct world_picture){.mask = there}), OK);
+        draw(p, viewer, true, rgb, with);
+        draw(p, viewer, false, rgb, without);
+        long behind = 0, gone = 0, before = 0, left = 0;
+        for (int i = 0; i < lens.width * lens.height; i++) {
+            bool drawn = without[4 * i + 3] >= 128, still = with[4 * i + 3] >= 128;
+            behind += drawn && there[i] && !seen[i];
+            gone += drawn && there[i] && !seen[i] && !still;
+            before += drawn && seen[i];
+            left += drawn && seen[i] && still;
+        }
+        print_message("eye %zu: of %ld pixels behind the table %ld are hidden, of %ld others %ld are not\n", e, behind,
+                      gone, before, left);
+        EXPECT_AT_LEAST((double)behind, 400);
+        EXPECT_AT_LEAST((double)gone, 0.85 * (double)behind);
+        EXPECT_AT_LEAST((double)left, 0.99 * (double)before);
+    }
+    // From the sensor's side nothing stands between.
+    draw(p, world_sensor_pose(set.world), true, rgb, with);
+    draw(p, world_sensor_pose(set.world), false, rgb, without);
+    EXPECT_TRUE(!memcmp(with, without, 4 * (size_t)lens.width * (size_t)lens.height));
+    painter_close(&p);
+}
+
+// The alpha of four by four pixels about each pixel of a coarser picture, mean.
+static void average(const uint8_t *fine, const struct lens *coarse, double *out)
+{
+    for (int i = 0; i < coarse->width * coarse->height; i++) {
+        const int x = 4 * (i % coarse->width), y = 4 * (i / coarse->width);
+        out[i] = 0;
+        for (int k = 0; k < 16; k++)
+            out[i] += fine[4 * ((y + k / 4) * 4 * coarse->width + x + k % 4) + 3] / 16.0;
+    }
+}
+
+// Where the table's edge runs over him each pixel holds as much of him as a picture four times as fine has there,
+// nearly, and so far more nearly than if the edge were hard.
+static void the_table_s_edge_is_smooth(void **state)
+{
+    (void)state;
+    static uint8_t rgb[3 * FINEST], fine[4 * FINEST], with[4 * MOST], without[4 * MOST];
+    static double share[MOST];
+    struct lens lens = world_viewer_calibration(SCALE).color, finer = world_viewer_calibration(4 * SCALE).color;
+    struct painter *p = painter_with(&lens, ROOM), *p4 = painter_with(&finer, ROOM);
+    const struct vec3 eyes[] = {{2.7, 0.3, 1.25}, {2.4, -0.9, 1.0}};
+    EXPECT_INT(finer.width, 4 * lens.width);
+    for (size_t e = 0; e < COUNT_OF(eyes); e++) {
+        const struct pose viewer = look(eyes[e], v3(0, 0, 0.9));
+        draw(p4, viewer, true, rgb, fine);
+        draw(p, viewer, true, rgb, with);
+        draw(p, viewer, false, rgb, without);
+        average(fine, &lens, share);
+        double ours = 0, hard = 0;
+        int at_edge = 0;
+        for (int i = 0; i < lens.width * lens.height; i++) {
+            if (without[4 * i + 3] < 255 || share[i] < 1 || share[i] > 254) // his own outline is another matter
+                continue;
+            at_edge++;
+            ours += pow(with[4 * i + 3] - share[i], 2);
+            hard += pow((share[i] >= 127.5 ? 255 : 0) - share[i], 2);
+        }
+        ours = sqrt(ours / at_edge), hard = sqrt(hard / at_edge);
+        print_message(
+            "eye %zu: %d pixels at the table's edge, wrong by %.1f of 255, a hard edge at the right place %.1f\n", e,
+            at_edge, ours, hard);
+        EXPECT_AT_LEAST(at_edge, 20);
+        EXPECT_AT_MOST(ours, 0.6 * hard);
+    }
+    painter_close(&p);
+    painter_close(&p4);
+}
+
+static void his_shadow_lies_under_his_feet(void **state)
+{
+    (void)state;
+    static uint8_t rgb[3 * MOST], rgba[4 * MOST];
+    const struct lens lens = world_viewer_calibration(SCALE).color;
+    struct painter *p = painter_with(&lens, NO_ROOM);
+    struct skeleton s = world_joints(set.world, 0);
+    struct vec3 foot = v3_mix(s.joint[JOINT_LEFT_FOOT], s.joint[JOINT_RIGHT_FOOT], 0.5);
+    struct pose viewer = look(v3(foot.x, foot.y - 2, 2.3), v3(foot.x, foot.y, 0.3));
+    draw(p, viewer, false, rgb, rgba);
+    const double aside[] = {0, 0.3, 0.6, 1.6};
+    int grey[4];
+    for (int i = 0; i < 4; i++) {
+        // Before the feet, where they do not hide the floor, and ever farther from them.
+        struct vec3 floor = v3(foot.x - aside[i], foot.y - 0.25 - aside[i] / 2, 0);
+        struct pixel px = lens_project(&lens, pose_apply(pose_inverse(viewer), floor));
+        int at = (int)lround(px.y) * lens.width + (int)lround(px.x);
+        EXPECT_INT(rgba[4 * at + 3], 0); // it is no part of the actor
+        grey[i] = rgb[3 * at];
+    }
+    print_message("the floor, 200 in the light: %d, %d, %d, %d\n", grey[0], grey[1], grey[2], grey[3]);
+    EXPECT_AT_MOST(grey[0], 185);
+    EXPECT_AT_LEAST(grey[1], grey[0]);
+    EXPECT_AT_LEAST(grey[2], grey[1]);
+    EXPECT_INT(grey[3], 200);
+    painter_close(&p);
+}
+
+static int make(void **state)
+{
+    (void)state;
+    struct world_options o = world_default_options();
+    o.motion = "still";
+    o.threads = 2;
+    o.plain = true;
+    EXPECT_STATUS(world_open(&set.without, &o), OK);
+    o.table = true;
+    EXPECT_STATUS(world_open(&set.world, &o), OK);
+    set.scratch = scratch_make();
+    set.place = film_place(set.world);
+    const char *path = scratch_file(&set.scratch, "stands.reenact");
+    film_take(set.world, path);
+    EXPECT_STATUS(recording_open(&set.recording, path), OK);
+    EXPECT_STATUS(take_open(&set.take, set.recording, "stands"), OK);
+    EXPECT_STATUS(gpu_open(&set.gpu), OK);
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    gpu_close(&set.gpu);
+    take_close(&set.take);
+    recording_free(&set.recording);
+    place_free(&set.place);
+    world_close(&set.world);
+    world_close(&set.without);
+    scratch_remove(&set.scratch);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(only_what_may_hide_him_is_drawn),
+        cmocka_unit_test(nothing_that_hides_is_left_out),
+        cmocka_unit_test(a_table_hides_him),
+        cmocka_unit_test(the_table_s_edge_is_smooth),
+        cmocka_unit_test(his_shadow_lies_under_his_feet),
+    };
+    return cmocka_run_group_tests(tests, make, end);
+}

@@ -1,0 +1,295 @@
+// The painter against references in double precision, on takes made here: where
+// a cylinder falls, what it shows, who hides whom, and that it is repeatable.
+#include "tests/support/painted_person.h"
+#include "tests/support/test.h"
+
+#include <string.h>
+
+static const double PI = 3.14159265358979323846;
+
+// ---------------------------------------------------------------- the double-precision reference
+
+static const struct body thigh_only = {.radius_rate = {[PART_LEFT_THIGH] = 0.25}};
+
+static struct skeleton only_thigh(struct vec3 hip, struct vec3 knee)
+{
+    struct skeleton s = {0};
+    s.joint[JOINT_LEFT_HIP] = hip;
+    s.joint[JOINT_LEFT_KNEE] = knee;
+    s.joint[JOINT_NECK] = v3_add(hip, v3(0, -0.6, 0));
+    s.confidence[JOINT_LEFT_HIP] = s.confidence[JOINT_LEFT_KNEE] = s.confidence[JOINT_NECK] = 1;
+    return s;
+}
+
+static void cylinders_fall_where_the_reference_says(void **state)
+{
+    (void)state;
+    static uint8_t grey[PIXELS * 3];
+    memset(grey, 120, sizeof grey);
+    struct vec3 hip = v3(0.1, -0.2, 2), knee = v3(-0.1, 0.4, 2.2);
+    struct one_frame frame = {.skeleton = only_thigh(hip, knee), .rgb = grey};
+    struct painted_take s;
+    painted_take_open(&s, &ideal, &frame, 1, &thigh_only);
+    struct painter *p = painter_on(&s, &bent, DETAIL_PAPER);
+    static struct drawn got;
+    // Viewers: in front; from the side and close; looking almost along the bone; with the
+    // cylinder reaching out of the picture; and through the cylinder's own near end.
+    const struct pose viewers[] = {
+        POSE_IDENTITY,
+        {quat_from_rotation_vector(v3(0, -1.2, 0)), v3(1.7, 0, 1.6)},
+        {quat_from_rotation_vector(v3(1.35, 0.1, 0.2)), v3(-0.4, 1.5, 2.1)},
+        {quat_from_rotation_vector(v3(0.1, 0.2, 0.7)), v3(-0.25, 0.3, 1.35)},
+        {quat_from_rotation_vector(v3(0.05, 0.3, 0)), v3(0.15, 0.05, 1.95)},
+    };
+    for (size_t v = 0; v < COUNT_OF(viewers); v++) {
+        draw_picture(p, viewers[v], 0, grey, &got);
+        struct pose back = pose_inverse(viewers[v]);
+        struct vec3 a = pose_apply(back, hip), b = pose_apply(back, knee);
+        double radius = 0.25 * v3_distance(a, b);
+        long both = 0, either = 0;
+        for (int i = 0; i < PIXELS; i++) {
+            struct vec3 ray = lens_ray(&bent, (struct pixel){i % W, i / W});
+            bool wanted = isfinite(tube_depth(ray, a, b, radius, 0.05)), is = got.actor[4 * i + 3] >= 128;
+            both += wanted && is;
+            either += wanted || is;
+        }
+        EXPECT_AT_LEAST(either, 2000);
+        double iou = (double)both / (double)either;
+        print_message("viewer %zu: %ld pixels, iou %.4f\n", v, either, iou);
+        EXPECT_AT_LEAST(iou, 0.995);
+    }
+    painter_close(&p);
+    painted_take_close(&s);
+}
+
+// ---------------------------------------------------------------- a person of three balls' breadth
+
+// Seen from where it was filmed, the body shows the film's own pixels.
+static void the_film_is_given_back(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static struct drawn got;
+    static uint8_t green[PIXELS * 3];
+    for (int i = 0; i < PIXELS; i++)
+        green[3 * i + 1] = 200;
+    struct skeleton s = whole_body(0);
+    paint_person(&film, &bent, &s, &whole_measures);
+    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
+    struct painted_take stage;
+    painted_take_open(&stage, &bent, &frame, 1, &whole_measures);
+    for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
+        struct painter *p = painter_on(&stage, &bent, (enum detail)detail);
+        draw_picture(p, POSE_IDENTITY, 0, green, &got);
+        EXPECT_INT(got.result.parts, PART_COUNT);
+        double sum = 0;
+        long count = 0, drawn = 0, person = 0, overlap = 0;
+        for (int i = 0; i < PIXELS; i++) {
+            bool solid = got.actor[4 * i + 3] == 255;
+            drawn += solid;
+            person += film.mask[i];
+            overlap += solid && film.mask[i];
+            // A person's pixel whose neighbours are the person's too: JPEG halves colour at edges.
+            bool inside = film.mask[i] && i > 2 * W && i < PIXELS - 2 * W;
+            for (int dy = -2; inside && dy <= 2; dy++)
+                for (int dx = -2; dx <= 2; dx++)
+                    inside = inside && film.mask[i + dy * W + dx];
+            for (int c = 0; c < 3 && inside && solid; c++) {
+                double d = (double)got.rgb[3 * i + c] - film.rgb[3 * i + c];
+                sum += d * d;
+                count++;
+            }
+        }
+        double psnr = 10 * log10(255.0 * 255.0 / (sum / (double)count));
+        print_message("%s: %ld pixels of %ld, psnr %.1f dB\n", detail == DETAIL_PAPER ? "paper" : "full", drawn, person,
+                      psnr);
+        EXPECT_AT_LEAST(count / 3.0, 0.5 * (double)person);
+        EXPECT_AT_LEAST(psnr, 38);
+        if (detail == DETAIL_FULL) // round ends and all
+            EXPECT_AT_LEAST((double)overlap / (double)(drawn + person - overlap), 0.93);
+        painter_close(&p);
+    }
+    painted_take_close(&stage);
+}
+
+// Straight alpha, from colours that were rounded when they were premultiplied: where little covers, by much.
+static bool magenta(const uint8_t *c)
+{
+    int rounded = c[3] && c[3] < 255 ? 255 / c[3] : 0;
+    return c[0] > c[1] + 100 + rounded && c[2] > c[1] + 100 + rounded;
+}
+
+// From all round, at full detail, not a pixel of the wall behind is on the actor;
+// and what is not the actor is the camera's picture to the bit.
+static void the_wall_behind_never_comes_along(void **state)
+{
+    (void)state;
+    static struct painted film[2];
+    static struct drawn got;
+    static uint8_t green[PIXELS * 3];
+    for (int i = 0; i < PIXELS; i++)
+        green[3 * i + 1] = (uint8_t)(150 + i % 97);
+    struct one_frame frames[2];
+    for (int i = 0; i < 2; i++) {
+        struct skeleton s = whole_body(i * 0.2);
+        paint_person(&film[i], &ideal, &s, &whole_measures);
+        frames[i] = (struct one_frame){s, film[i].rgb, film[i].depth, film[i].mask};
+    }
+    struct painted_take stage;
+    painted_take_open(&stage, &ideal, frames, 2, &whole_measures);
+    struct painter *p = painter_on(&stage, &bent, DETAIL_FULL);
+    long leaked = 0, solid = 0, touched = 0;
+    for (int v = 0; v < 12; v++) {
+        double a = v * PI / 6;
+        struct pose viewer = {quat_from_rotation_vector(v3(0, a, 0)), v3(-2.4 * sin(a), 0, 2.5 - 2.4 * cos(a))};
+        draw_picture(p, viewer, v * 3000000, green, &got);
+        for (int i = 0; i < PIXELS; i++) {
+            solid += got.actor[4 * i + 3] == 255;
+            leaked += got.actor[4 * i + 3] > 0 && magenta(got.actor + 4 * i);
+            touched += got.actor[4 * i + 3] == 0 && memcmp(got.rgb + 3 * i, green + 3 * i, 3);
+        }
+    }
+    EXPECT_AT_LEAST(solid, 12 * 3000);
+    EXPECT_INT(leaked, 0);
+    EXPECT_INT(touched, 0);
+    painter_close(&p);
+    painted_take_close(&stage);
+}
+
+// Two limbs that crossed: filmed apart, red and blue, shown crossed; the nearer one
+// is in front from either side.
+static void the_nearer_part_hides_the_farther(void **state)
+{
+    (void)state;
+    static uint8_t halves[PIXELS * 3], grey[PIXELS * 3];
+    memset(grey, 128, sizeof grey);
+    for (int i = 0; i < PIXELS; i++) {
+        halves[3 * i] = i % W < W / 2 ? 220 : 20;
+        halves[3 * i + 1] = 20;
+        halves[3 * i + 2] = i % W < W / 2 ? 20 : 220;
+    }
+    const struct body body = {.radius_rate = {[PART_LEFT_THIGH] = 0.1, [PART_RIGHT_THIGH] = 0.1}};
+    struct skeleton apart = {0}, crossed = {0};
+    const enum joint used[] = {JOINT_NECK, JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE};
+    for (size_t i = 0; i < COUNT_OF(used); i++)
+        apart.confidence[used[i]] = crossed.confidence[used[i]] = 1;
+    apart.joint[JOINT_NECK] = crossed.joint[JOINT_NECK] = v3(0, -0.8, 2);
+    apart.joint[JOINT_LEFT_HIP] = v3(0.4, -0.3, 2);
+    apart.joint[JOINT_LEFT_KNEE] = v3(0.4, 0.3, 2);
+    apart.joint[JOINT_RIGHT_HIP] = v3(-0.4, -0.3, 2);
+    apart.joint[JOINT_RIGHT_KNEE] = v3(-0.4, 0.3, 2);
+    crossed.joint[JOINT_LEFT_HIP] = v3(-0.2, -0.2, 1.85); // blue, nearer to the first viewer
+    crossed.joint[JOINT_LEFT_KNEE] = v3(0.2, 0.2, 1.85);
+    crossed.joint[JOINT_RIGHT_HIP] = v3(0.2, -0.2, 2.15);
+    crossed.joint[JOINT_RIGHT_KNEE] = v3(-0.2, 0.2, 2.15);
+    const struct one_frame frames[] = {{.skeleton = apart, .rgb = halves}, {.skeleton = crossed}};
+    struct painted_take stage;
+    painted_take_open(&stage, &ideal, frames, 2, &body);
+    static struct drawn got;
+    for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
+        struct painter *p = painter_on(&stage, &ideal, (enum detail)detail);
+        const uint8_t *middle = got.rgb + 3 * (H / 2 * W + W / 2);
+        draw_picture(p, POSE_IDENTITY, 40000000, grey, &got);
+        EXPECT_INT(got.result.parts, 2);
+        EXPECT_INT(got.result.shown, 1);
+        EXPECT_AT_LEAST(middle[2] - middle[0], 150);
+        draw_picture(p, (struct pose){quat_from_rotation_vector(v3(0, PI, 0)), v3(0, 0, 4)}, 40000000, grey, &got);
+        EXPECT_AT_LEAST(middle[0] - middle[2], 150);
+        painter_close(&p);
+    }
+    painted_take_close(&stage);
+}
+
+static void the_same_again_is_the_same(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static struct drawn first, second, other;
+    struct skeleton s = whole_body(0.1);
+    paint_person(&film, &ideal, &s, &whole_measures);
+    struct one_frame frame = {s, film.rgb, film.depth, film.mask};
+    struct painted_take stage;
+    painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
+    const struct pose viewer = {quat_from_rotation_vector(v3(0, 0.6, 0)), v3(-1.3, 0, 0.5)};
+    for (int detail = DETAIL_PAPER; detail <= DETAIL_AUTO; detail++) {
+        struct painter *p = painter_on(&stage, &bent, (enum detail)detail);
+        draw_picture(p, viewer, 0, film.rgb, &first);
+        painter_close(&p);
+        gpu_close(&stage.gpu); // another context, and another picture drawn before
+        EXPECT_STATUS(gpu_open(&stage.gpu), OK);
+        p = painter_on(&stage, &bent, (enum detail)detail);
+        draw_picture(p, POSE_IDENTITY, 0, film.rgb, &other);
+        draw_picture(p, viewer, 0, film.rgb, &second);
+        painter_close(&p);
+        EXPECT_INT(memcmp(first.rgb, second.rgb, sizeof first.rgb), 0);
+        EXPECT_INT(memcmp(first.actor, second.actor, sizeof first.actor), 0);
+        EXPECT_TRUE(memcmp(first.rgb, other.rgb, sizeof first.rgb) != 0);
+    }
+    painted_take_close(&stage);
+}
+
+static long actor_pixels(const struct drawn *d)
+{
+    long n = 0;
+    for (int i = 0; i < PIXELS; i++)
+        n += d->actor[4 * i + 3] > 0;
+    return n;
+}
+
+// Nobody there: unknown joints, parts never measured, long after the end, behind
+// the camera, no length, no placed image. The picture is then the camera's own.
+static void nobody_leaves_the_picture_alone(void **state)
+{
+    (void)state;
+    static struct painted film;
+    static struct drawn got;
+    struct skeleton s = whole_body(0), half = s;
+    paint_person(&film, &ideal, &s, &whole_measures);
+    half.confidence[JOINT_LEFT_KNEE] = 0; // takes thigh and shin with it
+    half.joint[JOINT_LEFT_KNEE] = v3(NAN, NAN, NAN);
+    half.joint[JOINT_RIGHT_HAND] = half.joint[JOINT_RIGHT_ELBOW];
+    struct body body = whole_measures;
+    body.radius_rate[PART_HEAD] = 0;
+    const struct one_frame frames[] = {{s, film.rgb, film.depth, film.mask}, {.skeleton = half}};
+    struct painted_take stage;
+    painted_take_open(&stage, &ideal, frames, 2, &body);
+    for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
+        struct painter *p = painter_on(&stage, &ideal, (enum detail)detail);
+        draw_picture(p, POSE_IDENTITY, 0, film.rgb, &got);
+        EXPECT_INT(got.result.parts, PART_COUNT - 1);
+        draw_picture(p, POSE_IDENTITY, 40000000, film.rgb, &got);
+        // A knee that is lost for a moment is carried, but not by the method of 2014.
+        EXPECT_INT(got.result.parts, PART_COUNT - (detail == DETAIL_PAPER ? 4 : 2));
+        EXPECT_AT_LEAST(actor_pixels(&got), 1000);
+        draw_picture(p, POSE_IDENTITY, 5000000000, film.rgb, &got);
+        EXPECT_INT(got.result.shown, -1);
+        EXPECT_INT(actor_pixels(&got), 0);
+        EXPECT_INT(memcmp(got.rgb, film.rgb, sizeof got.rgb), 0);
+        draw_picture(p, (struct pose){{0, 0, 0, 1}, {0, 0, 6}}, 0, film.rgb, &got);
+        EXPECT_INT(got.result.parts, 0);
+        EXPECT_INT(memcmp(got.rgb, film.rgb, sizeof got.rgb), 0);
+        draw_picture(p, POSE_IDENTITY, 0, film.rgb, &got);
+        EXPECT_STATUS(painter_draw_nobody(p, film.rgb), OK);
+        EXPECT_STATUS(painter_read(p, got.rgb), OK);
+        EXPECT_STATUS(painter_read_actor(p, got.actor), OK);
+        EXPECT_INT(actor_pixels(&got), 0);
+        EXPECT_INT(memcmp(got.rgb, film.rgb, sizeof got.rgb), 0);
+        struct painter_view nowhere = {.world_from_camera = {{0, 0, 0, 1}, {NAN, 0, 0}}, .color = film.rgb};
+        EXPECT_STATUS(painter_draw(p, &nowhere, &got.result), ERR_INPUT);
+        painter_close(&p);
+    }
+    painted_take_close(&stage);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(cylinders_fall_where_the_reference_says),
+        cmocka_unit_test(the_film_is_given_back),
+        cmocka_unit_test(the_wall_behind_never_comes_along),
+        cmocka_unit_test(the_nearer_part_hides_the_farther),
+        cmocka_unit_test(the_same_again_is_the_same),
+        cmocka_unit_test(nobody_leaves_the_picture_alone),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

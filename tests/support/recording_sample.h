@@ -1,0 +1,187 @@
+// A folder to write in and a small recording with a bit of everything, for the
+// tests of the recording file. Everything follows from SAMPLE_SEED.
+#pragma once
+#include "tests/support/test.h"
+
+#include "capture/recording/recording.h"
+#include "platform/file.h"
+#include "platform/jpeg.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { WIDTH = 61, HEIGHT = 47, COLOR_WIDTH = 80, COLOR_HEIGHT = 60, FRAMES = 40, SAMPLE_SEED = 20140601 };
+
+static char folder[64];
+
+static inline const char *path_of(const char *name)
+{
+    static char path[2][128];
+    static int turn;
+    turn = !turn;
+    snprintf(path[turn], sizeof path[turn], "%s/%s", folder, name);
+    return path[turn];
+}
+
+static inline int make_folder(void **state)
+{
+    (void)state;
+    // In memory where that is possible: hundreds of small files shall not wait for a disk.
+    bool has_memory = !access("/dev/shm", W_OK | X_OK);
+    snprintf(folder, sizeof folder, "%s/reenact_test.XXXXXX", has_memory ? "/dev/shm" : "/tmp");
+    return mkdtemp(folder) ? 0 : -1;
+}
+
+static inline int remove_folder(void **state)
+{
+    (void)state;
+    char command[200];
+    snprintf(command, sizeof command, "chmod -R u+w %s; rm -rf %s", folder, folder);
+    return system(command);
+}
+
+// ------------------------------------------------------------- things to record
+
+static inline double number(struct dice *dice) { return dice_normal(dice) * 3; }
+
+static inline struct pose some_pose(struct dice *dice)
+{
+    return (struct pose){quat_unit((struct quat){number(dice), number(dice), number(dice), number(dice)}),
+                         v3(number(dice), number(dice), -0.0)};
+}
+
+static inline struct calibration some_calibration(void)
+{
+    return (struct calibration){
+        .color = {COLOR_WIDTH, COLOR_HEIGHT, 70.1, 70.2, 39.5, 29.5, 0.1, -0.02, 1e-3, -1e-3, 0.003, 0, 0},
+        .depth = {WIDTH, HEIGHT, 55.5, 55.7, 30, 23, 0, 0, 0, 0, 0, 0, 0},
+        .color_from_depth = {{0.01, 0.02, 0.03, 0.9993}, {0.025, -1e-3, 1e-4}},
+    };
+}
+
+static inline uint8_t *some_jpeg(struct dice *dice, size_t *bytes)
+{
+    static uint8_t rgb[COLOR_WIDTH * COLOR_HEIGHT * 3];
+    for (size_t i = 0; i < sizeof rgb; i++)
+        rgb[i] = (uint8_t)(i / 37 + 40 * dice_uniform(dice));
+    uint8_t *jpeg;
+    assert_int_equal(jpeg_encode(rgb, COLOR_WIDTH, COLOR_HEIGHT, 90, &jpeg, bytes), OK);
+    return jpeg;
+}
+
+static inline void some_depth(struct dice *dice, uint16_t *depth)
+{
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        depth[i] = (uint16_t)(dice_uniform(dice) < 0.1 ? 0 : dice_uniform(dice) < 0.01 ? 65535 : 2000 + i / 3);
+}
+
+static inline struct place some_place(struct dice *dice)
+{
+    struct place p = {.calibration = some_calibration(), .rms_px = 0.31, .rms_m = 0.004};
+    p.tag_count = 3;
+    p.point_count = 1000;
+    p.view_count = 3;
+    p.tags = calloc((size_t)p.tag_count, sizeof *p.tags);
+    p.points = calloc((size_t)p.point_count, sizeof *p.points);
+    p.views = calloc((size_t)p.view_count, sizeof *p.views);
+    for (int i = 0; i < p.tag_count; i++)
+        p.tags[i] = (struct place_tag){
+            .id = 7 * i, .side_m = 0.16, .world_from_tag = some_pose(dice), .rms_px = number(dice), .sightings = 5 + i};
+    for (int i = 0; i < p.tag_count; i++)
+        for (int k = 0; k < 21; k++)
+            p.tags[i].covariance[k] = (float)(i + k) * 1e-6F;
+    for (int i = 0; i < p.point_count; i++) {
+        p.points[i].world = v3(number(dice), number(dice), number(dice));
+        for (int k = 0; k < 6; k++)
+            p.points[i].covariance[k] = (float)(i + k) * 1e-6F;
+        for (int k = 0; k < 3; k++)
+            p.points[i].seen_from[k] = (float)(i - k) * 1e-3F;
+        for (int k = 0; k < 32; k++)
+            p.points[i].descriptor[k] = (uint8_t)(256 * dice_uniform(dice));
+    }
+    for (int i = 0; i < p.view_count; i++) {
+        p.views[i].world_from_camera = some_pose(dice);
+        if (i != 1)
+            p.views[i].jpeg = some_jpeg(dice, &p.views[i].jpeg_bytes);
+        if (i != 2) {
+            p.views[i].depth = malloc(WIDTH * HEIGHT * 2);
+            some_depth(dice, p.views[i].depth);
+        }
+    }
+    return p;
+}
+
+// A frame and the memory it points to. Some pictures are missing on purpose.
+struct made {
+    struct take_frame frame;
+    uint8_t *jpeg;
+    uint16_t depth[WIDTH * HEIGHT];
+    uint8_t mask[WIDTH * HEIGHT];
+};
+
+static inline void make_frame(struct made *m, int index)
+{
+    struct dice dice = {SAMPLE_SEED + (uint64_t)index};
+    memset(m, 0, sizeof *m);
+    m->frame.time_ns = -5 + index * INT64_C(33333333);
+    m->frame.world_from_camera = some_pose(&dice);
+    m->frame.located = index % 3 == 0;
+    some_depth(&dice, m->depth);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        m->mask[i] = (i % WIDTH - 30) * (i % WIDTH - 30) + (i / WIDTH - 20) * (i / WIDTH - 20) < 150 + index;
+    m->jpeg = some_jpeg(&dice, &m->frame.jpeg_bytes);
+    m->frame.jpeg = index % 7 == 3 ? NULL : m->jpeg;
+    m->frame.depth = index % 7 == 4 ? NULL : m->depth;
+    m->frame.mask = index % 7 == 5 ? NULL : m->mask;
+    if (index % 7 == 6)
+        m->frame.jpeg = NULL, m->frame.depth = NULL, m->frame.mask = NULL;
+    m->frame.has_skeleton = index % 5 != 2;
+    for (int j = 0; j < JOINT_COUNT; j++) {
+        m->frame.skeleton.joint[j] = v3(number(&dice), number(&dice), number(&dice));
+        m->frame.skeleton.confidence[j] = (float)(j % 3) / 2;
+    }
+}
+
+static inline void add_frames(struct recording_writer *w, int from, int to)
+{
+    static struct made m;
+    for (int i = from; i < to; i++) {
+        make_frame(&m, i);
+        EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
+        free(m.jpeg);
+    }
+}
+
+static const struct body some_body = {
+    .representative_frame = 17,
+    .radius_rate = {0.3, 0.5, 0.45, 0.2, 0.19, 0, 0.18, 0.21, 0.2, 0.2, 0.1},
+};
+
+// Two takes and a place; the second take stays open.
+static inline void write_recording(const char *path)
+{
+    struct dice dice = {SAMPLE_SEED};
+    struct place place = some_place(&dice);
+    struct calibration calibration = some_calibration();
+    struct recording_writer *w;
+    EXPECT_STATUS(recording_create(&w, path), OK);
+    EXPECT_STATUS(recording_put_place(w, &place), OK);
+    place.rms_px = 0.25;
+    EXPECT_STATUS(recording_put_place(w, &place), OK); // replaces
+    EXPECT_STATUS(recording_begin_take(w, "höher", &calibration), OK);
+    add_frames(w, 0, FRAMES / 2);
+    struct body body = some_body;
+    body.representative_frame = 3;
+    EXPECT_STATUS(recording_put_body(w, &body), OK);
+    add_frames(w, FRAMES / 2, FRAMES);
+    EXPECT_STATUS(recording_put_body(w, &some_body), OK);
+    EXPECT_STATUS(recording_put_dropped(w, 12), OK);
+    EXPECT_STATUS(recording_end_take(w), OK);
+    EXPECT_STATUS(recording_begin_take(w, "second", &calibration), OK);
+    add_frames(w, 0, 3);
+    EXPECT_STATUS(recording_close(&w), OK);
+    EXPECT_TRUE(w == NULL);
+    place_free(&place);
+}

@@ -1,0 +1,247 @@
+// The house rules that no compiler holds: who may include whom, that a foreign
+// header is named by its wrapper alone, and that C++ lives only in wrappers.
+#include "tests/support/test.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { MOST_USED = 16 };
+
+struct rule {
+    const char *room;               // a file belongs to the longest room that its path begins with
+    const char *may_use[MOST_USED]; // rooms beside its own, each further up in this table
+};
+
+#define RECORDING "capture/recording/", "platform/", "base/"
+#define SKELETON  "reenact/skeleton/", RECORDING
+#define AVATAR    "reenact/avatar/", "reenact/observation/", SKELETON
+#define RENDER    "reenact/render/", "reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR
+
+static const struct rule rules[] = {
+    {"base/", {0}},
+    {"platform/", {"base/"}},
+    {"capture/recording/", {"platform/", "base/"}},
+    {"locate/", {RECORDING}},
+    {"capture/segmentation/", {RECORDING}},
+    {"capture/body/", {"capture/segmentation/", RECORDING}},
+    {"capture/tracking/", {"capture/body/", "capture/segmentation/", RECORDING}},
+    {"capture/mapping/", {"locate/", RECORDING}},
+    {"capture/",
+     {"capture/mapping/", "capture/tracking/", "capture/body/", "capture/segmentation/", "locate/", RECORDING}},
+    {"reenact/skeleton/", {RECORDING}},
+    {"reenact/observation/", {SKELETON}},
+    {"reenact/retrieval/", {SKELETON}},
+    {"reenact/avatar/", {"reenact/observation/", SKELETON}},
+    {"reenact/frame/", {AVATAR}},
+    {"reenact/scene/", {SKELETON}},
+    {"reenact/render/", {"reenact/scene/", "reenact/frame/", "reenact/retrieval/", AVATAR}},
+    {"app/state/", {"base/"}},
+    {"app/camera/", {"app/state/", "locate/", "reenact/render/", RECORDING}},
+    {"app/view/", {"app/state/", RENDER}},
+    {"app/ui/", {"app/view/", "app/state/", RECORDING}},
+    {"app/", {"app/ui/", "app/camera/", "app/view/", "app/state/", "locate/", RENDER}},
+    {"app/commands/", {"app/", "capture/", "capture/mapping/", "locate/", RENDER}},
+    {"tests/", {0}}, // all of them
+};
+
+// Headers that are the language's or the system's own.
+static const char *const own_headers[] = {
+    "argp.h",    "assert.h", "complex.h", "ctype.h",    "dirent.h",    "errno.h",    "fcntl.h",   "fenv.h",
+    "float.h",   "ftw.h",    "glob.h",    "inttypes.h", "limits.h",    "locale.h",   "math.h",    "poll.h",
+    "pthread.h", "sched.h",  "setjmp.h",  "signal.h",   "spawn.h",     "stdalign.h", "stdarg.h",  "stdatomic.h",
+    "stdbool.h", "stddef.h", "stdint.h",  "stdio.h",    "stdlib.h",    "string.h",   "strings.h", "time.h",
+    "unistd.h",  "wchar.h",  "dlfcn.h",   "endian.h",   "semaphore.h",
+};
+
+enum { MOST_FILES = 900, MOST_FOREIGN = 100 };
+
+struct file {
+    char path[256];
+};
+
+struct foreign {
+    char header[512];
+    char users[4][256];
+    int user_count;
+};
+
+static struct file files[MOST_FILES];
+static int file_count;
+static struct foreign foreign[MOST_FOREIGN];
+static int foreign_count;
+
+static bool ends_with(const char *text, const char *end)
+{
+    size_t n = strlen(text), m = strlen(end);
+    return n >= m && !strcmp(text + n - m, end);
+}
+
+static void list(const char *folder)
+{
+    char full[1024];
+    snprintf(full, sizeof full, "%s/%s", SOURCE_DIR, folder);
+    DIR *dir = opendir(full);
+    assert_non_null(dir);
+    for (struct dirent *entry; (entry = readdir(dir));) {
+        char path[256];
+        if (entry->d_name[0] == '.')
+            continue;
+        assert_true(snprintf(path, sizeof path, "%s%s", folder, entry->d_name) < (int)sizeof path - 1);
+        if (entry->d_type == DT_DIR) {
+            strcat(path, "/");
+            list(path);
+        } else if (ends_with(path, ".c") || ends_with(path, ".h") || ends_with(path, ".cpp")) {
+            assert_true(file_count < MOST_FILES);
+            strcpy(files[file_count++].path, path);
+        }
+    }
+    closedir(dir);
+}
+
+static const struct rule *rule_of(const char *path)
+{
+    const struct rule *best = NULL;
+    for (size_t i = 0; i < COUNT_OF(rules); i++)
+        if (!strncmp(path, rules[i].room, strlen(rules[i].room)) &&
+            (!best || strlen(rules[i].room) > strlen(best->room)))
+            best = &rules[i];
+    return best;
+}
+
+static bool allowed(const char *user, const char *used)
+{
+    const struct rule *from = rule_of(user), *to = rule_of(used);
+    if (!from || !to)
+        return false;
+    if (from == to || !strcmp(from->room, "tests/"))
+        return true;
+    for (size_t i = 0; i < COUNT_OF(from->may_use) && from->may_use[i]; i++)
+        if (!strcmp(from->may_use[i], to->room))
+            return true;
+    return false;
+}
+
+static bool is_own_header(const char *header)
+{
+    for (size_t i = 0; i < COUNT_OF(own_headers); i++)
+        if (!strcmp(header, own_headers[i]))
+            return true;
+    // sys/ is the system's; without an ending it is the C++ library's
+    return !strncmp(header, "sys/", 4) || !strncmp(header, "linux/", 6) || !strchr(header, '.');
+}
+
+static void note_foreign(const char *user, const char *header)
+{
+    if (is_own_header(header))
+        return;
+    int i = 0;
+    while (i < foreign_count && strcmp(foreign[i].header, header))
+        i++;
+    assert_true(i < MOST_FOREIGN);
+    if (i == foreign_count)
+        strcpy(foreign[foreign_count++].header, header);
+    if (foreign[i].user_count < 4)
+        snprintf(foreign[i].users[foreign[i].user_count++], 256, "%s", user);
+}
+
+static int read_includes(const char *path)
+{
+    char full[1024], line[1024], name[512];
+    int broken = 0;
+    snprintf(full, sizeof full, "%s/%s", SOURCE_DIR, path);
+    FILE *file = fopen(full, "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file)) {
+        if (sscanf(line, " # include \"%511[^\"]\"", name) == 1) {
+            if (!allowed(path, name)) {
+                print_error("%s may not include \"%s\"\n", path, name);
+                broken++;
+            }
+        } else if (sscanf(line, " # include <%511[^>]>", name) == 1 && strncmp(path, "tests/", 6)) {
+            note_foreign(path, name);
+        }
+    }
+    fclose(file);
+    return broken;
+}
+
+static void test_rooms_include_only_what_they_may(void **state)
+{
+    (void)state;
+    int broken = 0;
+    for (int i = 0; i < file_count; i++)
+        broken += read_includes(files[i].path);
+    EXPECT_AT_LEAST(file_count, 30); // the list itself is not empty
+    EXPECT_INT(broken, 0);
+}
+
+static void test_foreign_headers_stay_in_their_wrappers(void **state)
+{
+    (void)state;
+    int broken = 0;
+    for (int i = 0; i < foreign_count; i++)
+        if (foreign[i].user_count > 2) {
+            print_error("<%s> is named in %s, %s, %s: one wrapper is enough\n", foreign[i].header, foreign[i].users[0],
+                        foreign[i].users[1], foreign[i].users[2]);
+            broken++;
+        }
+    EXPECT_AT_LEAST(foreign_count, 5);
+    EXPECT_INT(broken, 0);
+}
+
+static void test_cpp_lives_in_platform_and_tests_only(void **state)
+{
+    (void)state;
+    int broken = 0;
+    for (int i = 0; i < file_count; i++)
+        if (ends_with(files[i].path, ".cpp") && strncmp(files[i].path, "platform/", 9) &&
+            strncmp(files[i].path, "tests/", 6)) {
+            print_error("%s is C++ outside a wrapper\n", files[i].path);
+            broken++;
+        }
+    EXPECT_INT(broken, 0);
+}
+
+// No arrow goes up: what a room may use stands before it in the table.
+static void test_the_table_has_floors(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < COUNT_OF(rules); i++)
+        for (size_t k = 0; k < MOST_USED && rules[i].may_use[k]; k++) {
+            const struct rule *used = rule_of(rules[i].may_use[k]);
+            if (!used || used >= &rules[i])
+                print_error("%s may not use %s, which stands below it\n", rules[i].room, rules[i].may_use[k]);
+            EXPECT_TRUE(used && used < &rules[i]);
+        }
+}
+
+// The check itself, on cases that it must refuse.
+static void test_the_rule_can_fail(void **state)
+{
+    (void)state;
+    EXPECT_TRUE(!allowed("base/lens.c", "platform/png.h"));
+    EXPECT_TRUE(!allowed("platform/png.c", "capture/recording/place.h"));
+    EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "capture/tracking/tracker.h"));
+    EXPECT_TRUE(!allowed("capture/recording/place.c", "capture/tracking/tracker.h"));
+    EXPECT_TRUE(!allowed("capture/tracking/tracker.c", "reenact/retrieval/frame_selection.h"));
+    EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "app/commands/command.h"));
+    EXPECT_TRUE(!allowed("reenact/retrieval/frame_selection.c", "locate/locator.h"));
+    EXPECT_TRUE(!allowed("reenact/skeleton/bind_pose.c", "reenact/avatar/avatar.h"));
+    EXPECT_TRUE(allowed("reenact/retrieval/frame_selection.c", "capture/recording/skeleton.h"));
+}
+
+int main(void)
+{
+    const char *const rooms[] = {"base/", "platform/", "capture/", "locate/", "reenact/", "app/", "tests/"};
+    for (size_t i = 0; i < COUNT_OF(rooms); i++)
+        list(rooms[i]);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_rooms_include_only_what_they_may),
+        cmocka_unit_test(test_foreign_headers_stay_in_their_wrappers),
+        cmocka_unit_test(test_cpp_lives_in_platform_and_tests_only),
+        cmocka_unit_test(test_the_table_has_floors),
+        cmocka_unit_test(test_the_rule_can_fail),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,411 @@
+// Depth sensors and .oni files through the real OpenNI2: the fake sensor
+// (openni_driver/) plays a folder made here, and make-oni records it. What
+// arrives must be the folder's pictures, bit for bit, unmirrored, in order.
+#include "tests/support/test.h"
+
+#include "tests/openni_driver/keep_player.h"
+#include "tests/support/process.h"
+#include "tests/support/scratch.h"
+
+#include "base/clock.h"
+#include "platform/file.h"
+#include "platform/png.h"
+#include "platform/source.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { W = 64, H = 48, FRAMES = 20, STEP_US = 33333 };
+static const int64_t BEGIN_US = 1305031102000123;
+
+struct room {
+    struct scratch scratch;
+    char oni[256]; // the URI of a recording
+};
+
+static void picture(int index, uint16_t mm[W * H], uint8_t rgb[W * H * 3])
+{
+    struct dice dice = {(uint64_t)index};
+    for (int i = 0; i < W * H; i++)
+        mm[i] = i % 5 ? (uint16_t)(400 + dice_uniform(&dice) * 6000) : 0;
+    for (int i = 0; i < W * H * 3; i++)
+        rgb[i] = (uint8_t)(dice_uniform(&dice) * 256);
+}
+
+// Every `color_every`-th frame has colour.
+static void put_lists(const struct room *room, int color_every)
+{
+    char depth[FRAMES * 48] = "", rgb[FRAMES * 48] = "";
+    for (int i = 0; i < FRAMES; i++) {
+        int64_t us = BEGIN_US + (int64_t)i * STEP_US;
+        size_t n = strlen(depth), m = strlen(rgb);
+        snprintf(depth + n, sizeof depth - n, "%lld.%06lld d%02d.png\n", (long long)(us / 1000000),
+                 (long long)(us % 1000000), i);
+        if (i % color_every == 0)
+            snprintf(rgb + m, sizeof rgb - m, "%lld.%06lld c%02d.png\n", (long long)(us / 1000000),
+                     (long long)(us % 1000000), i);
+    }
+    scratch_text(&room->scratch, "depth.txt", depth);
+    scratch_text(&room->scratch, "rgb.txt", rgb);
+}
+
+static void put_calibration(const struct room *room, const char *relation)
+{
+    char text[600];
+    snprintf(text, sizeof text,
+             "{\"color\": {\"width\": 64, \"height\": 48, \"fx\": 53.5, \"fy\": 54.25, \"cx\": 31.5, \"cy\": 23.5},"
+             "\"depth\": {\"width\": 64, \"height\": 48, \"fx\": 57, \"fy\": 57.5, \"cx\": 31.5, \"cy\": 23.5},%s}",
+             relation);
+    scratch_text(&room->scratch, "calibration.json", text);
+}
+
+static void set(const char *name, const char *value)
+{
+    char full[64];
+    snprintf(full, sizeof full, "REENACT_FAKE_SENSOR%s%s", *name ? "_" : "", name);
+    if (value)
+        setenv(full, value, 1);
+    else
+        unsetenv(full);
+}
+
+static int make_room(void **state)
+{
+    struct room *room = calloc(1, sizeof *room);
+    room->scratch = scratch_make();
+    snprintf(room->oni, sizeof room->oni, "oni:%s/take.oni", room->scratch.path);
+    static uint16_t mm[W * H];
+    static uint8_t rgb[W * H * 3];
+    for (int i = 0; i < FRAMES; i++) {
+        char path[sizeof room->scratch.path + 16];
+        picture(i, mm, rgb);
+        snprintf(path, sizeof path, "%s/d%02d.png", room->scratch.path, i);
+        assert_int_equal(png_write(path, PNG_GRAY16, mm, W, H), OK);
+        snprintf(path, sizeof path, "%s/c%02d.png", room->scratch.path, i);
+        assert_int_equal(png_write(path, PNG_RGB8, rgb, W, H), OK);
+    }
+    put_lists(room, 1);
+    put_calibration(room, "\"registered\": true");
+    static const char *const names[] = {"UNPLUG_AFTER", "AT_END", "DEPTH", "MIRROR"};
+    for (size_t i = 0; i < COUNT_OF(names); i++)
+        set(names[i], NULL);
+    set("", room->scratch.path);
+    set("FPS", "100");
+    *state = room;
+    return 0;
+}
+
+static int clear_room(void **state)
+{
+    struct room *room = *state;
+    scratch_remove(&room->scratch);
+    free(room);
+    return 0;
+}
+
+static struct source *open_it(const char *uri)
+{
+    struct source *s;
+    EXPECT_STATUS(source_open(&s, uri, SOURCE_SENSOR), OK);
+    return s;
+}
+
+// `f` is the folder's frame number `index`, bit for bit.
+static void same(const struct frame *f, int index, bool color)
+{
+    static uint16_t mm[W * H];
+    static uint8_t rgb[W * H * 3];
+    picture(index, mm, rgb);
+    assert_non_null(f->depth);
+    assert_memory_equal(f->depth, mm, sizeof mm);
+    EXPECT_INT(f->color != NULL, color);
+    if (color)
+        assert_memory_equal(f->color, rgb, sizeof rgb);
+    assert_null(f->jpeg);
+}
+
+// Reads a live sensor until it goes away. Which frames come depends on how fast this machine
+// is; that each is right, later than the last, and counted, does not.
+static void read_live(const char *uri, int wanted_frames)
+{
+    struct source *s = open_it(uri);
+    assert_true(source_is_live(s));
+    EXPECT_INT(source_remaining(s), -1);
+    struct frame f;
+    enum status status;
+    int frames = 0, first = -1, last = -1;
+    while ((status = source_next(s, &f)) == OK) {
+        int index = (int)((f.time_ns / 1000 - BEGIN_US) / STEP_US);
+        EXPECT_INT(f.time_ns, (BEGIN_US + (int64_t)index * STEP_US) * 1000);
+        EXPECT_AT_LEAST(index, last + 1);
+        if (first < 0)
+            first = index; // what goes by before anybody looks is not counted
+        last = index;
+        same(&f, index, f.color != NULL); // colour may be missed; a wrong one may not come
+        frames++;
+    }
+    EXPECT_STATUS(status, ERR_DEVICE);
+    EXPECT_SAYS("fake sensor");
+    EXPECT_SAYS("unplugged");
+    EXPECT_STATUS(source_next(s, &f), ERR_DEVICE);
+    EXPECT_INT(last, wanted_frames - 1);
+    EXPECT_INT(frames + source_dropped(s), wanted_frames - first);
+    EXPECT_AT_LEAST(frames, wanted_frames / 4);
+    source_close(&s);
+}
+
+static void record(const struct room *room)
+{
+    struct said said = PROCESS(MAKE_ONI, "--from", room->scratch.path, "--out", room->oni + 4);
+    EXPECT_INT(said.exit_code, 0);
+}
+
+// ------------------------------------------------------------- sensors
+
+static void test_sensor(void **state)
+{
+    (void)state;
+    read_live("openni", FRAMES);
+    set("MIRROR", "fixed"); // turned back by us
+    read_live("openni:0", FRAMES);
+}
+
+static void test_sensor_in_tenths_of_millimetres(void **state)
+{
+    (void)state;
+    set("DEPTH", "100um");
+    read_live("openni", FRAMES);
+}
+
+static void test_unplugged(void **state)
+{
+    (void)state;
+    set("UNPLUG_AFTER", "7");
+    set("AT_END", "loop");
+    int64_t begin_ns = clock_now_ns();
+    read_live("openni", 7);
+    EXPECT_AT_MOST(1e-9 * (double)(clock_now_ns() - begin_ns), 3);
+}
+
+static void test_silent(void **state)
+{
+    (void)state;
+    set("AT_END", "stop");
+    struct source *s = open_it("openni");
+    struct frame f;
+    enum status status;
+    while ((status = source_next(s, &f)) == OK)
+        ;
+    EXPECT_STATUS(status, ERR_DEVICE);
+    EXPECT_SAYS("no picture for 5 seconds");
+    source_close(&s);
+}
+
+static void test_looping_time_rises(void **state)
+{
+    (void)state;
+    set("AT_END", "loop");
+    set("FPS", "200");
+    struct source *s = open_it("openni");
+    struct frame f;
+    int64_t last_ns = 0;
+    for (int i = 0; i < 2 * FRAMES; i++) {
+        EXPECT_STATUS(source_next(s, &f), OK);
+        EXPECT_AT_LEAST((double)f.time_ns, (double)last_ns + 1);
+        last_ns = f.time_ns;
+    }
+    source_close(&s);
+}
+
+static void test_calibration(void **state)
+{
+    struct room *room = *state;
+    struct source *s = open_it("openni");
+    const struct calibration *c = source_calibration(s);
+    assert_true(c->registered);
+    EXPECT_INT(c->depth.width, W);
+    EXPECT_INT(c->color.height, H);
+    EXPECT_NEAR(c->color.fx, 53.5, 1e-4); // a field of view comes as a float
+    EXPECT_NEAR(c->color.fy, 54.25, 1e-4);
+    EXPECT_NEAR(c->depth.fx, 53.5, 1e-4); // registered: seen through the colour camera
+    EXPECT_NEAR(c->depth.cx, 31.5, 0);
+    assert_true(lens_is_ideal(&c->depth));
+    source_close(&s);
+    put_calibration(room, "\"registered\": false, \"color_from_depth\": "
+                          "{\"translation_m\": [0.025, 0, 0], \"rotation\": [0, 0, 0, 1]}");
+    s = open_it("openni");
+    c = source_calibration(s);
+    assert_false(c->registered);
+    EXPECT_NEAR(c->depth.fx, 57, 1e-4);
+    EXPECT_NEAR(c->depth.fy, 57.5, 1e-4);
+    EXPECT_NEAR(c->color.fx, 53.5, 1e-4);
+    source_close(&s);
+}
+
+static void test_devices(void **state)
+{
+    struct room *room = *state;
+    struct source_device list[8];
+    struct source *s;
+    int count;
+    char two[2 * sizeof room->scratch.path];
+    snprintf(two, sizeof two, "%s:%s", room->scratch.path, room->scratch.path);
+    set("", two);
+    EXPECT_STATUS(source_devices(list, COUNT_OF(list), &count), OK);
+    EXPECT_AT_LEAST(count, 2); // a camera may be there, too
+    assert_string_equal(list[0].uri, "openni:0");
+    assert_string_equal(list[1].uri, "openni:1");
+    assert_string_equal(list[1].name, "Reenact fake sensor");
+    EXPECT_STATUS(source_devices(list, 1, &count), OK);
+    EXPECT_AT_LEAST(count, 2);
+    read_live("openni:1", FRAMES);
+    EXPECT_STATUS(source_open(&s, "openni:2", SOURCE_SENSOR), ERR_MISSING);
+    EXPECT_SAYS("number 2");
+    EXPECT_STATUS(source_open(&s, "openni:x", SOURCE_SENSOR), ERR_INPUT);
+    EXPECT_SAYS("openni:x");
+    EXPECT_STATUS(source_open(&s, "openni:-1", SOURCE_SENSOR), ERR_INPUT);
+    set("", NULL);
+    EXPECT_STATUS(source_open(&s, "openni", SOURCE_SENSOR), ERR_MISSING);
+    assert_null(s);
+    EXPECT_SAYS("/OpenNI2/Drivers");
+    set("", "/nowhere");
+    EXPECT_STATUS(source_open(&s, "openni", SOURCE_SENSOR), ERR_DEVICE);
+    EXPECT_SAYS("does not open");
+}
+
+// ------------------------------------------------------------- recordings
+
+static void test_recording(void **state)
+{
+    struct room *room = *state;
+    record(room);
+    for (int slow = 0; slow < 2; slow++) {
+        struct source *s = open_it(room->oni);
+        assert_false(source_is_live(s));
+        EXPECT_NEAR(source_calibration(s)->color.fx, 53.5, 1e-4);
+        struct frame f;
+        for (int i = 0; i < FRAMES; i++) {
+            if (slow)
+                clock_sleep_until_ns(clock_now_ns() + (i % 3) * 20000000);
+            EXPECT_INT(source_remaining(s), FRAMES - i);
+            EXPECT_STATUS(source_next(s, &f), OK);
+            EXPECT_INT(f.time_ns, (int64_t)i * STEP_US * 1000);
+            char name[8];
+            snprintf(name, sizeof name, "%04d", i);
+            assert_string_equal(f.name, name);
+            same(&f, i, true);
+        }
+        EXPECT_STATUS(source_next(s, &f), NOTHING);
+        EXPECT_STATUS(source_next(s, &f), NOTHING);
+        EXPECT_INT(source_dropped(s), 0);
+        EXPECT_INT(source_remaining(s), 0);
+        source_close(&s);
+    }
+}
+
+static void test_recording_with_less_colour(void **state)
+{
+    struct room *room = *state;
+    put_lists(room, 3);
+    record(room);
+    struct source *s = open_it(room->oni);
+    struct frame f;
+    for (int i = 0; i < FRAMES; i++) {
+        EXPECT_STATUS(source_next(s, &f), OK);
+        same(&f, i, i % 3 == 0);
+    }
+    EXPECT_STATUS(source_next(s, &f), NOTHING);
+    source_close(&s);
+}
+
+static void test_recording_mirrored(void **state)
+{
+    struct room *room = *state;
+    set("MIRROR", "fixed");
+    record(room);
+    struct source *s = open_it(room->oni);
+    struct frame f;
+    EXPECT_STATUS(source_next(s, &f), OK);
+    same(&f, 0, true);
+    int64_t begin_ns = clock_now_ns();
+    source_close(&s); // in the middle
+    EXPECT_AT_MOST(1e-9 * (double)(clock_now_ns() - begin_ns), 1);
+}
+
+static void test_recording_closed_unread(void **state)
+{
+    struct room *room = *state;
+    record(room);
+    int64_t begin_ns = clock_now_ns();
+    for (int i = 0; i < 5; i++) {
+        struct source *s = open_it(room->oni);
+        source_close(&s);
+    }
+    EXPECT_AT_MOST(1e-9 * (double)(clock_now_ns() - begin_ns), 5);
+}
+
+static void test_recording_damaged(void **state)
+{
+    struct room *room = *state;
+    struct source *s;
+    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_MISSING);
+    EXPECT_SAYS("take.oni");
+    scratch_text(&room->scratch, "take.oni", "this is no recording, however long the text may be that it holds");
+    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
+    EXPECT_SAYS("take.oni");
+    scratch_text(&room->scratch, "take.oni", "");
+    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
+    record(room);
+    uint8_t *bytes;
+    size_t count;
+    EXPECT_STATUS(file_read(room->oni + 4, &bytes, &count), OK);
+    // The recorder leaves the file twice as long as what it wrote; so half of the pictures are before this.
+    memset(bytes + count / 4, 0, count / 16);
+    EXPECT_STATUS(file_write(room->oni + 4, bytes, count), OK);
+    s = open_it(room->oni);
+    struct frame f;
+    enum status status;
+    int frames = 0, damaged = 0;
+    while ((status = source_next(s, &f)) != NOTHING) {
+        if (status == OK) {
+            if (frames++ < FRAMES / 2 - 3) // where the damage begins a picture may be wrong: nothing in the file tells
+                same(&f, frames - 1, true);
+            continue;
+        }
+        EXPECT_STATUS(status, ERR_INPUT);
+        EXPECT_SAYS("take.oni");
+        EXPECT_SAYS("damaged");
+        EXPECT_AT_MOST(++damaged, FRAMES);
+    }
+    EXPECT_AT_LEAST(frames, FRAMES / 2 - 3);
+    EXPECT_AT_LEAST(damaged, 1);
+    EXPECT_AT_MOST(frames + (double)source_dropped(s), FRAMES);
+    EXPECT_INT(source_remaining(s), 0);
+    source_close(&s);
+    EXPECT_STATUS(file_write(room->oni + 4, bytes, count / 4), OK); // its table of contents is gone
+    EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_INPUT);
+    EXPECT_SAYS("take.oni");
+    free(bytes);
+}
+
+int main(void)
+{
+    keep_player();
+#define IN_A_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, clear_room)
+    const struct CMUnitTest tests[] = {
+        IN_A_ROOM(test_sensor),
+        IN_A_ROOM(test_sensor_in_tenths_of_millimetres),
+        IN_A_ROOM(test_unplugged),
+        IN_A_ROOM(test_silent),
+        IN_A_ROOM(test_looping_time_rises),
+        IN_A_ROOM(test_calibration),
+        IN_A_ROOM(test_devices),
+        IN_A_ROOM(test_recording),
+        IN_A_ROOM(test_recording_with_less_colour),
+        IN_A_ROOM(test_recording_mirrored),
+        IN_A_ROOM(test_recording_closed_unread),
+        IN_A_ROOM(test_recording_damaged),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

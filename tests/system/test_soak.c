@@ -1,0 +1,286 @@
+// The app running on and on with a camera that never ends: memory stays flat, no
+// descriptor is lost, and every picture's time is known by stage.
+//
+//     test_soak                         a few seconds
+//     test_soak SECONDS FILE CAMERA     as long as is wished, with figures
+#include "tests/support/test.h"
+
+#include "app/viewer.h"
+#include "base/clock.h"
+#include "tests/support/rehearsal.h"
+#include "tests/support/work.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { WIDTH = 1280, HEIGHT = 800, MOST_FRAMES = 200000, SLOWEST = 10, REFERENCE_EACH = 8 };
+
+// How long the test lasts, seconds: some pictures must be drawn in every third of it.
+#ifdef EMULATED
+static const double PATIENCE_S = 120;
+#else
+static const double PATIENCE_S = 9;
+#endif
+
+// One picture's way.
+struct way {
+    double total_ms, ms[FRAME_STAGES];
+    struct work work; // of drawing it, whoever else is busy meanwhile
+    double stolen_ms; // since the picture before
+    double at_s;      // since the beginning
+    double take_s;    // of the take
+    double fineness;  // that the actor was drawn at
+    bool placed;      // the camera knew where it was
+};
+
+static double resident_mib(void)
+{
+    long pages = 0, resident = 0;
+    FILE *file = fopen("/proc/self/statm", "r");
+    if (file) {
+        if (fscanf(file, "%ld %ld", &pages, &resident) != 2)
+            resident = 0;
+        fclose(file);
+    }
+    return (double)resident * (double)sysconf(_SC_PAGESIZE) / 1048576;
+}
+
+static int descriptors(void)
+{
+    int count = 0;
+    DIR *dir = opendir("/proc/self/fd");
+    while (dir && readdir(dir))
+        count++;
+    if (dir)
+        closedir(dir);
+    return count;
+}
+
+struct soak {
+    int64_t frames;
+    // Most memory and fewest descriptors seen in the second and in the last third of the time: a picture that is being
+    // located, or drawn, takes some for a moment, and the camera opens a file for each; one that is lost with every
+    // picture, or now and then, is open in all the pictures after.
+    double settled_mib, last_mib;
+    int descriptors_settled, descriptors_last;
+    double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
+    struct way slowest[SLOWEST];             // of the same, the slowest first
+    int64_t slow, slow_stolen;               // of the same, over twice the median; while something was stolen
+    double slowest_own_ms;                   // while nothing was
+    double alone_ms;                         // locating and drawing the camera's picture alone, mean
+    double cpu_median_ms, cpu_slowest_ms;    // processor time of drawing
+    double cpu_alone_ms;                     // of the camera's picture alone, mean
+};
+
+// What a soak is made with.
+struct bath {
+    struct gpu *gpu;
+    struct gpu_target *target;
+    struct tablet tablet;
+    struct tablet_glass glass;
+    uint8_t *rgba;
+    struct way *ways;
+    int64_t count, references, last_sight;
+    double stolen_ms;              // when the last picture was shown
+    double alone_ms, cpu_alone_ms; // sums
+};
+
+static int slowest_first(const void *a, const void *b)
+{
+    const struct way *x = a, *y = b;
+    return (x->total_ms < y->total_ms) - (x->total_ms > y->total_ms);
+}
+
+// The camera's picture alone, drawn and waited for.
+static double draw_camera_alone(struct bath *b)
+{
+    struct tablet *t = &b->tablet;
+    const struct ui_input input = {.width_px = WIDTH, .height_px = HEIGHT, .px_per_dp = ui_px_per_dp(t->ui)};
+    const struct brush brush = {t->ui, theme_of(true)};
+    struct show alone = t->show;
+    alone.presence = 0;
+    int64_t began = clock_now_ns();
+    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
+    scene_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->picture, &alone);
+    ui_end(t->ui);
+    EXPECT_STATUS(ui_draw(t->ui, b->target, 0), OK);
+    EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK);
+    return (double)(clock_now_ns() - began) * 1e-6;
+}
+
+// Draws what is new. False: nothing is.
+static bool draw_next(struct bath *b, int64_t now, struct way *way)
+{
+    struct tablet *t = &b->tablet;
+    if (!t->sight || t->sight->number == b->last_sight || t->show.page != PAGE_WATCH)
+        return false;
+    b->last_sight = t->sight->number;
+    const struct work before = work_so_far();
+    EXPECT_STATUS(tablet_draw(t, &b->glass, now), OK);
+    EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
+    tablet_shown(t, clock_now_ns());
+    *way = (struct way){.total_ms = (double)(clock_now_ns() - t->sight->came_ns) * 1e-6,
+                        .take_s = (double)t->look.time_ns * 1e-9,
+                        .fineness = t->look.fineness};
+    for (int i = 0; i < FRAME_STAGES; i++)
+        way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
+    way->work = work_since(&before);
+    const double stolen_ms = before.stolen_ms + way->work.stolen_ms;
+    way->stolen_ms = stolen_ms - b->stolen_ms;
+    b->stolen_ms = stolen_ms;
+    way->placed = t->sight->placed;
+    return true;
+}
+
+// What that costs must not be seen in the way of the next picture: one that came meanwhile does not count.
+static void refer(struct bath *b)
+{
+    const struct sight *sight = b->tablet.sight;
+    const struct work before = work_so_far();
+    b->alone_ms += draw_camera_alone(b) + (double)(sight->located_ns - sight->locating_ns) * 1e-6;
+    b->cpu_alone_ms += work_since(&before).cpu_ms;
+    b->references++;
+    tablet_update(&b->tablet, clock_now_ns());
+    b->last_sight = b->tablet.sight->number;
+}
+
+static void look_at_memory(struct soak *s, bool late)
+{
+    const int open_now = descriptors();
+    int *fewest = late ? &s->descriptors_last : &s->descriptors_settled;
+    double *most_mib = late ? &s->last_mib : &s->settled_mib;
+    *most_mib = fmax(*most_mib, resident_mib());
+    *fewest = *fewest && *fewest < open_now ? *fewest : open_now; // 0: none was counted yet
+}
+
+static int least_work_first(const void *a, const void *b)
+{
+    const struct way *x = a, *y = b;
+    return (x->work.cpu_ms > y->work.cpu_ms) - (x->work.cpu_ms < y->work.cpu_ms);
+}
+
+static void sum_up(struct soak *s, struct bath *b)
+{
+    s->alone_ms = b->references ? b->alone_ms / (double)b->references : 0;
+    s->cpu_alone_ms = b->references ? b->cpu_alone_ms / (double)b->references : 0;
+    qsort(b->ways, (size_t)b->count, sizeof *b->ways, least_work_first);
+    s->cpu_median_ms = b->count ? b->ways[b->count / 2].work.cpu_ms : 0;
+    s->cpu_slowest_ms = b->count ? b->ways[b->count - 1].work.cpu_ms : 0;
+    for (int64_t i = 0; i < b->count; i++)
+        for (int stage = 0; stage < FRAME_STAGES; stage++)
+            s->mean_ms[stage] += b->ways[i].ms[stage] / (double)b->count;
+    qsort(b->ways, (size_t)b->count, sizeof *b->ways, slowest_first);
+    s->median_ms = b->count ? b->ways[b->count / 2].total_ms : 0;
+    for (int i = 0; i < SLOWEST && i < b->count; i++)
+        s->slowest[i] = b->ways[i];
+    for (int64_t i = 0; i < b->count; i++) {
+        const bool slow = b->ways[i].total_ms > 2 * s->median_ms, stolen = b->ways[i].stolen_ms > 0;
+        s->slow += slow;
+        s->slow_stolen += slow && stolen;
+        if (!stolen)
+            s->slowest_own_ms = fmax(s->slowest_own_ms, b->ways[i].total_ms);
+    }
+}
+
+// reference: measures the app as it is used, and now and then the camera's picture alone beside it. Else every picture
+// is drawn at the display's size, for what memory is needed must not hang on how busy the machine is.
+static struct soak soak(const char *file, const char *camera, double seconds, bool reference)
+{
+    const struct tablet_options how = {.file = file, .camera = camera, .refresh_hz = 60, .fixed_fineness = !reference};
+    struct bath b = {.ways = malloc(sizeof *b.ways * MOST_FRAMES), .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
+    struct soak s = {0};
+    assert_non_null(b.ways);
+    EXPECT_STATUS(gpu_open(&b.gpu), OK);
+    EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT), OK);
+    EXPECT_STATUS(tablet_open(&b.tablet, b.gpu, &how), OK);
+    b.glass = (struct tablet_glass){b.target, WIDTH, HEIGHT, 0, tablet_px_per_dp(149)};
+    show_choose(&b.tablet.show, 0);
+    int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9);
+    for (int64_t now = began; now < began + length; now = clock_now_ns()) {
+        tablet_update(&b.tablet, now);
+        const struct stage *stage = b.tablet.stage;
+        if (!stage || stage_prepared(stage) < 1 || !stage_settled(stage)) { // it counts from when the take is prepared
+            began = now;
+            s.frames = 0;
+        }
+        bool settled = now - began > length / 3, late = now - began > 2 * length / 3;
+        struct way way;
+        if (!draw_next(&b, now, &way)) {
+            clock_sleep_until_ns(now + 1000000);
+            continue;
+        }
+        s.frames++;
+        if (!settled)
+            continue;
+        way.at_s = (double)(now - began) * 1e-9;
+        if (b.count < MOST_FRAMES)
+            b.ways[b.count++] = way;
+        look_at_memory(&s, late);
+        if (reference && s.frames % REFERENCE_EACH == 0)
+            refer(&b);
+    }
+    sum_up(&s, &b);
+    free(b.ways);
+    free(b.rgba);
+    tablet_close(&b.tablet);
+    gpu_target_close(&b.target);
+    gpu_close(&b.gpu);
+    return s;
+}
+
+static void test_memory_stays_flat(void **state)
+{
+    (void)state;
+    struct rehearsal r = rehearsal_make();
+    struct soak s = soak(r.file, r.camera, PATIENCE_S, false);
+    print_message("%lld pictures, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.settled_mib,
+                  s.last_mib, s.descriptors_settled, s.descriptors_last);
+    EXPECT_AT_LEAST(s.frames, 5);
+    EXPECT_AT_MOST(s.last_mib, s.settled_mib * 1.05 + 4); // in seconds, caches still fill
+    EXPECT_AT_MOST(s.descriptors_last, s.descriptors_settled);
+    EXPECT_AT_LEAST(s.median_ms, 0.1);
+    rehearsal_end(&r);
+}
+
+static void say(const struct soak *s)
+{
+    printf("pictures      %lld\n", (long long)s->frames);
+    printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->settled_mib,
+           s->last_mib, 100 * (s->last_mib / s->settled_mib - 1));
+    printf("descriptors   %d at least in the second third, %d in the last\n", s->descriptors_settled,
+           s->descriptors_last);
+    for (int i = 0; i < FRAME_STAGES; i++)
+        printf("%-13s %.1f ms\n", frame_stage_names[i], s->mean_ms[i]);
+    printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->slowest[0].total_ms,
+           s->slowest[0].total_ms / s->median_ms);
+    printf("over twice the median: %lld pictures, %lld of them while the host took processors away; "
+           "slowest of the others %.1f ms (%.1f times)\n",
+           (long long)s->slow, (long long)s->slow_stolen, s->slowest_own_ms, s->slowest_own_ms / s->median_ms);
+    printf("locating and the camera's picture alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
+    printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's picture alone %.1f\n",
+           s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
+    for (int i = 0; i < SLOWEST; i++) {
+        const struct way *w = &s->slowest[i];
+        printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f%s; ", w->total_ms, w->at_s, w->take_s,
+               w->fineness, w->placed ? "" : ", its place unknown");
+        printf("processor %.1f ms, waited for it %.1f, beside it %.1f, stolen %.0f, %.0f pages;", w->work.cpu_ms,
+               w->work.waited_ms, w->work.beside_ms, w->stolen_ms, w->work.faults);
+        for (int k = 0; k < FRAME_STAGES; k++)
+            printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
+        printf("\n");
+    }
+}
+
+int main(int argc, char **argv)
+{
+    if (argc == 4) {
+        struct soak s = soak(argv[2], argv[3], atof(argv[1]), true);
+        say(&s);
+        return 0;
+    }
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_memory_stays_flat)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
