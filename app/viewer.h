@@ -10,73 +10,73 @@
 #include "app/view/take_view.h"
 #include "app/camera/camera_texture.h"
 
-struct tablet_options {
+struct viewer_options {
     const char *file;
     const char *take;   // NULL: the only one, or the user chooses
     const char *camera; // URI; NULL: none
     const char *photos; // folder; NULL: the user's pictures
     bool light;
-    bool fixed_fineness; // never less than every pixel
+    bool fixed_resolution; // never less than every pixel
     double refresh_hz;
     void (*wake)(void *self); // there is something new; from other threads
     void *wake_self;
 };
 
-struct tablet {
-    struct tablet_options options;
+struct viewer {
+    struct viewer_options options;
     struct gpu *gpu;
     struct ui *ui;
-    struct show show;
+    struct view_state state;
     struct screens screens;
-    struct hands hands;
+    struct input_map input;
     struct recording *recording;
-    struct library library;
+    struct take_list takes;
     struct place place;
     bool has_place;
-    struct stage *stage;
-    struct eyes *eyes;
-    struct viewfinder *viewfinder; // of the eyes
-    int64_t found;                 // number of the sight that is in it
-    const struct sight *sight;     // the newest at the last tablet_update; what is drawn until the next
-    struct stage_look look;        // what `picture` was drawn for
-    bool looked;
+    struct take_view *take_view;
+    struct camera_feed *feed;
+    struct camera_texture *camera_texture; // of the eyes
+    int64_t uploaded_number;               // number of the sight that is in it
+    const struct camera_frame *frame;      // the newest at the last viewer_update; what is drawn until the next
+    struct take_view_request request;      // what `picture` was drawn for
+    bool has_image;
     struct pose last_placed;
     struct ui_box free; // dp: where an orbit has the actor; it goes slowly to what the controls leave
     int64_t freed_ns;   // when it last went
-    struct stage_picture picture;
-    struct governor governor;
+    struct take_view_image image;
+    struct resolution_governor governor;
     struct frame_times times;
     int64_t placed; // pictures drawn with the actor in his place
-    struct eyes_state eyes_now;
-    char trouble[512], ailing[512];
-    int64_t checked_ns, padded_ns, timed_sight;
-    bool resting;
-    int64_t rested_ns;                         // since when
+    struct camera_feed_state feed_state;
+    char trouble[512], problem[512];
+    int64_t checked_ns, pad_ns, timed_frame;
+    bool suspended;
+    int64_t suspended_ns;                      // since when
     int64_t drawing_ns, drawn_ns, controls_ns; // when the last frame's stages began and ended
 };
 
 // A file that cannot be read is told of on the screen, not here. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status tablet_open(struct tablet *t, struct gpu *gpu, const struct tablet_options *options);
-void tablet_close(struct tablet *t); // zeroed is fine
+MUST_CHECK enum status viewer_open(struct viewer *t, struct gpu *gpu, const struct viewer_options *options);
+void viewer_close(struct viewer *t); // zeroed is fine
 
 // Nobody sees the screen, or somebody does again: meanwhile the camera rests, and the take's time stands still.
-void tablet_rest(struct tablet *t, bool rest, int64_t now_ns);
+void viewer_suspend(struct viewer *t, bool suspend, int64_t now_ns);
 
 // Hears the camera, opens what was chosen, lets time pass. Returns when it wants
-// to be called again at the latest; t->show.changed says whether to draw.
-int64_t tablet_update(struct tablet *t, int64_t now_ns);
+// to be called again at the latest; t->state.changed says whether to draw.
+int64_t viewer_update(struct viewer *t, int64_t now_ns);
 
-struct tablet_glass {
+struct viewer_surface {
     struct gpu_target *target; // NULL: the window
     int width, height;         // pixels, upright
     int quarter_turns;
     double px_per_dp;
 };
 // ERR_DEVICE: the graphics are gone; close everything and open it again.
-MUST_CHECK enum status tablet_draw(struct tablet *t, const struct tablet_glass *glass, int64_t now_ns);
+MUST_CHECK enum status viewer_draw(struct viewer *t, const struct viewer_surface *glass, int64_t now_ns);
 
 // What was drawn has been handed to the display: the picture's times are complete.
-void tablet_shown(struct tablet *t, int64_t now_ns);
+void viewer_presented(struct viewer *t, int64_t now_ns);
 
 // Pixels a dp, for a screen of that dpi.
-double tablet_px_per_dp(double dpi);
+double viewer_px_per_dp(double dpi);

@@ -5,13 +5,13 @@ bool lens_is_ideal(const struct lens *lens)
     return lens->k1 == 0 && lens->k2 == 0 && lens->p1 == 0 && lens->p2 == 0 && lens->k3 == 0;
 }
 
-bool lens_same(const struct lens *a, const struct lens *b)
+bool lens_equal(const struct lens *a, const struct lens *b)
 {
     return a->width == b->width && a->height == b->height && a->fx == b->fx && a->fy == b->fy && a->cx == b->cx &&
            a->cy == b->cy && a->k1 == b->k1 && a->k2 == b->k2 && a->p1 == b->p1 && a->p2 == b->p2 && a->k3 == b->k3;
 }
 
-struct lens lens_coarser(const struct lens *lens, double share)
+struct lens lens_resized(const struct lens *lens, double share)
 {
     const double least_px = 16;
     struct lens l = *lens;
@@ -41,7 +41,7 @@ struct pixel lens_project(const struct lens *l, struct vec3 p)
     return (struct pixel){l->fx * xd + l->cx, l->fy * yd + l->cy};
 }
 
-double lens_largest_r2(const struct lens *l)
+double lens_max_radius2(const struct lens *l)
 {
     double largest = 0;
     const struct pixel corners[] = {
@@ -53,7 +53,7 @@ double lens_largest_r2(const struct lens *l)
     return largest * 1.21;
 }
 
-struct pixel lens_project_held(const struct lens *l, double largest_r2, struct vec3 p)
+struct pixel lens_project_clamped(const struct lens *l, double largest_r2, struct vec3 p)
 {
     double x = p.x / p.z, y = p.y / p.z, r2 = largest_r2;
     if (x * x + y * y <= r2)
@@ -101,11 +101,11 @@ enum status lens_check(const struct lens *l, const char *what)
             return fail(ERR_INPUT, "the %s camera's calibration holds a number that is not finite", what);
     if (!(l->fx > 0) || !(l->fy > 0))
         return fail(ERR_INPUT, "the %s camera's focal length must be greater than 0, not %g x %g", what, l->fx, l->fy);
-    if (!(l->readout_s >= 0 && l->readout_s <= LENS_MOST_READOUT_S))
+    if (!(l->readout_s >= 0 && l->readout_s <= LENS_MAX_READOUT_S))
         return fail(ERR_INPUT, "the %s camera's readout_ms must be from 0 (no rolling shutter) to %g, not %g", what,
-                    LENS_MOST_READOUT_S * 1e3, l->readout_s * 1e3);
-    if (!(l->focal_sigma >= 0 && l->focal_sigma <= LENS_MOST_FOCAL_SIGMA))
+                    LENS_MAX_READOUT_S * 1e3, l->readout_s * 1e3);
+    if (!(l->focal_sigma >= 0 && l->focal_sigma <= LENS_MAX_FOCAL_SIGMA))
         return fail(ERR_INPUT, "the %s camera's focal_sigma must be from 0 (measured) to %g, not %g", what,
-                    LENS_MOST_FOCAL_SIGMA, l->focal_sigma);
+                    LENS_MAX_FOCAL_SIGMA, l->focal_sigma);
     return OK;
 }

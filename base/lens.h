@@ -16,10 +16,10 @@ struct lens {
 };
 
 // A lens less sure than this says nothing.
-#define LENS_MOST_FOCAL_SIGMA 0.5
+#define LENS_MAX_FOCAL_SIGMA 0.5
 
 // No camera takes longer to read a picture.
-#define LENS_MOST_READOUT_S 0.2
+#define LENS_MAX_READOUT_S 0.2
 
 struct pixel {
     double x, y;
@@ -36,18 +36,18 @@ struct calibration {
 bool lens_is_ideal(const struct lens *lens); // no distortion
 
 // Both show each point at the same pixel. How fast they read and how sure they are is not asked.
-bool lens_same(const struct lens *a, const struct lens *b);
+bool lens_equal(const struct lens *a, const struct lens *b);
 
 // The same lens's picture with that share of its pixels along either side, 0 to 1; at least 16.
-struct lens lens_coarser(const struct lens *lens, double share);
+struct lens lens_resized(const struct lens *lens, double share);
 
 // Where point `p` (camera axes) falls. z must be > 0.
 struct pixel lens_project(const struct lens *lens, struct vec3 p);
 
 // The largest (x / z)^2 + (y / z)^2 that its distortion is meant for: a tenth farther out than the picture's corners.
-double lens_largest_r2(const struct lens *lens);
+double lens_max_radius2(const struct lens *lens);
 // As lens_project, but beyond that the distortion is held, so that what lies outside does not fall into the picture.
-struct pixel lens_project_held(const struct lens *lens, double largest_r2, struct vec3 p);
+struct pixel lens_project_clamped(const struct lens *lens, double largest_r2, struct vec3 p);
 
 // The point with z = 1 that falls on `px`; distortion undone by Newton to 1e-10.
 struct vec3 lens_ray(const struct lens *lens, struct pixel px);

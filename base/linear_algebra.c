@@ -52,7 +52,7 @@ bool invert_symmetric(const double *a, int n, double *inverse)
     return true;
 }
 
-bool half_information(const double *a, int n, bool second, double *out)
+bool marginal_information(const double *a, int n, bool second, double *out)
 {
     int first = second ? n : 0, other = n - first, size = 2 * n;
     double factor[LINEAR_MAX * LINEAR_MAX], column[LINEAR_MAX];

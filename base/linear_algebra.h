@@ -10,5 +10,5 @@ bool cholesky(double *a, int n);
 void cholesky_solve(const double *l, int n, double *b); // b becomes the solution
 // The information of the first or the second half of 2 n numbers, whatever the others are: a is 2n x 2n,
 // out n x n. False: nothing is known of the others.
-bool half_information(const double *a, int n, bool second, double *out);
+bool marginal_information(const double *a, int n, bool second, double *out);
 bool invert_symmetric(const double *a, int n, double *inverse); // a positive definite

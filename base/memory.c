@@ -6,18 +6,18 @@
 #endif
 #include <sys/mman.h>
 
-void *memory_in_lines(size_t bytes)
+void *alloc_cache_aligned(size_t bytes)
 {
     enum { PAGE = 2 << 20 };
-    size_t unit = bytes < PAGE ? MEMORY_LINE : PAGE;
-    size_t whole = (bytes + unit - 1) / unit * unit;
-    void *memory = aligned_alloc(unit, whole > 0 ? whole : unit);
-    if (memory && unit == PAGE)
+    size_t alignment = bytes < PAGE ? CACHE_LINE_BYTES : PAGE;
+    size_t whole = (bytes + alignment - 1) / alignment * alignment;
+    void *memory = aligned_alloc(alignment, whole > 0 ? whole : alignment);
+    if (memory && alignment == PAGE)
         (void)madvise(memory, whole, MADV_HUGEPAGE); // a wish: without, all is as slow as before
     return memory;
 }
 
-void memory_give_back(void)
+void trim_heap(void)
 {
 #ifdef __GLIBC__
     malloc_trim(0);

@@ -6,46 +6,46 @@
 
 enum { MOST_THREADS = 16 };
 
-struct progress {
+struct item_progress {
     int stage; // that is done next
     bool busy;
 };
 
-struct run {
+struct pipeline_state {
     const struct pipeline *p;
-    struct progress *items;
-    int ended;                      // all items before it have gone through all stages
-    int next[PIPELINE_STAGES_MOST]; // of stages in order: the item that is next
-    enum status status;             // not OK: all ends
-    char sentence[512];             // of an error, which is known on the thread that met it
-    pthread_mutex_t lock;           // of all above
+    struct item_progress *items;
+    int ended;                     // all items before it have gone through all stages
+    int next[PIPELINE_MAX_STAGES]; // of stages in order: the item that is next
+    enum status status;            // not OK: all ends
+    char sentence[512];            // of an error, which is known on the thread that met it
+    pthread_mutex_t lock;          // of all above
     pthread_cond_t changed;
 };
 
 // The oldest item that can be gone on with; -1: none now.
-static int find_ready(const struct run *r)
+static int find_ready_item(const struct pipeline_state *r)
 {
     const struct pipeline *p = r->p;
     for (int i = r->ended; i < p->items && i < r->ended + p->in_flight; i++) {
-        const struct progress *item = &r->items[i];
+        const struct item_progress *item = &r->items[i];
         if (!item->busy && item->stage < p->stages && (!p->in_order[item->stage] || r->next[item->stage] == i))
             return i;
     }
     return -1;
 }
 
-static void stop(struct run *r, enum status status)
+static void stop(struct pipeline_state *r, enum status status)
 {
     if (r->status != OK)
         return;
     r->status = status;
     if (status < 0)
-        snprintf(r->sentence, sizeof r->sentence, "%s", status_sentence());
+        snprintf(r->sentence, sizeof r->sentence, "%s", status_message());
 }
 
-static void advance(struct run *r, int i)
+static void advance(struct pipeline_state *r, int i)
 {
-    struct progress *item = &r->items[i];
+    struct item_progress *item = &r->items[i];
     item->busy = true;
     pthread_mutex_unlock(&r->lock);
     const enum status status = r->p->work(r->p->context, item->stage, i);
@@ -60,18 +60,18 @@ static void advance(struct run *r, int i)
     pthread_cond_broadcast(&r->changed);
 }
 
-static void go_on(struct run *r, bool tells)
+static void run_items(struct pipeline_state *r, bool reports_progress)
 {
     const struct pipeline *p = r->p;
     pthread_mutex_lock(&r->lock);
     while (r->status == OK && r->ended < p->items) {
-        const int i = find_ready(r);
+        const int i = find_ready_item(r);
         if (i >= 0)
             advance(r, i);
         else
             pthread_cond_wait(&r->changed, &r->lock);
         const double share = (double)r->ended / p->items;
-        if (!tells || r->status != OK)
+        if (!reports_progress || r->status != OK)
             continue;
         pthread_mutex_unlock(&r->lock);
         const bool wanted = p->went_on(p->context, share);
@@ -83,25 +83,25 @@ static void go_on(struct run *r, bool tells)
     pthread_mutex_unlock(&r->lock);
 }
 
-static void *help(void *run)
+static void *worker(void *run)
 {
-    go_on(run, false);
+    run_items(run, false);
     return NULL;
 }
 
 enum status pipeline_run(const struct pipeline *p, int threads)
 {
-    assert(p->stages <= PIPELINE_STAGES_MOST && p->in_flight > 0);
-    struct run r = {.p = p, .items = calloc((size_t)p->items + 1, sizeof *r.items)};
+    assert(p->stages <= PIPELINE_MAX_STAGES && p->in_flight > 0);
+    struct pipeline_state r = {.p = p, .items = calloc((size_t)p->items + 1, sizeof *r.items)};
     pthread_t thread[MOST_THREADS];
     int helping = 0;
     if (!r.items)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&r.lock, NULL);
     pthread_cond_init(&r.changed, NULL);
-    while (helping + 1 < threads && helping < MOST_THREADS && pthread_create(&thread[helping], NULL, help, &r) == 0)
+    while (helping + 1 < threads && helping < MOST_THREADS && pthread_create(&thread[helping], NULL, worker, &r) == 0)
         helping++;
-    go_on(&r, true);
+    run_items(&r, true);
     for (int i = 0; i < helping; i++)
         pthread_join(thread[i], NULL);
     pthread_cond_destroy(&r.changed);

@@ -3,13 +3,13 @@
 #pragma once
 #include "base/status.h"
 
-enum { PIPELINE_STAGES_MOST = 4 };
+enum { PIPELINE_MAX_STAGES = 4 };
 
 struct pipeline {
     int items, stages;
-    int in_flight;                       // items that are begun and not ended, at most
-    bool in_order[PIPELINE_STAGES_MOST]; // the stage takes one item at a time, in their order; else as many as there
-                                         // are threads, in any
+    int in_flight;                      // items that are begun and not ended, at most
+    bool in_order[PIPELINE_MAX_STAGES]; // the stage takes one item at a time, in their order; else as many as there
+                                        // are threads, in any
     // What a stage does with an item, on any thread; what it did in the stage before is seen there. An error ends all.
     enum status (*work)(void *context, int stage, int item);
     // Told now and then, on the thread that called, which share is done; false: it is not wanted any more. Not NULL.

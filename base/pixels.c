@@ -1,13 +1,13 @@
 #include "base/pixels.h"
 
 // Of ITU-R BT.601 and BT.709; for the narrow range with 255/219 and 255/224 in them.
-struct yuv_coefficients yuv_coefficients_of(struct yuv_meaning meaning)
+struct yuv_coefficients yuv_coefficients_of(struct yuv_encoding encoding)
 {
     static const struct yuv_coefficients table[2][2] = {
         {{76309, 104597, 25675, 53279, 132201, 16}, {65536, 91881, 22554, 46802, 116130, 0}},
         {{76309, 117489, 13975, 34925, 138438, 16}, {65536, 103206, 12276, 30679, 121609, 0}},
     };
-    return table[meaning.matrix == YUV_BT709][meaning.full_range];
+    return table[encoding.matrix == YUV_BT709][encoding.full_range];
 }
 
 static uint8_t clamp(int32_t value) // 16.16, rounded
@@ -16,7 +16,7 @@ static uint8_t clamp(int32_t value) // 16.16, rounded
     return (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
 }
 
-static void put(const struct yuv_coefficients *c, int y, int cb, int cr, uint8_t rgb[3])
+static void store_rgb(const struct yuv_coefficients *c, int y, int cb, int cr, uint8_t rgb[3])
 {
     int32_t luma = c->y * (y - c->y_zero);
     rgb[0] = clamp(luma + c->r_cr * (cr - 128));
@@ -37,28 +37,28 @@ void pixels_from_packed(const uint8_t *in, size_t stride, enum packed_order orde
         }
 }
 
-void pixels_from_yuv422(const uint8_t *in, size_t stride, bool luma_first, struct yuv_meaning meaning, int width,
+void pixels_from_yuv422(const uint8_t *in, size_t stride, bool luma_first, struct yuv_encoding encoding, int width,
                         int height, uint8_t *rgb)
 {
     assert(width % 2 == 0);
-    struct yuv_coefficients c = yuv_coefficients_of(meaning);
+    struct yuv_coefficients c = yuv_coefficients_of(encoding);
     int luma = luma_first ? 0 : 1, chroma = 1 - luma;
     for (int y = 0; y < height; y++, in += stride)
         for (int x = 0; x < width; x += 2, rgb += 6) {
             const uint8_t *pair = in + 2 * x;
-            put(&c, pair[luma], pair[chroma], pair[chroma + 2], rgb);
-            put(&c, pair[luma + 2], pair[chroma], pair[chroma + 2], rgb + 3);
+            store_rgb(&c, pair[luma], pair[chroma], pair[chroma + 2], rgb);
+            store_rgb(&c, pair[luma + 2], pair[chroma], pair[chroma + 2], rgb + 3);
         }
 }
 
 void pixels_from_nv12(const uint8_t *luma, size_t luma_stride, const uint8_t *chroma, size_t chroma_stride,
-                      struct yuv_meaning meaning, int width, int height, uint8_t *rgb)
+                      struct yuv_encoding encoding, int width, int height, uint8_t *rgb)
 {
     assert(width % 2 == 0 && height % 2 == 0);
-    struct yuv_coefficients c = yuv_coefficients_of(meaning);
+    struct yuv_coefficients c = yuv_coefficients_of(encoding);
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++, rgb += 3) {
             const uint8_t *pair = chroma + (size_t)(y / 2) * chroma_stride + x / 2 * 2;
-            put(&c, luma[(size_t)y * luma_stride + (size_t)x], pair[0], pair[1], rgb);
+            store_rgb(&c, luma[(size_t)y * luma_stride + (size_t)x], pair[0], pair[1], rgb);
         }
 }

@@ -40,14 +40,14 @@ static bool put(struct queue *q, void *item, bool wait)
     pthread_mutex_lock(&q->lock);
     while (wait && !q->stopped && q->count == q->capacity)
         pthread_cond_wait(&q->changed, &q->lock);
-    bool room = !q->stopped && q->count < q->capacity;
-    if (room) {
+    bool has_space = !q->stopped && q->count < q->capacity;
+    if (has_space) {
         q->items[(q->first + q->count) % q->capacity] = item;
         q->count++;
         pthread_cond_broadcast(&q->changed);
     }
     pthread_mutex_unlock(&q->lock);
-    return room;
+    return has_space;
 }
 
 bool queue_put(struct queue *q, void *item) { return put(q, item, true); }

@@ -7,7 +7,7 @@ static _Thread_local char sentence[512];
 
 enum status fail(enum status status, const char *format, ...)
 {
-    // Formatted aside first: an argument may be status_sentence() itself.
+    // Formatted aside first: an argument may be status_message() itself.
     char fresh[sizeof sentence];
     va_list arguments;
     va_start(arguments, format);
@@ -17,7 +17,7 @@ enum status fail(enum status status, const char *format, ...)
     return status;
 }
 
-const char *status_sentence(void) { return sentence; }
+const char *status_message(void) { return sentence; }
 
 const char *status_name(enum status status)
 {

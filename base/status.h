@@ -5,7 +5,7 @@
 // an answer that is no failure ("nothing in sight"), negative is an error.
 // Whoever finds bad input from outside (a file, a sensor, a user) returns
 // fail(ERR_…, "one clear sentence"); callers pass the status up unchanged and
-// the program's main prints status_sentence(). A caller's bug asserts instead.
+// the program's main prints status_message(). A caller's bug asserts instead.
 //
 // Units everywhere: metres, nanoseconds (int64_t), radians; degrees,
 // millimetres and pixels only where a name says so.
@@ -43,7 +43,7 @@ enum status {
 enum status fail(enum status status, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 // The sentence of this thread's last fail(); "" before the first. Valid until the next.
-const char *status_sentence(void);
+const char *status_message(void);
 
 // "ERR_INPUT" and so on; for logs and tests.
 const char *status_name(enum status status);

@@ -11,19 +11,19 @@ static const double LAMBDA = 4;
 // Samples along a part between these shares of its length; near the joints the
 // neighbouring part's flesh would be measured.
 static const double FIRST_SHARE = 0.25, LAST_SHARE = 0.85;
-enum { SAMPLES = 13, FEWEST_SAMPLES = 5 };
+enum { SAMPLES = 13, SAMPLES_MIN = 5 };
 
 // No part of a person is wider than this from its bone, metres.
-static const double WIDEST_M = 0.35;
+static const double RADIUS_MAX_M = 0.35;
 
 // Depth steps by less than this between neighbouring pixels of one limb: four
 // standard deviations of a Kinect's reading (1.5e-3 z^2 m, Khoshelham and
 // Elberink 2012) and a slope of 60 degrees over a pixel at f = 525.
 static double largest_step_m(double z_m) { return 4 * 1.5e-3 * z_m * z_m + 0.0033 * z_m + 0.005; }
 
-void representative_start(struct representative *r)
+void body_radii_start(struct body_radii *r)
 {
-    *r = (struct representative){.body.representative_frame = -1, .best = -1};
+    *r = (struct body_radii){.body.representative_frame = -1, .best = -1};
     for (int p = 0; p < PART_COUNT; p++)
         r->part_best[p] = -1;
 }
@@ -57,22 +57,22 @@ static double legs_uncrossed(const struct skeleton *s)
     return faces_us ? left.x > right.x : right.x > left.x;
 }
 
-double representative_value(const struct skeleton *s)
+double body_radii_pose_score(const struct skeleton *s)
 {
     return arm_term(s, JOINT_LEFT_SHOULDER, JOINT_LEFT_HAND) + arm_term(s, JOINT_RIGHT_SHOULDER, JOINT_RIGHT_HAND) +
            LAMBDA * legs_uncrossed(s);
 }
 
 // A skeleton as the depth camera sees it.
-struct seen {
+struct projected_skeleton {
     struct vec3 joint[JOINT_COUNT]; // depth camera's axes
     struct pixel pixel[JOINT_COUNT];
     bool usable[JOINT_COUNT]; // known and in front of the camera
 };
 
-static struct seen see(const struct calibration *calibration, const struct skeleton *s)
+static struct projected_skeleton project_skeleton(const struct calibration *calibration, const struct skeleton *s)
 {
-    struct seen seen;
+    struct projected_skeleton seen;
     struct pose depth_from_color = pose_inverse(calibration->color_from_depth);
     for (int j = 0; j < JOINT_COUNT; j++) {
         seen.joint[j] = pose_apply(depth_from_color, s->joint[j]);
@@ -84,7 +84,7 @@ static struct seen see(const struct calibration *calibration, const struct skele
 
 // Distance of pixel (x, y) from a part's bone; *along is where its foot falls, 0
 // at `from` and 1 at `to`, beyond either for a pixel that is not alongside.
-static double distance_to_part(const struct seen *seen, enum part p, double x, double y, double *along)
+static double distance_to_part(const struct projected_skeleton *seen, enum part p, double x, double y, double *along)
 {
     struct pixel a = seen->pixel[part_ends[p].from], b = seen->pixel[part_ends[p].to];
     double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
@@ -104,7 +104,7 @@ static const double thickness[PART_COUNT] = {
 
 // No other bone that the pixel lies alongside of is nearer, measured in their
 // thicknesses: the walk off the torso ends where a lowered arm begins.
-static bool belongs_to(const struct seen *seen, enum part part, double x, double y)
+static bool belongs_to(const struct projected_skeleton *seen, enum part part, double x, double y)
 {
     double along, own = distance_to_part(seen, part, x, y, &along) / thickness[part];
     for (int p = 0; p < PART_COUNT; p++) {
@@ -118,33 +118,33 @@ static bool belongs_to(const struct seen *seen, enum part part, double x, double
     return true;
 }
 
-struct picture {
+struct person_image {
     const struct lens *lens;
     const uint16_t *depth;
     const uint8_t *mask;
 };
 
 // Millimetres of the person at (x, y), rounded to the pixel; 0 off the person or the picture.
-static int person_mm(const struct picture *picture, double x, double y)
+static int person_mm(const struct person_image *image, double x, double y)
 {
     int ix = (int)lround(x), iy = (int)lround(y);
-    if (ix < 0 || iy < 0 || ix >= picture->lens->width || iy >= picture->lens->height)
+    if (ix < 0 || iy < 0 || ix >= image->lens->width || iy >= image->lens->height)
         return 0;
-    size_t at = (size_t)iy * (size_t)picture->lens->width + (size_t)ix;
-    return picture->mask[at] ? picture->depth[at] : 0;
+    size_t at = (size_t)iy * (size_t)image->lens->width + (size_t)ix;
+    return image->mask[at] ? image->depth[at] : 0;
 }
 
 // Walks from (x, y) along (dx, dy), a unit step in pixels, to the limb's edge.
 // Returns the pixels walked, or -1 when the picture's edge cut the limb.
-static double walk_to_edge(const struct seen *seen, const struct picture *picture, enum part part, double x, double y,
-                           double dx, double dy, double furthest_px)
+static double walk_to_edge(const struct projected_skeleton *seen, const struct person_image *image, enum part part,
+                           double x, double y, double dx, double dy, double furthest_px)
 {
-    double z = person_mm(picture, x, y) / 1000.0;
+    double z = person_mm(image, x, y) / 1000.0;
     for (double step = 1; step <= furthest_px; step++) {
         double px = x + step * dx, py = y + step * dy;
-        if (px < 0.5 || py < 0.5 || px > picture->lens->width - 1.5 || py > picture->lens->height - 1.5)
+        if (px < 0.5 || py < 0.5 || px > image->lens->width - 1.5 || py > image->lens->height - 1.5)
             return -1;
-        int mm = person_mm(picture, px, py);
+        int mm = person_mm(image, px, py);
         if (!mm || fabs(mm / 1000.0 - z) > largest_step_m(z) || !belongs_to(seen, part, px, py))
             return step - 0.5; // the edge lies between this pixel and the last
         z = mm / 1000.0;
@@ -158,10 +158,10 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-double representative_part_radius(const struct calibration *calibration, const struct skeleton *skeleton,
-                                  const uint16_t *depth, const uint8_t *mask, enum part part)
+double body_radii_measure_part(const struct calibration *calibration, const struct skeleton *skeleton,
+                               const uint16_t *depth, const uint8_t *mask, enum part part)
 {
-    struct seen seen = see(calibration, skeleton);
+    struct projected_skeleton seen = project_skeleton(calibration, skeleton);
     struct part_ends ends = part_ends[part];
     // A guessed joint is no place to measure at.
     if (!seen.usable[ends.from] || !seen.usable[ends.to] || skeleton->confidence[ends.from] < 1 ||
@@ -172,33 +172,33 @@ double representative_part_radius(const struct calibration *calibration, const s
     if (length_px < 4) // seen end-on: no rectangle
         return 0;
     double nx = -(b.y - a.y) / length_px, ny = (b.x - a.x) / length_px;
-    struct picture picture = {&calibration->depth, depth, mask};
+    struct person_image image = {&calibration->depth, depth, mask};
     double widths[SAMPLES];
     int count = 0;
     for (int i = 0; i < SAMPLES; i++) {
         double t = FIRST_SHARE + (LAST_SHARE - FIRST_SHARE) * i / (SAMPLES - 1);
         double x = a.x + t * (b.x - a.x), y = a.y + t * (b.y - a.y);
-        int mm = person_mm(&picture, x, y);
+        int mm = person_mm(&image, x, y);
         double bone_z = seen.joint[ends.from].z + t * (seen.joint[ends.to].z - seen.joint[ends.from].z);
         // What is seen here must be this part: its surface lies before its bone, and not by much.
-        if (!mm || fabs(mm / 1000.0 - bone_z) > WIDEST_M)
+        if (!mm || fabs(mm / 1000.0 - bone_z) > RADIUS_MAX_M)
             continue;
         double px_per_m = calibration->depth.fx / (mm / 1000.0);
-        double one = walk_to_edge(&seen, &picture, part, x, y, nx, ny, WIDEST_M * px_per_m);
-        double other = walk_to_edge(&seen, &picture, part, x, y, -nx, -ny, WIDEST_M * px_per_m);
+        double one = walk_to_edge(&seen, &image, part, x, y, nx, ny, RADIUS_MAX_M * px_per_m);
+        double other = walk_to_edge(&seen, &image, part, x, y, -nx, -ny, RADIUS_MAX_M * px_per_m);
         if (one >= 0 && other >= 0)
             widths[count++] = (one + other) / px_per_m;
     }
-    if (count < FEWEST_SAMPLES)
+    if (count < SAMPLES_MIN)
         return 0;
     qsort(widths, (size_t)count, sizeof *widths, by_value);
     return widths[count / 2] / 2;
 }
 
-bool representative_offer(struct representative *r, int64_t index, const struct calibration *calibration,
+bool body_radii_add_frame(struct body_radii *r, int64_t index, const struct calibration *calibration,
                           const struct skeleton *skeleton, const uint16_t *depth, const uint8_t *mask)
 {
-    double value = representative_value(skeleton);
+    double value = body_radii_pose_score(skeleton);
     bool changed = false;
     if (value > r->best) {
         r->best = value;
@@ -209,7 +209,7 @@ bool representative_offer(struct representative *r, int64_t index, const struct 
         if (value <= r->part_best[p])
             continue;
         double length = v3_distance(skeleton->joint[part_ends[p].from], skeleton->joint[part_ends[p].to]);
-        double radius = representative_part_radius(calibration, skeleton, depth, mask, (enum part)p);
+        double radius = body_radii_measure_part(calibration, skeleton, depth, mask, (enum part)p);
         if (radius > 0 && length > 0.01) {
             r->body.radius_rate[p] = radius / length;
             r->part_best[p] = value;

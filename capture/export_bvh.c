@@ -11,14 +11,14 @@
 static const double CM = 100;
 static const double DEG = 57.29577951308232;
 
-enum { LEAF = -1 };
+enum { NO_PARENT = -1 };
 
 // The body as a tree, parents before children.
-static const struct bone {
+static const struct bvh_bone {
     enum joint joint;
-    int parent; // index into this table; LEAF for the root
+    int parent; // index into this table; NO_PARENT for the root
 } bones[] = {
-    {JOINT_WAIST, LEAF},      {JOINT_TORSO, 0},      {JOINT_NECK, 1},        {JOINT_HEAD, 2},
+    {JOINT_WAIST, NO_PARENT}, {JOINT_TORSO, 0},      {JOINT_NECK, 1},        {JOINT_HEAD, 2},
     {JOINT_LEFT_SHOULDER, 2}, {JOINT_LEFT_ELBOW, 4}, {JOINT_LEFT_HAND, 5},   {JOINT_RIGHT_SHOULDER, 2},
     {JOINT_RIGHT_ELBOW, 7},   {JOINT_RIGHT_HAND, 8}, {JOINT_LEFT_HIP, 0},    {JOINT_LEFT_KNEE, 10},
     {JOINT_LEFT_FOOT, 11},    {JOINT_RIGHT_HIP, 0},  {JOINT_RIGHT_KNEE, 13}, {JOINT_RIGHT_FOOT, 14},
@@ -26,13 +26,13 @@ static const struct bone {
 enum { BONES = COUNT_OF(bones) };
 
 // The person at rest, y up, facing +z: the directions from parent to joint.
-static const struct vec3 rest_direction[BONES] = {
+static const struct vec3 bind_direction[BONES] = {
     {0, 0, 0},  {0, 1, 0},  {0, 1, 0},      {0, 1, 0},  {1, 0, 0},  {1, 0, 0},       {1, 0, 0},  {-1, 0, 0},
     {-1, 0, 0}, {-1, 0, 0}, {0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0}, {-0.6, -0.8, 0}, {0, -1, 0}, {0, -1, 0},
 };
 
 // The skeleton with y up, in the world where the sensor was located, else in the camera's axes.
-static struct skeleton upright(const struct take_entry *entry)
+static struct skeleton y_up_skeleton(const struct take_entry *entry)
 {
     static const struct pose y_up_from_z_up = {{-0.7071067811865476, 0, 0, 0.7071067811865476}, {0, 0, 0}};
     static const struct pose y_up_from_camera = {{1, 0, 0, 0}, {0, 0, 0}};
@@ -61,7 +61,7 @@ static enum status bone_lengths(const struct take *take, double length[BONES])
         return fail(ERR_MEMORY, "no memory to export the motion");
     for (int b = 0; b < BONES; b++) {
         int64_t count = 0;
-        for (int64_t i = 0; i < frames && bones[b].parent != LEAF; i++) {
+        for (int64_t i = 0; i < frames && bones[b].parent != NO_PARENT; i++) {
             const struct take_entry *e = take_entry(take, i);
             if (e->has_skeleton && usable(&e->skeleton, b) && usable(&e->skeleton, bones[b].parent))
                 seen[count++] =
@@ -76,8 +76,8 @@ static enum status bone_lengths(const struct take *take, double length[BONES])
 
 static void print_hierarchy(FILE *out, const double length[BONES], int bone, int depth)
 {
-    struct vec3 offset = v3_scale(v3_unit(rest_direction[bone]), CM * length[bone]);
-    bool root = bones[bone].parent == LEAF, leaf = true;
+    struct vec3 offset = v3_scale(v3_unit(bind_direction[bone]), CM * length[bone]);
+    bool root = bones[bone].parent == NO_PARENT, leaf = true;
     fprintf(out, "%*s%s %s\n%*s{\n", 2 * depth, "", root ? "ROOT" : "JOINT", joint_name(bones[bone].joint), 2 * depth,
             "");
     fprintf(out, "%*sOFFSET %.4f %.4f %.4f\n", 2 * depth + 2, "", offset.x, offset.y, offset.z);
@@ -95,7 +95,7 @@ static void print_hierarchy(FILE *out, const double length[BONES], int bone, int
 }
 
 // The turn of the whole body: pelvis across, spine up.
-static struct quat root_turn(const struct skeleton *s, struct quat before)
+static struct quat root_rotation(const struct skeleton *s, struct quat before)
 {
     if (!(s->confidence[JOINT_LEFT_HIP] > 0 && s->confidence[JOINT_RIGHT_HIP] > 0 && s->confidence[JOINT_TORSO] > 0 &&
           s->confidence[JOINT_WAIST] > 0))
@@ -113,25 +113,25 @@ static struct quat root_turn(const struct skeleton *s, struct quat before)
 // Every joint's turn with respect to the world: the least turn, beyond its
 // parent's, that points its first child where it is. A joint that is not known
 // goes with its parent.
-static void world_turns(const struct skeleton *s, struct quat before_root, struct quat turn[BONES])
+static void world_rotations(const struct skeleton *s, struct quat before_root, struct quat rotation[BONES])
 {
     for (int b = 0; b < BONES; b++) {
-        turn[b] = bones[b].parent == LEAF ? root_turn(s, before_root) : turn[bones[b].parent];
+        rotation[b] = bones[b].parent == NO_PARENT ? root_rotation(s, before_root) : rotation[bones[b].parent];
         // waist and neck carry several children and turn with the body
         if (bones[b].joint == JOINT_WAIST || bones[b].joint == JOINT_NECK)
             continue;
         for (int child = b + 1; child < BONES; child++)
             if (bones[child].parent == b && usable(s, b) && usable(s, child)) {
                 struct vec3 is = v3_sub(s->joint[bones[child].joint], s->joint[bones[b].joint]);
-                struct vec3 carried = quat_rotate(turn[b], rest_direction[child]);
-                turn[b] = quat_unit(quat_multiply(quat_between(carried, is), turn[b]));
+                struct vec3 expected_direction = quat_rotate(rotation[b], bind_direction[child]);
+                rotation[b] = quat_unit(quat_multiply(quat_between(expected_direction, is), rotation[b]));
                 break;
             }
     }
 }
 
 // Degrees about z, then x, then y, as the CHANNELS say.
-static void print_turn(FILE *out, struct quat q)
+static void print_rotation(FILE *out, struct quat q)
 {
     double m[3][3];
     quat_to_matrix(q, m);
@@ -160,16 +160,17 @@ static void print_motion(FILE *out, const struct take *take)
         const struct take_entry *entry = take_entry(take, i);
         if (!entry->has_skeleton)
             continue;
-        struct skeleton s = upright(entry);
-        struct quat turn[BONES];
-        world_turns(&s, root, turn);
-        root = turn[0];
+        struct skeleton s = y_up_skeleton(entry);
+        struct quat rotation[BONES];
+        world_rotations(&s, root, rotation);
+        root = rotation[0];
         struct vec3 at = s.confidence[JOINT_WAIST] > 0 ? v3_scale(s.joint[JOINT_WAIST], CM) : v3(0, 0, 0);
         fprintf(out, "%.4f %.4f %.4f", at.x, at.y, at.z);
         // depth first, in the order in which print_hierarchy names the joints: the table's own order
         for (int b = 0; b < BONES; b++)
-            print_turn(out, bones[b].parent == LEAF ? turn[b]
-                                                    : quat_multiply(quat_conjugate(turn[bones[b].parent]), turn[b]));
+            print_rotation(out, bones[b].parent == NO_PARENT
+                                    ? rotation[b]
+                                    : quat_multiply(quat_conjugate(rotation[bones[b].parent]), rotation[b]));
         fputc('\n', out);
     }
 }

@@ -7,15 +7,15 @@ static const double LEVEL_RAD = 0.004;
 // How far from z = 0 a plane may lie, once level, to be the floor.
 static const double FLOOR_M = 0.12;
 
-enum { CELLS_ACROSS = 80, MOST_CELLS = 80 * 80 };
+enum { CELLS_ACROSS = 80, CELLS_MAX = 80 * 80 };
 
-bool upright_floor(const struct lens *lens, const uint16_t *depth, struct floor_plane *out)
+bool gravity_align_floor(const struct lens *lens, const uint16_t *depth, struct floor_plane *out)
 {
-    static _Thread_local struct grid_ray rays[MOST_CELLS];
-    static _Thread_local uint16_t cells[MOST_CELLS];
+    static _Thread_local struct grid_ray rays[CELLS_MAX];
+    static _Thread_local uint16_t cells[CELLS_MAX];
     int step = lens->width > CELLS_ACROSS ? lens->width / CELLS_ACROSS : 1;
     int across = lens->width / step, down = lens->height / step;
-    while (across * down > MOST_CELLS)
+    while (across * down > CELLS_MAX)
         down--; // a picture higher than wide: its lowest rows are not looked at
     for (int y = 0; y < down; y++)
         for (int x = 0; x < across; x++) {
@@ -24,18 +24,18 @@ bool upright_floor(const struct lens *lens, const uint16_t *depth, struct floor_
             rays[y * across + x] = (struct grid_ray){(float)ray.x, (float)ray.y};
             cells[y * across + x] = depth[(size_t)py * (size_t)lens->width + (size_t)px];
         }
-    return floor_find(cells, rays, across, down, out);
+    return floor_plane_fit(cells, rays, across, down, out);
 }
 
-bool upright_turn(struct pose *world_from_camera, struct vec3 pivot, const struct floor_plane *floor_in_camera)
+bool gravity_align_pose(struct pose *world_from_camera, struct vec3 pivot, const struct floor_plane *floor_in_camera)
 {
     struct vec3 up = quat_rotate(world_from_camera->rotation, floor_in_camera->up);
     if (v3_dot(up, v3(0, 0, 1)) > cos(LEVEL_RAD))
         return false;
-    struct quat turn = quat_between(up, v3(0, 0, 1));
+    struct quat rotation = quat_between(up, v3(0, 0, 1));
     struct pose level = {
-        quat_unit(quat_multiply(turn, world_from_camera->rotation)),
-        v3_add(pivot, quat_rotate(turn, v3_sub(world_from_camera->translation, pivot))),
+        quat_unit(quat_multiply(rotation, world_from_camera->rotation)),
+        v3_add(pivot, quat_rotate(rotation, v3_sub(world_from_camera->translation, pivot))),
     };
     if (fabs(level.translation.z - floor_in_camera->height_m) > FLOOR_M)
         return false;

@@ -6,10 +6,10 @@
 #include "base/lens.h"
 
 // The floor as the depth picture shows it, depth camera's axes; false: none in sight.
-bool upright_floor(const struct lens *depth_lens, const uint16_t *depth, struct floor_plane *out);
+bool gravity_align_floor(const struct lens *depth_lens, const uint16_t *depth, struct floor_plane *out);
 
 // Turns world_from_camera about `pivot` (world axes: the middle of the tags, which
 // so keep their places in the picture) until the floor is level. Nothing changes and
 // false is returned where pose and floor agree already, or where the plane then
 // would not lie at z = 0: it is not the floor.
-bool upright_turn(struct pose *world_from_camera, struct vec3 pivot, const struct floor_plane *floor_in_camera);
+bool gravity_align_pose(struct pose *world_from_camera, struct vec3 pivot, const struct floor_plane *floor_in_camera);

@@ -16,7 +16,7 @@
 
 // Frames that may wait before each of the two worker threads. At 640 x 480 one
 // takes 1.9 MB; two seconds of a 30 Hz sensor are held before a frame is dropped.
-enum { WAITING_FRAMES = 60, WAITING_TO_BE_WRITTEN = 20 };
+enum { WAITING_FRAMES = 60, WAITING_WRITES = 20 };
 
 static const int JPEG_QUALITY = 92; // for sensors that hand out raw pictures
 
@@ -40,13 +40,13 @@ struct recorder {
 
     // the processing thread's own
     struct tracker *tracker;
-    struct settle *settle;
+    struct smoother *smoother;
     struct sensor_pose *sensor_pose; // NULL without a place or without colour
-    struct representative representative;
+    struct body_radii radii;
     uint16_t *background;
     int64_t frames_processed;
     int moves_seen;
-    bool room_known;
+    bool background_known;
     double busy_ms, slowest_ms;
 
     // the writing thread's own
@@ -70,7 +70,7 @@ static void item_free(struct item *item)
     free(item);
 }
 
-static void *copy(const void *bytes, size_t count)
+static void *copy_bytes(const void *bytes, size_t count)
 {
     void *to = malloc(count);
     return to ? memcpy(to, bytes, count) : NULL;
@@ -86,13 +86,13 @@ static struct item *item_from_frame(const struct frame *frame, const struct cali
     item->world_from_camera = POSE_IDENTITY;
     bool whole = true;
     if (frame->color)
-        whole &= (item->color = copy(frame->color, 3 * pixels(&calibration->color))) != NULL;
+        whole &= (item->color = copy_bytes(frame->color, 3 * pixels(&calibration->color))) != NULL;
     if (frame->jpeg) {
-        whole &= (item->jpeg = copy(frame->jpeg, frame->jpeg_bytes)) != NULL;
+        whole &= (item->jpeg = copy_bytes(frame->jpeg, frame->jpeg_bytes)) != NULL;
         item->jpeg_bytes = frame->jpeg_bytes;
     }
     if (frame->depth) {
-        whole &= (item->depth = copy(frame->depth, sizeof *frame->depth * pixels(&calibration->depth))) != NULL;
+        whole &= (item->depth = copy_bytes(frame->depth, sizeof *frame->depth * pixels(&calibration->depth))) != NULL;
         whole &= (item->mask = calloc(pixels(&calibration->depth), 1)) != NULL;
     }
     if (!whole) {
@@ -106,16 +106,16 @@ static struct item *item_from_frame(const struct frame *frame, const struct cali
 
 // Tells the tracker what the place says of the room, once the sensor is located
 // and again when it was moved.
-static enum status describe_room(struct recorder *r, struct pose world_from_color)
+static enum status set_background_and_floor(struct recorder *r, struct pose world_from_color)
 {
     struct pose world_from_depth = pose_multiply(world_from_color, r->calibration->color_from_depth);
-    enum status status = background_predict(r->place, &r->calibration->depth, world_from_depth, r->background);
+    enum status status = background_depth_render(r->place, &r->calibration->depth, world_from_depth, r->background);
     if (status != OK)
         return status;
     tracker_set_background(r->tracker, r->background);
     struct vec3 up = quat_rotate(quat_conjugate(world_from_depth.rotation), v3(0, 0, 1));
     tracker_set_floor(r->tracker, up, world_from_depth.translation.z);
-    r->room_known = true;
+    r->background_known = true;
     return OK;
 }
 
@@ -126,7 +126,7 @@ static enum status locate_item(struct recorder *r, struct item *item)
     item->located = sensor_pose_get(r->sensor_pose, &item->world_from_camera);
     bool moved = sensor_pose_moves(r->sensor_pose) != r->moves_seen;
     r->moves_seen = sensor_pose_moves(r->sensor_pose);
-    return item->located && (moved || !r->room_known) ? describe_room(r, item->world_from_camera) : OK;
+    return item->located && (moved || !r->background_known) ? set_background_and_floor(r, item->world_from_camera) : OK;
 }
 
 static enum status track_item(struct recorder *r, struct item *item)
@@ -136,24 +136,24 @@ static enum status track_item(struct recorder *r, struct item *item)
         status = tracker_next(r->tracker, item->time_ns, item->depth, &item->skeleton, item->mask);
     if (status < 0)
         return status;
-    bool nobody = status == NOTHING;
-    status = settle_note(r->settle, r->tracker, item->time_ns, nobody ? NULL : &item->skeleton);
-    if (status != OK || nobody)
+    bool no_person = status == NOTHING;
+    status = smoother_push(r->smoother, r->tracker, item->time_ns, no_person ? NULL : &item->skeleton);
+    if (status != OK || no_person)
         return status;
     item->has_skeleton = true;
-    item->body_changed = representative_offer(&r->representative, r->frames_processed, r->calibration, &item->skeleton,
-                                              item->depth, item->mask);
-    item->body = r->representative.body;
+    item->body_changed =
+        body_radii_add_frame(&r->radii, r->frames_processed, r->calibration, &item->skeleton, item->depth, item->mask);
+    item->body = r->radii.body;
     return OK;
 }
 
 // Takes the item over. After the sensor's first frames, which were looked at before.
-static enum status process_item(struct recorder *r, struct item *item, bool looked_at)
+static enum status process_item(struct recorder *r, struct item *item, bool located_before)
 {
     int64_t begun = clock_now_ns();
     enum status status = OK;
-    if (r->sensor_pose && !looked_at)
-        status = sensor_pose_look(r->sensor_pose, item->color, item->depth);
+    if (r->sensor_pose && !located_before)
+        status = sensor_pose_update(r->sensor_pose, item->color, item->depth);
     if (status == OK)
         status = locate_item(r, item);
     if (status == OK)
@@ -173,12 +173,12 @@ static enum status process_item(struct recorder *r, struct item *item, bool look
 // The first frames are held back until the sensor's pose has settled from all of them.
 static enum status process_first(struct recorder *r)
 {
-    struct item *held[SENSOR_POSE_SETTLE];
+    struct item *held[SENSOR_POSE_WARM_UP];
     int count = 0;
     enum status status = OK;
-    while (count < SENSOR_POSE_SETTLE && status == OK && (held[count] = queue_take(r->to_process))) {
+    while (count < SENSOR_POSE_WARM_UP && status == OK && (held[count] = queue_take(r->to_process))) {
         if (r->sensor_pose)
-            status = sensor_pose_look(r->sensor_pose, held[count]->color, held[count]->depth);
+            status = sensor_pose_update(r->sensor_pose, held[count]->color, held[count]->depth);
         count++;
     }
     for (int i = 0; i < count; i++) {
@@ -198,7 +198,7 @@ static void *process_all(void *context)
     while (status == OK && (item = queue_take(r->to_process)))
         status = process_item(r, item, false);
     if (status != OK)
-        snprintf(r->process_sentence, sizeof r->process_sentence, "%s", status_sentence());
+        snprintf(r->process_sentence, sizeof r->process_sentence, "%s", status_message());
     r->process_status = status;
     queue_stop(r->to_process);
     queue_stop(r->to_write);
@@ -240,7 +240,7 @@ static void *write_all(void *context)
         item_free(item);
     }
     if (status != OK)
-        snprintf(r->write_sentence, sizeof r->write_sentence, "%s", status_sentence());
+        snprintf(r->write_sentence, sizeof r->write_sentence, "%s", status_message());
     r->write_status = status;
     queue_stop(r->to_write);
     queue_stop(r->to_process);
@@ -262,7 +262,7 @@ static enum status read_all(struct recorder *r, struct source *source, const str
             return OK;
         if (status == ERR_INPUT || status == ERR_CORRUPT || status == ERR_MISSING) {
             if (!result->damaged++)
-                snprintf(result->first_damage, sizeof result->first_damage, "%.255s", status_sentence());
+                snprintf(result->first_damage, sizeof result->first_damage, "%.255s", status_message());
             continue;
         }
         if (status != OK)
@@ -302,24 +302,24 @@ static void recorder_free(struct recorder *r)
     queue_close(&r->to_write);
     sensor_pose_close(&r->sensor_pose);
     tracker_close(&r->tracker);
-    settle_close(&r->settle);
+    smoother_close(&r->smoother);
     free(r->background);
 }
 
 static enum status recorder_prepare(struct recorder *r)
 {
     struct tracker_options options = tracker_default_options();
-    representative_start(&r->representative);
+    body_radii_start(&r->radii);
     enum status status = tracker_open(&r->tracker, r->calibration, &options);
     if (status == OK)
-        status = settle_open(&r->settle, r->calibration);
+        status = smoother_open(&r->smoother, r->calibration);
     if (status == OK && r->place && (r->place->tag_count > 0 || r->place->point_count > 0) &&
         r->calibration->color.width > 0)
         status = sensor_pose_open(&r->sensor_pose, r->place, r->calibration);
     if (status == OK)
         status = queue_open(&r->to_process, WAITING_FRAMES);
     if (status == OK)
-        status = queue_open(&r->to_write, WAITING_TO_BE_WRITTEN);
+        status = queue_open(&r->to_write, WAITING_WRITES);
     if (status == OK && !(r->background = malloc(sizeof *r->background * pixels(&r->calibration->depth))))
         status = fail(ERR_MEMORY, "no memory for the background");
     return status;
@@ -343,36 +343,36 @@ static void fill_result(const struct recorder *r, const struct source *source, s
 // ------------------------------------------------------------- looking back
 
 // NOTHING: stopped.
-static enum status look_back(struct recorder *r, struct take *take, const struct recorder_options *options)
+static enum status smooth_backward(struct recorder *r, struct take *take, const struct recorder_options *options)
 {
     int64_t count = take_frame_count(take);
     enum status status = OK;
-    if (options->on_settle)
-        options->on_settle(options->context, count);
+    if (options->on_smoothing_begin)
+        options->on_smoothing_begin(options->context, count);
     for (int64_t i = count - 1; i >= 0 && status == OK; i--) {
-        struct take_pictures pictures;
+        struct take_images pictures;
         if (options->should_stop && options->should_stop())
             return NOTHING;
         if (take_entry(take, i)->has_depth) {
             status = take_read(take, i, TAKE_DEPTH, &pictures);
             if (status == OK)
-                status = settle_look_back(r->settle, r->tracker, i, pictures.depth);
+                status = smoother_backward(r->smoother, r->tracker, i, pictures.depth);
         }
-        if (options->on_settled)
-            options->on_settled(options->context);
+        if (options->on_smoothed)
+            options->on_smoothed(options->context);
     }
-    return status == OK ? settle_finish(r->settle) : status;
+    return status == OK ? smoother_solve(r->smoother) : status;
 }
 
-static enum status put_settled(struct recorder *r)
+static enum status put_smoothed(struct recorder *r)
 {
     const struct skeleton **skeleton = calloc((size_t)r->written, sizeof *skeleton);
     if (!skeleton)
         return fail(ERR_MEMORY, "not enough memory to think a take over");
-    static const struct skeleton nobody; // who was told at once may turn out to be furniture
+    static const struct skeleton absent; // who was told at once may turn out to be furniture
     for (int64_t i = 0; i < r->written; i++) {
-        skeleton[i] = settle_skeleton(r->settle, i);
-        skeleton[i] = skeleton[i] ? skeleton[i] : &nobody;
+        skeleton[i] = smoother_skeleton(r->smoother, i);
+        skeleton[i] = skeleton[i] ? skeleton[i] : &absent;
     }
     enum status status = recording_put_skeletons(r->writer, skeleton, r->written);
     free(skeleton);
@@ -380,7 +380,7 @@ static enum status put_settled(struct recorder *r)
 }
 
 // The take is complete already, and stays so whatever goes wrong here.
-static enum status settle_take(struct recorder *r, const char *name, const struct recorder_options *options,
+static enum status smooth_take(struct recorder *r, const char *name, const struct recorder_options *options,
                                struct recorder_result *result)
 {
     if (!r->tracked || (r->sensor_pose && sensor_pose_far_moves(r->sensor_pose)))
@@ -392,13 +392,13 @@ static enum status settle_take(struct recorder *r, const char *name, const struc
     if (status == OK)
         status = take_open(&take, recording, name);
     if (status == OK)
-        status = look_back(r, take, options);
+        status = smooth_backward(r, take, options);
     take_close(&take);
     recording_free(&recording);
     if (status == OK)
-        status = put_settled(r);
+        status = put_smoothed(r);
     if (status == OK)
-        result->settle_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
+        result->smoothing_ms = (double)(clock_now_ns() - begun) / 1e6 / (double)r->written;
     return status == NOTHING ? OK : status;
 }
 
@@ -442,12 +442,12 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
         if (r.write_status == OK) {
             // A take that lost its sensor is complete as far as it goes; keep the first sentence.
             char sentence[512];
-            snprintf(sentence, sizeof sentence, "%s", status_sentence());
+            snprintf(sentence, sizeof sentence, "%s", status_message());
             enum status ended = recording_put_dropped(writer, result->dropped);
             if (ended == OK)
                 ended = recording_end_take(writer);
             if (ended == OK && r.process_status == OK)
-                ended = settle_take(&r, name, options, result);
+                ended = smooth_take(&r, name, options, result);
             status = status == OK ? ended : fail(status, "%s", sentence);
         }
     }

@@ -18,8 +18,8 @@ struct recorder_options {
     bool (*should_stop)(void);       // asked before every frame read, and looked back at, where true leaves the joints
                                      // as they were told; NULL = never
     void (*on_frame)(void *context); // called on the caller's thread for every frame read; may be NULL
-    void (*on_settle)(void *context, int64_t frames); // so many are now looked back at; may be NULL
-    void (*on_settled)(void *context);                // on the caller's thread for each of them; may be NULL
+    void (*on_smoothing_begin)(void *context, int64_t frames); // so many are now looked back at; may be NULL
+    void (*on_smoothed)(void *context);                        // on the caller's thread for each of them; may be NULL
     void *context;
 };
 
@@ -34,7 +34,7 @@ struct recorder_result {
     int32_t tags_moved;         // of the place's, that hang elsewhere now; the lowest number of them is ...
     int32_t first_moved;        // ... this, else -1
     double slowest_ms, mean_ms; // locating, segmenting and tracking one frame
-    double settle_ms;           // a frame, looking back; 0 where that was not done
+    double smoothing_ms;        // a frame, looking back; 0 where that was not done
 };
 
 // Films `source` to its end, or until should_stop, as take `name`. `place` may be

@@ -12,7 +12,7 @@ enum { CHECK_EVERY = 15, CHECK_SOON = 5 };
 // never for less than LEAST, which a stand gives way by, and always for more than MOST. It wins when enough checks in a
 // row agree with it: a person who covers a tag makes poses that err by centimetres, and the same way for seconds. Poses
 // as sure as the best of those held need fewer checks than others.
-static const double BY_CHANCE = 3;
+static const double GATE_SIGMAS = 3;
 static const double LEAST_MOVED_M = 0.01, LEAST_MOVED_RAD = 0.003, MOST_MOVED_M = 0.05, MOST_MOVED_RAD = 0.02;
 enum { CHECKS_AS_GOOD = 3, CHECKS_AT_ALL = 8 };
 
@@ -25,8 +25,8 @@ enum { ENOUGH_POSES = 40 };
 struct sensor_pose {
     struct locator *locator;
     struct calibration calibration;
-    struct vec3 *anchors; // the tags' middles, world axes; in a place without tags its points
-    int32_t anchor_count;
+    struct vec3 *references; // the tags' middles, world axes; in a place without tags its points
+    int32_t reference_count;
     int64_t frame;
     int poses; // in the mean; 0 = not located
     struct pose mean;
@@ -46,20 +46,20 @@ enum status sensor_pose_open(struct sensor_pose **out, const struct place *place
         return fail(ERR_MEMORY, "no memory to locate the sensor");
     s->calibration = *calibration;
     s->mean = POSE_IDENTITY;
-    s->anchor_count = place->tag_count ? place->tag_count : place->point_count;
+    s->reference_count = place->tag_count ? place->tag_count : place->point_count;
     struct locator_options options = locator_default_options();
     options.max_position_sigma_m = WORST_SIGMA_M;
     struct lens lens = calibration->color;
     lens.readout_s = 0; // it stands still
     enum status status = locator_open(&s->locator, place, &lens, &options);
-    if (status == OK && !(s->anchors = malloc(sizeof *s->anchors * (size_t)(s->anchor_count + 1))))
+    if (status == OK && !(s->references = malloc(sizeof *s->references * (size_t)(s->reference_count + 1))))
         status = fail(ERR_MEMORY, "no memory to locate the sensor");
     if (status != OK) {
         sensor_pose_close(&s);
         return status;
     }
-    for (int32_t i = 0; i < s->anchor_count; i++)
-        s->anchors[i] = place->tag_count ? place->tags[i].world_from_tag.translation : place->points[i].world;
+    for (int32_t i = 0; i < s->reference_count; i++)
+        s->references[i] = place->tag_count ? place->tags[i].world_from_tag.translation : place->points[i].world;
     *out = s;
     return OK;
 }
@@ -68,7 +68,7 @@ void sensor_pose_close(struct sensor_pose **s)
 {
     if (*s) {
         locator_close(&(*s)->locator);
-        free((*s)->anchors);
+        free((*s)->references);
     }
     free(*s);
     *s = NULL;
@@ -78,11 +78,11 @@ void sensor_pose_close(struct sensor_pose **s)
 static bool agree(const struct location *found, struct pose before)
 {
     const double *c = found->covariance;
-    double turn = BY_CHANCE * sqrt(c[0] + c[7] + c[14]), shift = BY_CHANCE * found->position_sigma_m;
-    turn = fmin(fmax(turn, LEAST_MOVED_RAD), MOST_MOVED_RAD);
+    double angle = GATE_SIGMAS * sqrt(c[0] + c[7] + c[14]), shift = GATE_SIGMAS * found->position_sigma_m;
+    angle = fmin(fmax(angle, LEAST_MOVED_RAD), MOST_MOVED_RAD);
     shift = fmin(fmax(shift, LEAST_MOVED_M), MOST_MOVED_M);
     return v3_distance(found->world_from_camera.translation, before.translation) < shift &&
-           pose_angle(found->world_from_camera, before) < turn;
+           pose_angle(found->world_from_camera, before) < angle;
 }
 
 static bool is_far(struct pose a, struct pose b)
@@ -118,19 +118,19 @@ static bool rival_wins(struct sensor_pose *s, const struct location *found)
     return s->rival_checks >= (s->rival_is_sure ? CHECKS_AS_GOOD : CHECKS_AT_ALL);
 }
 
-// The middle of the anchors that the pose puts into the picture.
-static struct vec3 anchors_in_sight(const struct sensor_pose *s, struct pose world_from_camera)
+// The middle of the references that the pose puts into the picture.
+static struct vec3 visible_reference_centre(const struct sensor_pose *s, struct pose world_from_camera)
 {
     struct pose camera_from_world = pose_inverse(world_from_camera);
     struct vec3 sum = {0, 0, 0};
     int count = 0;
-    for (int32_t i = 0; i < s->anchor_count; i++) {
-        struct vec3 p = pose_apply(camera_from_world, s->anchors[i]);
+    for (int32_t i = 0; i < s->reference_count; i++) {
+        struct vec3 p = pose_apply(camera_from_world, s->references[i]);
         if (p.z < 0.1)
             continue;
         struct pixel at = lens_project(&s->calibration.color, p);
         if (at.x >= 0 && at.y >= 0 && at.x < s->calibration.color.width && at.y < s->calibration.color.height) {
-            sum = v3_add(sum, s->anchors[i]);
+            sum = v3_add(sum, s->references[i]);
             count++;
         }
     }
@@ -138,30 +138,30 @@ static struct vec3 anchors_in_sight(const struct sensor_pose *s, struct pose wor
 }
 
 // Makes the pose agree with the floor that the depth picture shows.
-static void stand_upright(const struct sensor_pose *s, const uint16_t *depth, struct pose *world_from_color)
+static void align_to_floor(const struct sensor_pose *s, const uint16_t *depth, struct pose *world_from_color)
 {
     struct floor_plane floor;
-    if (!depth || !upright_floor(&s->calibration.depth, depth, &floor))
+    if (!depth || !gravity_align_floor(&s->calibration.depth, depth, &floor))
         return;
     struct pose world_from_depth = pose_multiply(*world_from_color, s->calibration.color_from_depth);
-    if (upright_turn(&world_from_depth, anchors_in_sight(s, *world_from_color), &floor))
+    if (gravity_align_pose(&world_from_depth, visible_reference_centre(s, *world_from_color), &floor))
         *world_from_color = pose_multiply(world_from_depth, pose_inverse(s->calibration.color_from_depth));
 }
 
-enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
+enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth)
 {
     int64_t frame = s->frame++;
     bool soon = s->rival_checks && s->rival_is_sure && frame % CHECK_SOON == 0;
-    bool due = frame < SENSOR_POSE_SETTLE || frame % CHECK_EVERY == 0 || soon;
+    bool due = frame < SENSOR_POSE_WARM_UP || frame % CHECK_EVERY == 0 || soon;
     if (!due || !color)
         return OK;
     struct location found;
-    enum status status = locator_find(s->locator, color, s->calibration.registered ? depth : NULL, &found);
+    enum status status = locator_localize(s->locator, color, s->calibration.registered ? depth : NULL, &found);
     if (status == NOTHING || status == AMBIGUOUS)
         return OK;
     if (status != OK)
         return status;
-    stand_upright(s, depth, &found.world_from_camera);
+    align_to_floor(s, depth, &found.world_from_camera);
     double sigma_m = fmax(found.position_sigma_m, 1e-4), weight = 1 / (sigma_m * sigma_m);
     if (!s->poses) {
         restart_from(s, &found, weight);
@@ -171,8 +171,8 @@ enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const 
         if (s->poses < ENOUGH_POSES)
             average(s, found.world_from_camera, weight);
     } else if (rival_wins(s, &found)) {
-        s->moves += frame >= SENSOR_POSE_SETTLE;
-        s->far_moves += frame >= SENSOR_POSE_SETTLE && is_far(found.world_from_camera, s->mean);
+        s->moves += frame >= SENSOR_POSE_WARM_UP;
+        s->far_moves += frame >= SENSOR_POSE_WARM_UP && is_far(found.world_from_camera, s->mean);
         restart_from(s, &found, weight);
     }
     return OK;
@@ -183,19 +183,19 @@ enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const 
 // known to: 0.06 mm and 0.001 degrees.
 static double rounded(double x, double steps) { return round(x * steps) / steps; }
 
-static struct pose same_everywhere(struct pose p)
+static struct pose round_reproducibly(struct pose p)
 {
-    const double turns = 1 << 17, steps_a_m = 1 << 14;
+    const double rotation_steps = 1 << 17, steps_a_m = 1 << 14;
     const struct quat q = p.rotation;
     const struct vec3 t = p.translation;
-    return (struct pose){
-        quat_unit((struct quat){rounded(q.x, turns), rounded(q.y, turns), rounded(q.z, turns), rounded(q.w, turns)}),
-        v3(rounded(t.x, steps_a_m), rounded(t.y, steps_a_m), rounded(t.z, steps_a_m))};
+    return (struct pose){quat_unit((struct quat){rounded(q.x, rotation_steps), rounded(q.y, rotation_steps),
+                                                 rounded(q.z, rotation_steps), rounded(q.w, rotation_steps)}),
+                         v3(rounded(t.x, steps_a_m), rounded(t.y, steps_a_m), rounded(t.z, steps_a_m))};
 }
 
 bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera)
 {
-    *world_from_camera = same_everywhere(s->mean);
+    *world_from_camera = round_reproducibly(s->mean);
     return s->poses > 0;
 }
 

@@ -7,7 +7,7 @@
 #pragma once
 #include "locate/locator.h"
 
-enum { SENSOR_POSE_SETTLE = 10 }; // frames that are located before the first pose is given
+enum { SENSOR_POSE_WARM_UP = 10 }; // frames that are located before the first pose is given
 
 struct sensor_pose;
 
@@ -18,7 +18,7 @@ void sensor_pose_close(struct sensor_pose **s);
 
 // Looks at one frame, in order, each once. OK also when nothing was found in it.
 // `depth` may be NULL; where it is there, the pose is made to agree with the floor.
-MUST_CHECK enum status sensor_pose_look(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
+MUST_CHECK enum status sensor_pose_update(struct sensor_pose *s, const uint8_t *color, const uint16_t *depth);
 
 // The pose as far as known. False: not located yet; *out is then the identity.
 bool sensor_pose_get(const struct sensor_pose *s, struct pose *world_from_camera);

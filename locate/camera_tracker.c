@@ -7,57 +7,59 @@
 
 // A pose this far (chi squared, six numbers) from where the motion leads is not of that motion:
 // one in ten million. The camera was moved, or the motion known was wrong.
-static const double ELSEWHERE = 43;
+static const double MAX_CHI2 = 43;
 // What is followed is looked for within some ten pixels of where it should be. Where that is open by many times as much
 // (one standard deviation), what is found there is as likely something that looks alike, and what all of it agrees on
 // is the guess itself: two or three pictures a second, or one after a gap, are searched anew.
-static const double OPEN_PX = 120;
+static const double MAX_PREDICTED_SIGMA_PX = 120;
 // Longer than this without a picture that shows anything, and the motion is worth nothing.
 static const double LOST_S = 0.5;
 // One of two mirrored poses has won when the other is this much less likely (log of the odds, doubled).
-static const double CLEARLY = 25;
+static const double DECISIVE_CHI2 = 25;
 
 // A single picture by a rolling shutter does not say well how fast the camera moves, and what it is wrong by
 // stays in what is known of the errors of all that is followed. After so many more it is found anew,
 // with the speed that they tell.
-enum { TELL_SPEED = 1 };
+enum { VELOCITY_FRAMES = 1 };
 
-struct camera_track {
+struct camera_tracker {
     struct locator *locator;
-    int followed;    // pictures since it was found
-    int64_t time_ns; // of the last picture
-    bool started;    // time_ns holds
-    bool anew;       // that picture is to be found without what was known before
-    int count;       // poses followed: 0 lost, 2 mirrored ones of which nobody knows which
-    struct kalman of[2];
-    double against[2]; // what speaks against each
-    double unseen_s;   // since a picture agreed
+    int followed;       // pictures since it was found
+    int64_t time_ns;    // of the last picture
+    bool started;       // time_ns holds
+    bool without_prior; // that picture is to be found without what was known before
+    int count;          // poses followed: 0 lost, 2 mirrored ones of which nobody knows which
+    struct pose_kalman of[2];
+    double chi2[2];      // what speaks against each
+    double since_seen_s; // since a picture agreed
 };
 
-struct pose camera_at(const struct camera_motion *m, int64_t time_ns)
+struct pose camera_motion_at(const struct camera_motion *m, int64_t time_ns)
 {
     int64_t ahead = time_ns - m->time_ns;
-    ahead = ahead > CAMERA_AHEAD_NS ? CAMERA_AHEAD_NS : ahead < -CAMERA_AHEAD_NS ? -CAMERA_AHEAD_NS : ahead;
+    ahead = ahead > CAMERA_MAX_EXTRAPOLATION_NS    ? CAMERA_MAX_EXTRAPOLATION_NS
+            : ahead < -CAMERA_MAX_EXTRAPOLATION_NS ? -CAMERA_MAX_EXTRAPOLATION_NS
+                                                   : ahead;
     double t = (double)ahead * 1e-9;
     struct pose on = {quat_from_rotation_vector(v3_scale(m->turn, t)), v3_scale(m->shift, t)};
     return pose_multiply(m->world_from_camera, on);
 }
 
-enum status camera_track_open(struct camera_track **out, const struct place *place, const struct lens *lens,
-                              const struct locator_options *options)
+enum status camera_tracker_open(struct camera_tracker **out, const struct place *place, const struct lens *lens,
+                                const struct locator_options *options)
 {
     *out = NULL;
-    struct camera_track *t = calloc(1, sizeof *t);
+    struct camera_tracker *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "no memory to follow a camera");
     enum status status = locator_open(&t->locator, place, lens, options);
     if (status != OK)
-        camera_track_close(&t);
+        camera_tracker_close(&t);
     *out = t;
     return status;
 }
 
-void camera_track_close(struct camera_track **t)
+void camera_tracker_close(struct camera_tracker **t)
 {
     if (*t)
         locator_close(&(*t)->locator);
@@ -65,52 +67,52 @@ void camera_track_close(struct camera_track **t)
     *t = NULL;
 }
 
-static void start(struct camera_track *t, const struct location *found, bool ambiguous)
+static void start_filters(struct camera_tracker *t, const struct location *found, bool ambiguous)
 {
     t->count = ambiguous ? 2 : 1;
     t->followed = 0;
-    t->against[0] = t->against[1] = 0;
-    kalman_start(&t->of[0], found->world_from_camera, found->covariance);
-    kalman_start(&t->of[1], found->other, found->covariance);
+    t->chi2[0] = t->chi2[1] = 0;
+    pose_kalman_start(&t->of[0], found->world_from_camera, found->covariance);
+    pose_kalman_start(&t->of[1], found->other, found->covariance);
 }
 
 // Takes what the picture shows into each pose followed. False: it agrees with none.
-static bool take_in(struct camera_track *t, const struct location *found, bool ambiguous)
+static bool update_filters(struct camera_tracker *t, const struct location *found, bool ambiguous)
 {
     bool agrees = false;
     for (int i = 0; i < t->count; i++) {
-        struct kalman with[2] = {t->of[i], t->of[i]};
+        struct pose_kalman with[2] = {t->of[i], t->of[i]};
         double off[2];
-        off[0] = kalman_measure(&with[0], found->world_from_camera, found->noise, ELSEWHERE);
-        off[1] = ambiguous ? kalman_measure(&with[1], found->other, found->noise, ELSEWHERE) : INFINITY;
+        off[0] = pose_kalman_update(&with[0], found->world_from_camera, found->noise, MAX_CHI2);
+        off[1] = ambiguous ? pose_kalman_update(&with[1], found->other, found->noise, MAX_CHI2) : INFINITY;
         int which = off[1] < off[0];
-        if (off[which] <= ELSEWHERE) {
+        if (off[which] <= MAX_CHI2) {
             t->of[i] = with[which];
-            t->against[i] += off[which] + (which ? found->other_worse : 0);
+            t->chi2[i] += off[which] + (which ? found->other_excess_cost : 0);
             agrees = true;
         } else {
-            t->against[i] += ELSEWHERE;
+            t->chi2[i] += MAX_CHI2;
         }
     }
     for (int i = 0; t->count == 2 && i < 2; i++) {
-        if (t->against[i] - t->against[!i] > CLEARLY) {
+        if (t->chi2[i] - t->chi2[!i] > DECISIVE_CHI2) {
             t->of[0] = t->of[!i];
             t->count = 1;
         }
     }
-    if (t->count == 2 && t->against[1] < t->against[0]) { // the likelier one first
-        struct kalman k = t->of[0];
-        double against = t->against[0];
-        t->of[0] = t->of[1], t->against[0] = t->against[1];
-        t->of[1] = k, t->against[1] = against;
+    if (t->count == 2 && t->chi2[1] < t->chi2[0]) { // the likelier one first
+        struct pose_kalman k = t->of[0];
+        double chi2 = t->chi2[0];
+        t->of[0] = t->of[1], t->chi2[0] = t->chi2[1];
+        t->of[1] = k, t->chi2[1] = chi2;
     }
     return agrees;
 }
 
-static void tell(const struct camera_track *t, const struct location *found, struct location *out,
-                 struct camera_motion *motion)
+static void fill_result(const struct camera_tracker *t, const struct location *found, struct location *out,
+                        struct camera_motion *motion)
 {
-    const struct kalman *k = &t->of[0];
+    const struct pose_kalman *k = &t->of[0];
     *out = *found;
     out->world_from_camera = k->world_from_camera;
     out->other = t->of[t->count == 2].world_from_camera;
@@ -122,37 +124,37 @@ static void tell(const struct camera_track *t, const struct location *found, str
 }
 
 // By how much what the last pictures say leaves open where things are in this one: a standard deviation, pixels.
-static double open_px(const struct camera_track *t)
+static double predicted_sigma_px(const struct camera_tracker *t)
 {
-    const struct kalman *k = &t->of[0];
+    const struct pose_kalman *k = &t->of[0];
     const struct lens *lens = locator_lens(t->locator);
     return fmax(lens->fx, lens->fy) * sqrt(fmax(k->covariance[0][0], k->covariance[1][1]));
 }
 
 // How the camera has moved so far says how it moves while the picture is read.
-static void expect(struct camera_track *t)
+static void set_motion_prior(struct camera_tracker *t)
 {
-    const struct kalman *k = &t->of[0];
+    const struct pose_kalman *k = &t->of[0];
     double covariance[36];
     for (int i = 0; i < 36; i++)
         covariance[i] = k->covariance[6 + i / 6][6 + i % 6];
-    locator_expect(t->locator, k->speed, covariance);
+    locator_set_motion_prior(t->locator, k->speed, covariance);
 }
 
 // What a picture showed goes into what is known of the motion.
-static enum status conclude(struct camera_track *t, const struct location *found, bool ambiguous, struct location *out,
-                            struct camera_motion *motion)
+static enum status finish_frame(struct camera_tracker *t, const struct location *found, bool ambiguous,
+                                struct location *out, struct camera_motion *motion)
 {
-    t->unseen_s = 0;
+    t->since_seen_s = 0;
     t->followed = t->count == 1 ? t->followed + 1 : 0;
-    if (!t->count || !take_in(t, found, ambiguous))
-        start(t, found, ambiguous);
-    tell(t, found, out, motion);
+    if (!t->count || !update_filters(t, found, ambiguous))
+        start_filters(t, found, ambiguous);
+    fill_result(t, found, out, motion);
     return t->count == 2 ? AMBIGUOUS : OK;
 }
 
-enum status camera_track_follow(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
-                                struct location *out, struct camera_motion *motion)
+enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
+                                 struct location *out, struct camera_motion *motion)
 {
     struct location found;
     if (t->started && time_ns <= t->time_ns)
@@ -160,54 +162,55 @@ enum status camera_track_follow(struct camera_track *t, const uint8_t *color, co
     double seconds = t->started ? (double)(time_ns - t->time_ns) * 1e-9 : 0;
     t->started = true;
     t->time_ns = time_ns;
-    t->unseen_s += seconds;
-    if (t->unseen_s > LOST_S)
+    t->since_seen_s += seconds;
+    if (t->since_seen_s > LOST_S)
         t->count = 0;
     for (int i = 0; i < t->count; i++)
-        kalman_move(&t->of[i], seconds);
+        pose_kalman_predict(&t->of[i], seconds);
     const bool rolling = locator_lens(t->locator)->readout_s > 0; // told, or noticed meanwhile
-    t->anew = t->count != 1 || (rolling && t->followed == TELL_SPEED) || open_px(t) > OPEN_PX;
-    if (t->anew)
+    t->without_prior =
+        t->count != 1 || (rolling && t->followed == VELOCITY_FRAMES) || predicted_sigma_px(t) > MAX_PREDICTED_SIGMA_PX;
+    if (t->without_prior)
         return NOTHING;
-    expect(t);
-    enum status status = locator_follow(t->locator, color, depth, t->of[0].world_from_camera, &found);
-    return status == OK ? conclude(t, &found, false, out, motion) : status;
+    set_motion_prior(t);
+    enum status status = locator_track(t->locator, color, depth, t->of[0].world_from_camera, &found);
+    return status == OK ? finish_frame(t, &found, false, out, motion) : status;
 }
 
-enum status camera_track_find(struct camera_track *t, const uint8_t *color, const uint16_t *depth, struct location *out,
-                              struct camera_motion *motion)
+enum status camera_tracker_localize(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+                                    struct location *out, struct camera_motion *motion)
 {
     struct location found;
     assert(t->started);
     if (t->count == 1)
-        expect(t);
-    enum status status =
-        t->anew ? locator_find(t->locator, color, depth, &found) : locator_refind(t->locator, color, depth, &found);
-    return status < 0 || status == NOTHING ? status : conclude(t, &found, status == AMBIGUOUS, out, motion);
+        set_motion_prior(t);
+    enum status status = t->without_prior ? locator_localize(t->locator, color, depth, &found)
+                                          : locator_relocalize(t->locator, color, depth, &found);
+    return status < 0 || status == NOTHING ? status : finish_frame(t, &found, status == AMBIGUOUS, out, motion);
 }
 
-enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth, int64_t time_ns,
-                              struct location *out, struct camera_motion *motion)
+enum status camera_tracker_process(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+                                   int64_t time_ns, struct location *out, struct camera_motion *motion)
 {
-    enum status status = camera_track_follow(t, color, depth, time_ns, out, motion);
-    return status == NOTHING ? camera_track_find(t, color, depth, out, motion) : status;
+    enum status status = camera_tracker_track(t, color, depth, time_ns, out, motion);
+    return status == NOTHING ? camera_tracker_localize(t, color, depth, out, motion) : status;
 }
 
-void camera_track_restart(struct camera_track *t)
+void camera_tracker_reset(struct camera_tracker *t)
 {
     t->started = false;
     t->count = t->followed = 0;
-    t->unseen_s = 0;
+    t->since_seen_s = 0;
 }
 
-const struct lens *camera_track_lens(const struct camera_track *t) { return locator_lens(t->locator); }
+const struct lens *camera_tracker_lens(const struct camera_tracker *t) { return locator_lens(t->locator); }
 
-bool camera_track_doubts_focal(const struct camera_track *t, double *scale)
+bool camera_tracker_focal_is_wrong(const struct camera_tracker *t, double *scale)
 {
-    return locator_doubts_focal(t->locator, scale);
+    return locator_focal_is_wrong(t->locator, scale);
 }
 
-int32_t camera_track_moved_tags(const struct camera_track *t, int32_t *first)
+int32_t camera_tracker_moved_tags(const struct camera_tracker *t, int32_t *first)
 {
     return locator_moved_tags(t->locator, first);
 }

@@ -3,15 +3,15 @@
 // finding the camera anew, and what it shows is weighed against how the camera moved.
 // Where that fails, the camera is found anew.
 //
-//     struct camera_track *track;
+//     struct camera_tracker *track;
 //     struct camera_motion motion;
-//     if (camera_track_open(&track, &place, &lens, NULL) == OK)
+//     if (camera_tracker_open(&track, &place, &lens, NULL) == OK)
 //         for each picture:
-//             if (camera_track_look(track, color, NULL, time_ns, &at, &motion) == OK)
-//                 draw with camera_at(&motion, when it will be on the screen)
+//             if (camera_tracker_process(track, color, NULL, time_ns, &at, &motion) == OK)
+//                 draw with camera_motion_at(&motion, when it will be on the screen)
 //
 // Deterministic. One handle belongs to one thread; a `struct camera_motion` is a plain value that
-// may be copied to another, and camera_at is pure.
+// may be copied to another, and camera_motion_at is pure.
 #pragma once
 #include "locate/locator.h"
 
@@ -23,37 +23,37 @@ struct camera_motion {
 };
 
 // Where the camera is at `time_ns`, before or after motion->time_ns. Further than
-// CAMERA_AHEAD_NS off it is as it is there.
-enum { CAMERA_AHEAD_NS = 100000000 };
-struct pose camera_at(const struct camera_motion *motion, int64_t time_ns);
+// CAMERA_MAX_EXTRAPOLATION_NS off it is as it is there.
+enum { CAMERA_MAX_EXTRAPOLATION_NS = 100000000 };
+struct pose camera_motion_at(const struct camera_motion *motion, int64_t time_ns);
 
-struct camera_track;
+struct camera_tracker;
 
 // As locator_open.
-MUST_CHECK enum status camera_track_open(struct camera_track **out, const struct place *place, const struct lens *lens,
-                                         const struct locator_options *options);
-void camera_track_close(struct camera_track **t); // NULL is fine; sets *t = NULL
+MUST_CHECK enum status camera_tracker_open(struct camera_tracker **out, const struct place *place,
+                                           const struct lens *lens, const struct locator_options *options);
+void camera_tracker_close(struct camera_tracker **t); // NULL is fine; sets *t = NULL
 
-// The next picture. color, depth: as locator_find. time_ns: when it was taken, later than the last.
+// The next picture. color, depth: as locator_localize. time_ns: when it was taken, later than the last.
 // OK         *out and *motion filled; the covariance knows of the pictures before
 // AMBIGUOUS  the same, but a mirrored pose fits nearly as well; both are followed until one wins
 // NOTHING    the camera is lost; *out and *motion untouched. It is found anew as soon as it can be
 // ERR_ORDER: time_ns is not later.
-MUST_CHECK enum status camera_track_look(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
-                                         int64_t time_ns, struct location *out, struct camera_motion *motion);
+MUST_CHECK enum status camera_tracker_process(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+                                              int64_t time_ns, struct location *out, struct camera_motion *motion);
 
-// The two halves of camera_track_look, for whoever has no time to find a camera anew. camera_track_follow: as
-// camera_track_look, but NOTHING where the camera has to be found anew. camera_track_find does that, with
-// the very picture for which camera_track_follow said so; it takes some fifteen times as long.
-MUST_CHECK enum status camera_track_follow(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
-                                           int64_t time_ns, struct location *out, struct camera_motion *motion);
-MUST_CHECK enum status camera_track_find(struct camera_track *t, const uint8_t *color, const uint16_t *depth,
-                                         struct location *out, struct camera_motion *motion);
+// The two halves of camera_tracker_process, for whoever has no time to find a camera anew. camera_tracker_track: as
+// camera_tracker_process, but NOTHING where the camera has to be found anew. camera_tracker_localize does that, with
+// the very picture for which camera_tracker_track said so; it takes some fifteen times as long.
+MUST_CHECK enum status camera_tracker_track(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+                                            int64_t time_ns, struct location *out, struct camera_motion *motion);
+MUST_CHECK enum status camera_tracker_localize(struct camera_tracker *t, const uint8_t *color, const uint16_t *depth,
+                                               struct location *out, struct camera_motion *motion);
 
 // The camera's clock begins anew: its place and motion are void, what was learnt of the place's points is not.
-void camera_track_restart(struct camera_track *t);
+void camera_tracker_reset(struct camera_tracker *t);
 
-// As locator_lens, locator_doubts_focal and locator_moved_tags.
-const struct lens *camera_track_lens(const struct camera_track *t);
-bool camera_track_doubts_focal(const struct camera_track *t, double *scale);
-int32_t camera_track_moved_tags(const struct camera_track *t, int32_t *first);
+// As locator_lens, locator_focal_is_wrong and locator_moved_tags.
+const struct lens *camera_tracker_lens(const struct camera_tracker *t);
+bool camera_tracker_focal_is_wrong(const struct camera_tracker *t, double *scale);
+int32_t camera_tracker_moved_tags(const struct camera_tracker *t, int32_t *first);

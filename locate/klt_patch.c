@@ -3,39 +3,39 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_ROUNDS = 8, WIDE = PATCH_ACROSS + 2, HIGH = PATCH_DOWN + 2 };
-static const float SETTLED_PX = 0.02f;
-static const float LEAST_SPREAD = 4;       // grey levels, standard deviation
-static const float LEAST_LIKENESS = 0.85f; // correlation in the full picture
+enum { MAX_ROUNDS = 8, WIDE = KLT_WIDTH + 2, HIGH = KLT_HEIGHT + 2 };
+static const float CONVERGED_PX = 0.02f;
+static const float MIN_SIGMA = 4;           // grey levels, standard deviation
+static const float MIN_CORRELATION = 0.85f; // correlation in the full picture
 // Further than this from the start it is another one.
-static const double MOST_PX = 16, NEAR_PX = 3;
+static const double MAX_FAR_PX = 16, MAX_CLOSE_PX = 3;
 
-enum status patch_picture_open(struct patch_picture *p, int width, int height)
+enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height)
 {
-    *p = (struct patch_picture){{0}, {0}, {NULL}};
-    for (int l = 0; l < PATCH_LEVELS; l++) {
+    *p = (struct klt_pyramid){{0}, {0}, {NULL}};
+    for (int l = 0; l < KLT_LEVELS; l++) {
         p->width[l] = width >> l;
         p->height[l] = height >> l;
         p->level[l] = malloc((size_t)(p->width[l] + 1) * (size_t)(p->height[l] + 1));
         if (!p->level[l]) {
-            patch_picture_close(p);
+            klt_pyramid_close(p);
             return fail(ERR_MEMORY, "no memory to follow a camera");
         }
     }
     return OK;
 }
 
-void patch_picture_close(struct patch_picture *p)
+void klt_pyramid_close(struct klt_pyramid *p)
 {
-    for (int l = 0; l < PATCH_LEVELS; l++)
+    for (int l = 0; l < KLT_LEVELS; l++)
         free(p->level[l]);
-    *p = (struct patch_picture){{0}, {0}, {NULL}};
+    *p = (struct klt_pyramid){{0}, {0}, {NULL}};
 }
 
-void patch_picture_fill(struct patch_picture *p, const uint8_t *gray)
+void klt_pyramid_build(struct klt_pyramid *p, const uint8_t *gray)
 {
     memcpy(p->level[0], gray, (size_t)p->width[0] * (size_t)p->height[0]);
-    for (int l = 1; l < PATCH_LEVELS; l++) {
+    for (int l = 1; l < KLT_LEVELS; l++) {
         int wide = p->width[l - 1], across = p->width[l];
         for (int y = 0; y < p->height[l]; y++) {
             const uint8_t *a = p->level[l - 1] + (size_t)(2 * y) * (size_t)wide, *b = a + wide;
@@ -47,7 +47,7 @@ void patch_picture_fill(struct patch_picture *p, const uint8_t *gray)
 }
 
 // Reads across x down values around (x, y), bilinear. False: not wholly in the picture.
-static inline bool read_around(const struct patch_picture *p, int l, double x, double y, int across, int down,
+static inline bool read_around(const struct klt_pyramid *p, int l, double x, double y, int across, int down,
                                float *restrict out)
 {
     double left = x - (across - 1) * 0.5, top = y - (down - 1) * 0.5;
@@ -65,82 +65,82 @@ static inline bool read_around(const struct patch_picture *p, int l, double x, d
 
 // Sums over a patch are taken column by column, then over the columns in pairs: in vectors of any
 // length the result is the same.
-static inline float sum_columns(const float column[PATCH_ACROSS])
+static inline float sum_columns(const float column[KLT_WIDTH])
 {
     return ((column[0] + column[4]) + (column[1] + column[5])) + ((column[2] + column[6]) + (column[3] + column[7]));
 }
 
-static inline float sum_products(const float a[PATCH_PIXELS], const float b[PATCH_PIXELS])
+static inline float sum_products(const float a[KLT_PIXELS], const float b[KLT_PIXELS])
 {
-    float column[PATCH_ACROSS] = {0};
-    for (int i = 0; i < PATCH_PIXELS; i += PATCH_ACROSS)
-        for (int c = 0; c < PATCH_ACROSS; c++)
+    float column[KLT_WIDTH] = {0};
+    for (int i = 0; i < KLT_PIXELS; i += KLT_WIDTH)
+        for (int c = 0; c < KLT_WIDTH; c++)
             column[c] += a[i + c] * b[i + c];
     return sum_columns(column);
 }
 
 // Takes the mean off and returns the standard deviation.
-static inline float centre(float value[PATCH_PIXELS])
+static inline float centre(float value[KLT_PIXELS])
 {
-    float column[PATCH_ACROSS] = {0};
-    for (int i = 0; i < PATCH_PIXELS; i += PATCH_ACROSS)
-        for (int c = 0; c < PATCH_ACROSS; c++)
+    float column[KLT_WIDTH] = {0};
+    for (int i = 0; i < KLT_PIXELS; i += KLT_WIDTH)
+        for (int c = 0; c < KLT_WIDTH; c++)
             column[c] += value[i + c];
-    float mean = sum_columns(column) / PATCH_PIXELS;
-    for (int i = 0; i < PATCH_PIXELS; i++)
+    float mean = sum_columns(column) / KLT_PIXELS;
+    for (int i = 0; i < KLT_PIXELS; i++)
         value[i] -= mean;
-    return sqrtf(sum_products(value, value) / PATCH_PIXELS);
+    return sqrtf(sum_products(value, value) / KLT_PIXELS);
 }
 
 static double at_level(double full, int l) { return (full + 0.5) / (1 << l) - 0.5; }
 
-static bool cut_level(const struct patch_picture *p, int l, struct pixel at, struct patch_level *out)
+static bool extract_level(const struct klt_pyramid *p, int l, struct pixel at, struct klt_level *out)
 {
     float wide[WIDE * HIGH];
-    out->spread = 0;
+    out->sigma = 0;
     if (!read_around(p, l, at_level(at.x, l), at_level(at.y, l), WIDE, HIGH, wide))
         return false;
-    for (int row = 0, i = 0; row < PATCH_DOWN; row++) {
+    for (int row = 0, i = 0; row < KLT_HEIGHT; row++) {
         const float *v = wide + (row + 1) * WIDE + 1;
-        for (int c = 0; c < PATCH_ACROSS; c++, v++, i++) {
+        for (int c = 0; c < KLT_WIDTH; c++, v++, i++) {
             out->value[i] = *v;
-            out->by_x[i] = (v[1] - v[-1]) / 2;
-            out->by_y[i] = (v[WIDE] - v[-WIDE]) / 2;
+            out->grad_x[i] = (v[1] - v[-1]) / 2;
+            out->grad_y[i] = (v[WIDE] - v[-WIDE]) / 2;
         }
     }
-    float xx = sum_products(out->by_x, out->by_x), xy = sum_products(out->by_x, out->by_y),
-          yy = sum_products(out->by_y, out->by_y);
-    float spread = centre(out->value), det = xx * yy - xy * xy;
+    float xx = sum_products(out->grad_x, out->grad_x), xy = sum_products(out->grad_x, out->grad_y),
+          yy = sum_products(out->grad_y, out->grad_y);
+    float sigma = centre(out->value), det = xx * yy - xy * xy;
     // An edge alone lets the patch slide along it.
-    if (!(spread > LEAST_SPREAD) || !(det > 0.02f * (xx + yy) * (xx + yy)))
+    if (!(sigma > MIN_SIGMA) || !(det > 0.02f * (xx + yy) * (xx + yy)))
         return false;
     out->inverse[0] = yy / det, out->inverse[1] = -xy / det, out->inverse[2] = xx / det;
-    out->spread = spread;
+    out->sigma = sigma;
     return true;
 }
 
-bool patch_cut(const struct patch_picture *p, struct pixel at, struct patch *out)
+bool klt_patch_extract(const struct klt_pyramid *p, struct pixel at, struct klt_patch *out)
 {
-    for (int l = 1; l < PATCH_LEVELS; l++)
-        cut_level(p, l, at, &out->level[l]);
-    return cut_level(p, 0, at, &out->level[0]);
+    for (int l = 1; l < KLT_LEVELS; l++)
+        extract_level(p, l, at, &out->level[l]);
+    return extract_level(p, 0, at, &out->level[0]);
 }
 
-// One level. *likeness: the correlation in the end.
-static bool settle(const struct patch_picture *p, int l, const struct patch_level *patch, double *x, double *y,
-                   float *likeness)
+// One level. *correlation: the correlation in the end.
+static bool align_level(const struct klt_pyramid *p, int l, const struct klt_level *patch, double *x, double *y,
+                        float *correlation)
 {
-    float now[PATCH_PIXELS], step = 1;
-    for (int round = 0; round < MOST_ROUNDS; round++) {
-        if (!read_around(p, l, *x, *y, PATCH_ACROSS, PATCH_DOWN, now))
+    float now[KLT_PIXELS], step = 1;
+    for (int round = 0; round < MAX_ROUNDS; round++) {
+        if (!read_around(p, l, *x, *y, KLT_WIDTH, KLT_HEIGHT, now))
             return false;
-        float spread = centre(now), gain = patch->spread / fmaxf(spread, 0.5f);
-        *likeness = sum_products(now, patch->value) / (PATCH_PIXELS * patch->spread * fmaxf(spread, 0.5f));
-        if (step < SETTLED_PX)
+        float sigma = centre(now), gain = patch->sigma / fmaxf(sigma, 0.5f);
+        *correlation = sum_products(now, patch->value) / (KLT_PIXELS * patch->sigma * fmaxf(sigma, 0.5f));
+        if (step < CONVERGED_PX)
             break;
-        for (int i = 0; i < PATCH_PIXELS; i++)
+        for (int i = 0; i < KLT_PIXELS; i++)
             now[i] = now[i] * gain - patch->value[i];
-        float bx = sum_products(now, patch->by_x), by = sum_products(now, patch->by_y);
+        float bx = sum_products(now, patch->grad_x), by = sum_products(now, patch->grad_y);
         float dx = patch->inverse[0] * bx + patch->inverse[1] * by,
               dy = patch->inverse[1] * bx + patch->inverse[2] * by;
         step = fmaxf(fabsf(dx), fabsf(dy));
@@ -154,25 +154,25 @@ static bool settle(const struct patch_picture *p, int l, const struct patch_leve
     return isfinite(*x) && isfinite(*y);
 }
 
-bool patch_follow(const struct patch_picture *p, const struct patch *patch, bool near, struct pixel *at)
+bool klt_patch_track(const struct klt_pyramid *p, const struct klt_patch *patch, bool near_guess, struct pixel *at)
 {
     struct pixel now = *at;
-    for (int l = near ? 0 : PATCH_LEVELS - 1; l >= 0; l--) {
+    for (int l = near_guess ? 0 : KLT_LEVELS - 1; l >= 0; l--) {
         double x = at_level(now.x, l), y = at_level(now.y, l);
-        float likeness = 0;
-        if (!(patch->level[l].spread > 0))
+        float correlation = 0;
+        if (!(patch->level[l].sigma > 0))
             continue;
-        if (!settle(p, l, &patch->level[l], &x, &y, &likeness)) {
+        if (!align_level(p, l, &patch->level[l], &x, &y, &correlation)) {
             if (l == 0)
                 return false;
             continue;
         }
-        if (l == 0 && !(likeness > LEAST_LIKENESS))
+        if (l == 0 && !(correlation > MIN_CORRELATION))
             return false;
-        if (l == 0 || likeness > 0.6f) // a copy that shows something else misleads
+        if (l == 0 || correlation > 0.6f) // a copy that shows something else misleads
             now = (struct pixel){(x + 0.5) * (1 << l) - 0.5, (y + 0.5) * (1 << l) - 0.5};
     }
-    if (!(hypot(now.x - at->x, now.y - at->y) < (near ? NEAR_PX : MOST_PX)))
+    if (!(hypot(now.x - at->x, now.y - at->y) < (near_guess ? MAX_CLOSE_PX : MAX_FAR_PX)))
         return false;
     *at = now;
     return true;

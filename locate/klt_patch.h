@@ -6,32 +6,32 @@
 #include "base/lens.h"
 
 // As wide as the vectors that processors add up at once.
-enum { PATCH_ACROSS = 8, PATCH_DOWN = 9, PATCH_PIXELS = PATCH_ACROSS * PATCH_DOWN, PATCH_LEVELS = 3 };
+enum { KLT_WIDTH = 8, KLT_HEIGHT = 9, KLT_PIXELS = KLT_WIDTH * KLT_HEIGHT, KLT_LEVELS = 3 };
 
 // A grey picture and copies of it, each half as large as the last.
-struct patch_picture {
-    int width[PATCH_LEVELS], height[PATCH_LEVELS];
-    uint8_t *level[PATCH_LEVELS]; // malloc'ed
+struct klt_pyramid {
+    int width[KLT_LEVELS], height[KLT_LEVELS];
+    uint8_t *level[KLT_LEVELS]; // malloc'ed
 };
 
-MUST_CHECK enum status patch_picture_open(struct patch_picture *p, int width, int height); // ERR_MEMORY: *p is zeroed
-void patch_picture_close(struct patch_picture *p);                                         // zeroed is fine
-void patch_picture_fill(struct patch_picture *p, const uint8_t *gray);
+MUST_CHECK enum status klt_pyramid_open(struct klt_pyramid *p, int width, int height); // ERR_MEMORY: *p is zeroed
+void klt_pyramid_close(struct klt_pyramid *p);                                         // zeroed is fine
+void klt_pyramid_build(struct klt_pyramid *p, const uint8_t *gray);
 
 // One level of a patch: brightness less its mean, its slopes, and the inverse of their
-// 2 x 2 matrix; spread 0: there is nothing to hold on to at this level.
-struct patch_level {
-    float value[PATCH_PIXELS], by_x[PATCH_PIXELS], by_y[PATCH_PIXELS];
-    float inverse[3], spread;
+// 2 x 2 matrix; sigma 0: there is nothing to hold on to at this level.
+struct klt_level {
+    float value[KLT_PIXELS], grad_x[KLT_PIXELS], grad_y[KLT_PIXELS];
+    float inverse[3], sigma;
 };
 
-struct patch {
-    struct patch_level level[PATCH_LEVELS];
+struct klt_patch {
+    struct klt_level level[KLT_LEVELS];
 };
 
 // False, *out not to be used: at the picture's edge, or too even to be found again.
-bool patch_cut(const struct patch_picture *p, struct pixel at, struct patch *out);
+bool klt_patch_extract(const struct klt_pyramid *p, struct pixel at, struct klt_patch *out);
 
-// Looks for the patch near *at: within about ten pixels; near: within one or two, in a third of the
+// Looks for the patch near *at: within about ten pixels; near_guess: within one or two, in a third of the
 // time. False, *at untouched: not there.
-bool patch_follow(const struct patch_picture *p, const struct patch *patch, bool near, struct pixel *at);
+bool klt_patch_track(const struct klt_pyramid *p, const struct klt_patch *patch, bool near_guess, struct pixel *at);

@@ -5,143 +5,145 @@
 #include <string.h>
 
 enum {
-    IN_A_PART = 20, // more are missing for each part of a picture that is searched
-    MOST_LOOKS = 2, // parts of one picture: each picture costs about the same
-    SQUARES = 10,   // along the side of a part; each counts as one track to be gained
-    SQUARES_ACROSS = LOCATOR_ACROSS * SQUARES,
-    SQUARES_DOWN = LOCATOR_DOWN * SQUARES,
-    MOST_VAIN = 15, // searches that say that a point is not to be found: then one in so many is worth it
-    NOBODY = 255,   // in a square without points
+    MISSING_PER_REGION = 20, // more are missing for each part of a picture that is searched
+    MAX_SEARCHES = 2,        // parts of one picture: each picture costs about the same
+    CELLS_PER_REGION = 10,   // along the side of a part; each counts as one track to be gained
+    CELLS_X = LOCATOR_REGIONS_X * CELLS_PER_REGION,
+    CELLS_Y = LOCATOR_REGIONS_Y * CELLS_PER_REGION,
+    MAX_MISSED_COUNT = 15, // searches that say that a point is not to be found: then one in so many is worth it
+    NO_POINT = 255,        // in a cell without points
 };
-static const double APART_PX = 5;  // tracks nearer to each other tell the same
-static const float LEAST_GAIN = 1; // expected new tracks, times pictures waited, that are worth a search
+static const double MIN_DISTANCE_PX = 5; // tracks nearer to each other tell the same
+static const float MIN_GAIN = 1;         // expected new tracks, times pictures waited, that are worth a search
 
 static bool crowded(const struct locator *l, struct pixel at)
 {
     for (int i = 0; i < l->track_count; i++)
-        if (fabs(l->tracks[i].at.x - at.x) < APART_PX && fabs(l->tracks[i].at.y - at.y) < APART_PX)
+        if (fabs(l->tracks[i].at.x - at.x) < MIN_DISTANCE_PX && fabs(l->tracks[i].at.y - at.y) < MIN_DISTANCE_PX)
             return true;
     return false;
 }
 
-void locator_add_points(struct locator *l, int found, const struct pose *camera_from_world)
+void locator_add_landmark_tracks(struct locator *l, int found, const struct pose *camera_from_world)
 {
-    for (int i = 0; i < found && l->track_count < LOCATOR_MOST_TRACKS; i++) {
+    for (int i = 0; i < found && l->track_count < LOCATOR_MAX_TRACKS; i++) {
         const struct feature *f = &l->index.features[l->matches[i].feature];
-        l->vain[l->matches[i].point] = 0;
+        l->missed_count[l->matches[i].point] = 0;
         double seen[3];
         if (crowded(l, f->at))
             continue;
-        points_covariance(&l->points[l->matches[i].point], f, &l->lens, camera_from_world, seen);
+        landmark_covariance(&l->points[l->matches[i].point], f, &l->lens, camera_from_world, seen);
         locator_add_track(l, l->matches[i].point, l->points[l->matches[i].point].world, seen, f->at, camera_from_world);
     }
 }
 
 // Where in the picture points of the place should be seen.
-struct expected {
+struct search_gain {
     // How many new tracks a search in each part is likely to give, times the pictures since the last one there.
-    float gain[LOCATOR_PARTS];
-    uint8_t vain[SQUARES_DOWN][SQUARES_ACROSS]; // of the likeliest point in each square; NOBODY: there is none
+    float gain[LOCATOR_REGIONS];
+    uint8_t missed_count[CELLS_Y][CELLS_X]; // of the likeliest point in each cell; NO_POINT: there is none
 };
 
-// The square of a pixel, counted along the rows; -1: outside the picture.
-static int square_of(const struct lens *lens, struct pixel at)
+// The cell of a pixel, counted along the rows; -1: outside the picture.
+static int cell_of(const struct lens *lens, struct pixel at)
 {
-    int x = (int)(at.x * SQUARES_ACROSS / lens->width), y = (int)(at.y * SQUARES_DOWN / lens->height);
-    return at.x < 0 || at.y < 0 || x >= SQUARES_ACROSS || y >= SQUARES_DOWN ? -1 : y * SQUARES_ACROSS + x;
+    int x = (int)(at.x * CELLS_X / lens->width), y = (int)(at.y * CELLS_Y / lens->height);
+    return at.x < 0 || at.y < 0 || x >= CELLS_X || y >= CELLS_Y ? -1 : y * CELLS_X + x;
 }
 
-static int part_of(int square)
+static int region_of_cell(int cell)
 {
-    return square / SQUARES_ACROSS / SQUARES * LOCATOR_ACROSS + square % SQUARES_ACROSS / SQUARES;
+    return cell / CELLS_X / CELLS_PER_REGION * LOCATOR_REGIONS_X + cell % CELLS_X / CELLS_PER_REGION;
 }
 
 // The points of the place that should be seen, by the part of the picture in which they lie.
-static void sort_into_parts(struct locator *l, const struct pose *camera_from_world, struct expected *out)
+static void sort_into_regions(struct locator *l, const struct pose *camera_from_world, struct search_gain *out)
 {
     double turn[3][3];
     const struct vec3 *shift = &camera_from_world->translation;
-    int32_t in_part[LOCATOR_PARTS + 1] = {0};
-    uint8_t *vain = &out->vain[0][0];
-    memset(vain, NOBODY, sizeof out->vain);
+    int32_t in_region[LOCATOR_REGIONS + 1] = {0};
+    uint8_t *missed_count = &out->missed_count[0][0];
+    memset(missed_count, NO_POINT, sizeof out->missed_count);
     quat_to_matrix(camera_from_world->rotation, turn);
     for (int32_t i = 0; i < l->point_count; i++) {
         const struct vec3 w = l->points[i].world;
         struct vec3 p = {turn[0][0] * w.x + turn[0][1] * w.y + turn[0][2] * w.z + shift->x,
                          turn[1][0] * w.x + turn[1][1] * w.y + turn[1][2] * w.z + shift->y,
                          turn[2][0] * w.x + turn[2][1] * w.y + turn[2][2] * w.z + shift->z};
-        int square = locator_in_picture(&l->lens, p) ? square_of(&l->lens, lens_project(&l->lens, p)) : -1;
-        l->part_of[i] = square < 0 ? -1 : part_of(square);
-        if (square < 0)
+        int cell = locator_in_image(&l->lens, p) ? cell_of(&l->lens, lens_project(&l->lens, p)) : -1;
+        l->region_of[i] = cell < 0 ? -1 : region_of_cell(cell);
+        if (cell < 0)
             continue;
-        vain[square] = l->vain[i] < vain[square] ? l->vain[i] : vain[square];
-        in_part[l->part_of[i] + 1]++;
+        missed_count[cell] = l->missed_count[i] < missed_count[cell] ? l->missed_count[i] : missed_count[cell];
+        in_region[l->region_of[i] + 1]++;
     }
-    for (int i = 0; i < LOCATOR_PARTS; i++)
-        in_part[i + 1] += in_part[i];
-    memcpy(l->part_start, in_part, sizeof l->part_start);
+    for (int i = 0; i < LOCATOR_REGIONS; i++)
+        in_region[i + 1] += in_region[i];
+    memcpy(l->region_start, in_region, sizeof l->region_start);
     for (int32_t i = 0; i < l->point_count; i++)
-        if (l->part_of[i] >= 0)
-            l->in_parts[in_part[l->part_of[i]]++] = i;
+        if (l->region_of[i] >= 0)
+            l->points_by_region[in_region[l->region_of[i]]++] = i;
 }
 
-static void expect_gain(struct locator *l, struct expected *e)
+static void update_gain(struct locator *l, struct search_gain *e)
 {
-    uint8_t *vain = &e->vain[0][0];
+    uint8_t *missed_count = &e->missed_count[0][0];
     for (int i = 0; i < l->track_count; i++) {
-        int square = square_of(&l->lens, l->tracks[i].at);
-        if (square >= 0)
-            vain[square] = NOBODY;
+        int cell = cell_of(&l->lens, l->tracks[i].at);
+        if (cell >= 0)
+            missed_count[cell] = NO_POINT;
     }
     memset(e->gain, 0, sizeof e->gain);
-    for (int i = 0; i < SQUARES_ACROSS * SQUARES_DOWN; i++)
-        if (vain[i] != NOBODY)
-            e->gain[part_of(i)] += 1.0f / (float)(1 + vain[i]);
-    for (int i = 0; i < LOCATOR_PARTS; i++)
-        e->gain[i] *= (float)++l->unsearched[i];
+    for (int i = 0; i < CELLS_X * CELLS_Y; i++)
+        if (missed_count[i] != NO_POINT)
+            e->gain[region_of_cell(i)] += 1.0f / (float)(1 + missed_count[i]);
+    for (int i = 0; i < LOCATOR_REGIONS; i++)
+        e->gain[i] *= (float)++l->frames_unsearched[i];
 }
 
 // New points in one part of the picture.
-static enum status look_in(struct locator *l, int part, const uint16_t *depth, const struct pose *camera_from_world)
+static enum status search_region(struct locator *l, int part, const uint16_t *depth,
+                                 const struct pose *camera_from_world)
 {
-    const int32_t *which = l->in_parts + l->part_start[part];
-    int32_t count = l->part_start[part + 1] - l->part_start[part];
-    enum status status = locator_find_features_in(l, part, depth);
+    const int32_t *which = l->points_by_region + l->region_start[part];
+    int32_t count = l->region_start[part + 1] - l->region_start[part];
+    enum status status = locator_extract_region_features(l, part, depth);
     if (status != OK)
         return status;
     for (int32_t i = 0; i < count; i++) {
-        l->some_points[i] = l->points[which[i]];
-        l->vain[which[i]] += l->vain[which[i]] < MOST_VAIN;
+        l->region_points[i] = l->points[which[i]];
+        l->missed_count[which[i]] += l->missed_count[which[i]] < MAX_MISSED_COUNT;
     }
-    int found = points_match(l->some_points, count, &l->index, &l->lens, l->motion, camera_from_world, POINTS_NEAR_PX,
-                             false, l->matches, FEATURES_MAX);
+    int found = landmarks_match(l->region_points, count, &l->index, &l->lens, l->motion, camera_from_world,
+                                LANDMARK_NARROW_PX, false, l->matches, FEATURES_MAX);
     for (int i = 0; i < found; i++)
         l->matches[i].point = which[l->matches[i].point];
-    locator_add_points(l, found, camera_from_world);
+    locator_add_landmark_tracks(l, found, camera_from_world);
     return OK;
 }
 
-enum status locator_look_for_new(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
+enum status locator_activate_landmarks(struct locator *l, const uint16_t *depth, const struct pose *camera_from_world)
 {
-    struct expected e;
-    int missing = l->options.points - l->track_count, looks = (missing + IN_A_PART - 1) / IN_A_PART;
-    looks = looks < MOST_LOOKS ? looks : MOST_LOOKS;
-    if (looks <= 0 || !l->point_count)
+    struct search_gain e;
+    int missing = l->options.points - l->track_count,
+        searches = (missing + MISSING_PER_REGION - 1) / MISSING_PER_REGION;
+    searches = searches < MAX_SEARCHES ? searches : MAX_SEARCHES;
+    if (searches <= 0 || !l->point_count)
         return OK;
-    sort_into_parts(l, camera_from_world, &e);
-    expect_gain(l, &e);
-    while (looks-- > 0) {
+    sort_into_regions(l, camera_from_world, &e);
+    update_gain(l, &e);
+    while (searches-- > 0) {
         int best = 0;
-        for (int i = 1; i < LOCATOR_PARTS; i++)
+        for (int i = 1; i < LOCATOR_REGIONS; i++)
             if (e.gain[i] > e.gain[best])
                 best = i;
-        if (e.gain[best] < LEAST_GAIN)
+        if (e.gain[best] < MIN_GAIN)
             break;
-        enum status status = look_in(l, best, depth, camera_from_world);
+        enum status status = search_region(l, best, depth, camera_from_world);
         if (status != OK)
             return status;
         e.gain[best] = 0;
-        l->unsearched[best] = 0;
+        l->frames_unsearched[best] = 0;
     }
     return OK;
 }

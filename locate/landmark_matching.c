@@ -7,10 +7,10 @@
 
 enum {
     CELL_PX = 16,
-    MOST_BITS = 64,      // of 256 that may differ
-    MOST_BITS_NEAR = 80, // the same within POINTS_NEAR_PX: then one in ten shows something else
-    CLEARLY = 80,        // percent: the best must differ by less than this share of the second best
-    LEAST_POINTS = 12,
+    MAX_BITS = 64,          // of 256 that may differ
+    MAX_BITS_NARROW = 80,   // the same within LANDMARK_NARROW_PX: then one in ten shows something else
+    MAX_RATIO_PERCENT = 80, // percent: the best must differ by less than this share of the second best
+    MIN_POINTS = 12,
 };
 
 void feature_index_build(struct feature_index *index, const struct feature *features, int count,
@@ -62,7 +62,7 @@ void feature_covariance(const struct feature *f, double out[3])
 }
 
 // r^T C q.
-static double between(const float c[6], struct vec3 r, struct vec3 q)
+static double bilinear_form(const float c[6], struct vec3 r, struct vec3 q)
 {
     struct vec3 cq = {(double)c[0] * q.x + (double)c[1] * q.y + (double)c[2] * q.z,
                       (double)c[1] * q.x + (double)c[3] * q.y + (double)c[4] * q.z,
@@ -71,28 +71,28 @@ static double between(const float c[6], struct vec3 r, struct vec3 q)
 }
 
 // What looks less alike was found less exactly, or is something else: by how much larger the variance is than usual.
-static double unlikeness(const struct place_point *point, const struct feature *f)
+static double variance_factor(const struct place_point *point, const struct feature *f)
 {
-    // Measured in the small world, between features within POINTS_NEAR_PX that should show one point: mean squared
+    // Measured in the small world, between features within LANDMARK_NARROW_PX that should show one point: mean squared
     // error by bits that differ, 0.35 of the usual at 7, 0.62 at 16, 0.95 at 25, 1.5 at 35, 2.5 at 45, 3.5 at 55, 4.7
     // at 65.
     double bits = feature_distance(point->descriptor, f->descriptor) / 32.0;
     return fmax(1, 0.3 + bits * bits);
 }
 
-void sighting_covariance(const struct place_point *point, const struct feature *f, double out[3])
+void match_covariance(const struct place_point *point, const struct feature *f, double out[3])
 {
-    double times = unlikeness(point, f);
+    double times = variance_factor(point, f);
     feature_covariance(f, out);
     for (int i = 0; i < 3; i++)
         out[i] *= times;
 }
 
-void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
-                       const struct pose *camera_from_world, double out[3])
+void landmark_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
+                         const struct pose *camera_from_world, double out[3])
 {
     struct vec3 p = pose_apply(*camera_from_world, point->world);
-    sighting_covariance(point, f, out);
+    match_covariance(point, f, out);
     // The sweep's pictures showed it no better, and an edge leads all of them astray alike.
     for (int i = 0; i < 3; i++)
         out[i] *= 2;
@@ -102,15 +102,15 @@ void points_covariance(const struct place_point *point, const struct feature *f,
     struct quat back = quat_conjugate(camera_from_world->rotation);
     struct vec3 x = quat_rotate(back, v3(lens->fx / p.z, 0, -lens->fx * p.x / (p.z * p.z)));
     struct vec3 y = quat_rotate(back, v3(0, lens->fy / p.z, -lens->fy * p.y / (p.z * p.z)));
-    out[0] += between(point->covariance, x, x);
-    out[1] += between(point->covariance, x, y);
-    out[2] += between(point->covariance, y, y);
+    out[0] += bilinear_form(point->covariance, x, x);
+    out[1] += bilinear_form(point->covariance, x, y);
+    out[2] += bilinear_form(point->covariance, y, y);
 }
 
-double points_depth_variance(const struct place_point *point, const struct pose *camera_from_world)
+double landmark_depth_variance(const struct place_point *point, const struct pose *camera_from_world)
 {
     struct vec3 z = quat_rotate(quat_conjugate(camera_from_world->rotation), v3(0, 0, 1));
-    return between(point->covariance, z, z);
+    return bilinear_form(point->covariance, z, z);
 }
 
 double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixel at)
@@ -134,7 +134,7 @@ double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixe
     return count >= 6 && (high - low) * 1e-3 < 5 * depth_sigma(z) + 0.01 * z ? z : 0;
 }
 
-static bool near_to(struct pixel a, struct pixel b, double distance)
+static bool within_distance(struct pixel a, struct pixel b, double distance)
 {
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y) < distance * distance;
 }
@@ -161,7 +161,7 @@ static int best_feature(const struct place_point *point, const struct feature_in
             if (d >= second && d >= *bits)
                 continue;
             // The same corner in another copy of the picture is no rival.
-            bool same = best >= 0 && near_to(f->at, index->features[best].at, 3);
+            bool same = best >= 0 && within_distance(f->at, index->features[best].at, 3);
             if (d < *bits) {
                 if (!same)
                     second = *bits;
@@ -172,13 +172,13 @@ static int best_feature(const struct place_point *point, const struct feature_in
             }
         }
     }
-    int most = radius > POINTS_NEAR_PX ? MOST_BITS : MOST_BITS_NEAR;
-    return *bits <= most && *bits * 100 < CLEARLY * second ? best : -1;
+    int most = radius > LANDMARK_NARROW_PX ? MAX_BITS : MAX_BITS_NARROW;
+    return *bits <= most && *bits * 100 < MAX_RATIO_PERCENT * second ? best : -1;
 }
 
 // Whether a camera at `eye` sees the point from about the side from which the sweep saw it. True where that is not
 // known.
-static bool faces(const struct place_point *point, struct vec3 eye)
+static bool faces_camera(const struct place_point *point, struct vec3 eye)
 {
     // So much further aside than the sweep's own pictures of it on average, as a cosine: 30 degrees. Of what seemed to
     // be a point of the small world, one in 900 was something else up to there, one in 35 beyond.
@@ -188,9 +188,9 @@ static bool faces(const struct place_point *point, struct vec3 eye)
     return square == 0 || v3_dot(v3_unit(v3_sub(eye, point->world)), mean) > square - (1 - ASIDE);
 }
 
-int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                 const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                 double radius_px, bool only_facing, struct point_match *out, int capacity)
+int landmarks_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                    const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                    double radius_px, bool only_facing, struct landmark_match *out, int capacity)
 {
     int32_t owner[FEATURES_MAX];
     int bits_of[FEATURES_MAX];
@@ -206,7 +206,7 @@ int points_match(const struct place_point *points, int32_t point_count, const st
         if (!(at.x > -radius_px && at.y > -radius_px && at.x < lens->width + radius_px &&
               at.y < lens->height + radius_px))
             continue;
-        if (only_facing && !faces(&points[i], eye))
+        if (only_facing && !faces_camera(&points[i], eye))
             continue;
         int bits, f = best_feature(&points[i], index, lens, at, radius_px, &bits);
         if (f >= 0 && (owner[f] < 0 || bits < bits_of[f])) {
@@ -217,31 +217,31 @@ int points_match(const struct place_point *points, int32_t point_count, const st
     int count = 0;
     for (int f = 0; f < index->count && count < capacity; f++)
         if (owner[f] >= 0)
-            out[count++] = (struct point_match){owner[f], f};
+            out[count++] = (struct landmark_match){owner[f], f};
     return count;
 }
 
-int points_gather(const struct place_point *points, const struct feature_index *index, const double *depth,
-                  const struct lens *lens, const struct pose *camera_from_world, const struct point_match *matches,
-                  int count, struct fit_point *out)
+int landmark_correspondences(const struct place_point *points, const struct feature_index *index, const double *depth,
+                             const struct lens *lens, const struct pose *camera_from_world,
+                             const struct landmark_match *matches, int count, struct pnp_point *out)
 {
     for (int i = 0; i < count; i++) {
         const struct feature *f = &index->features[matches[i].feature];
         const struct place_point *point = &points[matches[i].point];
         struct vec3 ray = lens_ray(lens, f->at);
-        out[i] = (struct fit_point){.world = point->world,
+        out[i] = (struct pnp_point){.world = point->world,
                                     .x = ray.x,
                                     .y = ray.y,
                                     .z = depth ? depth[matches[i].feature] : 0,
-                                    .z_variance = points_depth_variance(point, camera_from_world),
-                                    .time_s = shutter_time(lens, f->at.y)};
-        points_covariance(point, f, lens, camera_from_world, out[i].own);
+                                    .z_variance = landmark_depth_variance(point, camera_from_world),
+                                    .time_s = shutter_row_time(lens, f->at.y)};
+        landmark_covariance(point, f, lens, camera_from_world, out[i].covariance);
     }
     return count;
 }
 
 // The direction in which points lie closest together: a wall's normal. Inverse iteration.
-static struct vec3 flat_direction(const struct fit_point *points, int count, struct vec3 centre)
+static struct vec3 plane_normal(const struct pnp_point *points, int count, struct vec3 centre)
 {
     double a[9] = {0}, trace = 0, n[3] = {0.48, 0.6, 0.64};
     for (int i = 0; i < count; i++) {
@@ -266,22 +266,22 @@ static struct vec3 flat_direction(const struct fit_point *points, int count, str
 
 // A wall seen nearly head-on looks much the same from the mirrored side. Where the
 // mirrored pose fits better, it is taken.
-static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct fit_point *points, int count,
+static void try_mirrored(const struct pnp_tag *tags, int tag_count, const struct pnp_point *points, int count,
                          const struct lens *lens, struct shutter_motion *motion, struct pose *camera_from_world)
 {
-    struct shutter_motion moving = motion ? *motion : shutter_unknown();
+    struct shutter_motion moving = motion ? *motion : shutter_motion_unknown();
     struct vec3 centre = v3(0, 0, 0);
     for (int i = 0; i < count; i++)
         centre = v3_add(centre, v3_scale(points[i].world, 1.0 / count));
-    struct vec3 normal = flat_direction(points, count, centre);
+    struct vec3 normal = plane_normal(points, count, centre);
     struct pose world_from_camera = pose_inverse(*camera_from_world);
     struct vec3 out = v3_sub(world_from_camera.translation, centre);
     struct vec3 mirrored = v3_sub(v3_scale(normal, 2 * v3_dot(normal, out)), out);
     struct quat turn = quat_between(out, mirrored);
     struct pose there = {quat_multiply(turn, world_from_camera.rotation), v3_add(centre, quat_rotate(turn, out))};
     struct pose pose = pose_inverse(there);
-    double own = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion, camera_from_world);
-    double other = fit_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion ? &moving : NULL, &pose);
+    double own = pnp_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion, camera_from_world);
+    double other = pnp_refine(tags, tag_count, 0, points, count, 0, lens->fx, lens->fy, motion ? &moving : NULL, &pose);
     if (!(other < own))
         return;
     *camera_from_world = pose;
@@ -293,64 +293,64 @@ static void try_mirrored(const struct fit_tag *tags, int tag_count, const struct
 // each begins as loose as the search. facing_first: points seen from another side than in
 // the sweep join in when the others have said where they must be. How many points agree in
 // the end, of *first found at first.
-static int search(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                  const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
-                  double radius_px, bool facing_first, struct shutter_motion *motion, struct pose *pose,
-                  struct point_match *matches, int capacity, int *first)
+static int match_and_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                            const double *depth, const struct lens *lens, const struct pnp_tag *tags, int tag_count,
+                            double radius_px, bool facing_first, struct shutter_motion *motion, struct pose *pose,
+                            struct landmark_match *matches, int capacity, int *first)
 {
-    struct fit_point seen[FEATURES_MAX];
+    struct pnp_point seen[FEATURES_MAX];
     int count;
     *first = 0;
-    for (double radius = radius_px;; radius = fmax(radius / 2.5, POINTS_NEAR_PX)) {
-        const bool only_facing = facing_first && radius > POINTS_NEAR_PX;
-        count = points_match(points, point_count, index, lens, motion, pose, radius, only_facing, matches, capacity);
+    for (double radius = radius_px;; radius = fmax(radius / 2.5, LANDMARK_NARROW_PX)) {
+        const bool only_facing = facing_first && radius > LANDMARK_NARROW_PX;
+        count = landmarks_match(points, point_count, index, lens, motion, pose, radius, only_facing, matches, capacity);
         *first = *first ? *first : count;
-        if (count < LEAST_POINTS)
+        if (count < MIN_POINTS)
             return 0;
-        points_gather(points, index, depth, lens, pose, matches, count, seen);
+        landmark_correspondences(points, index, depth, lens, pose, matches, count, seen);
         for (double loose = radius / 3; loose > 0.5; loose /= 3)
-            fit_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, motion, pose);
-        if (radius <= POINTS_NEAR_PX)
+            pnp_refine(tags, tag_count, 0, seen, count, loose, lens->fx, lens->fy, motion, pose);
+        if (radius <= LANDMARK_NARROW_PX)
             break;
     }
     try_mirrored(tags, tag_count, seen, count, lens, motion, pose);
     int kept = 0;
     for (int i = 0; i < count; i++)
-        if (fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 4)
+        if (pnp_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 4)
             matches[kept++] = matches[i];
-    return kept < LEAST_POINTS || 2 * kept < count ? 0 : kept;
+    return kept < MIN_POINTS || 2 * kept < count ? 0 : kept;
 }
 
 // The matches of points that face the camera. How many.
-static int that_face(const struct place_point *points, const struct point_match *matches, int count,
-                     const struct pose *camera_from_world, struct point_match *out)
+static int facing_matches(const struct place_point *points, const struct landmark_match *matches, int count,
+                          const struct pose *camera_from_world, struct landmark_match *out)
 {
     const struct vec3 eye = pose_inverse(*camera_from_world).translation;
     int kept = 0;
     for (int i = 0; i < count; i++)
-        if (faces(&points[matches[i].point], eye))
+        if (faces_camera(&points[matches[i].point], eye))
             out[kept++] = matches[i];
     return kept;
 }
 
 // Where the points that face the camera, by themselves, know of another pose than all together, the others show
 // something else and are left out. How many matches remain; as many where too few face it to tell.
-static int leave_out_astray(const struct place_point *points, const struct feature_index *index, const double *depth,
-                            const struct lens *lens, struct shutter_motion *motion, struct pose *pose,
-                            struct point_match *matches, int count)
+static int drop_inconsistent(const struct place_point *points, const struct feature_index *index, const double *depth,
+                             const struct lens *lens, struct shutter_motion *motion, struct pose *pose,
+                             struct landmark_match *matches, int count)
 {
     static const double WITHIN_95 = 12.592; // chi squared, six numbers
-    struct fit_point seen[FEATURES_MAX];
-    struct point_match facing[FEATURES_MAX];
+    struct pnp_point seen[FEATURES_MAX];
+    struct landmark_match facing[FEATURES_MAX];
     struct pose alone = *pose;
-    struct shutter_motion moving = motion ? *motion : shutter_unknown(), *with = motion ? &moving : NULL;
+    struct shutter_motion moving = motion ? *motion : shutter_motion_unknown(), *with = motion ? &moving : NULL;
     double covariance[36], information[36], off = 0;
-    int n = that_face(points, matches, count, pose, facing);
-    if (n == count || n < LEAST_POINTS)
+    int n = facing_matches(points, matches, count, pose, facing);
+    if (n == count || n < MIN_POINTS)
         return count;
-    points_gather(points, index, depth, lens, pose, facing, n, seen);
-    fit_refine(NULL, 0, 0, seen, n, 0, lens->fx, lens->fy, with, &alone);
-    if (!fit_covariance(NULL, 0, seen, n, lens->fx, lens->fy, with, &alone, covariance) ||
+    landmark_correspondences(points, index, depth, lens, pose, facing, n, seen);
+    pnp_refine(NULL, 0, 0, seen, n, 0, lens->fx, lens->fy, with, &alone);
+    if (!pnp_covariance(NULL, 0, seen, n, lens->fx, lens->fy, with, &alone, covariance) ||
         !invert_symmetric(covariance, 6, information))
         return count;
     struct pose between = pose_multiply(alone, pose_inverse(*pose));
@@ -367,19 +367,19 @@ static int leave_out_astray(const struct place_point *points, const struct featu
     return n;
 }
 
-bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                   const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
-                   struct shutter_motion *motion, struct pose *camera_from_world, struct point_match *matches,
-                   int capacity, int *match_count)
+bool landmarks_refine_pose(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                           const double *depth, const struct lens *lens, const struct pnp_tag *tags, int tag_count,
+                           struct shutter_motion *motion, struct pose *camera_from_world,
+                           struct landmark_match *matches, int capacity, int *match_count)
 {
     // A small far tag alone may be off by more than the first search reaches. That
     // shows: most of what seemed to match at first does not in the end. And without a tag
     // a pattern that looks the same turned round may lead all of its points astray alike:
     // then those that are seen from where the sweep saw them know of a pose that more fit.
     static const double FIRST_PX = 40, FAR_PX = 120;
-    struct point_match other_matches[FEATURES_MAX];
+    struct landmark_match other_matches[FEATURES_MAX];
     const struct pose start = *camera_from_world;
-    const struct shutter_motion still = motion ? *motion : shutter_unknown();
+    const struct shutter_motion still = motion ? *motion : shutter_motion_unknown();
     struct pose best = start;
     struct shutter_motion best_motion = still;
     int first = 0, kept = 0;
@@ -391,10 +391,11 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
         int other_first;
         if (way == 1 && 2 * kept >= first)
             continue;
-        if (way == 2 && (tag_count || !kept || that_face(points, matches, kept, &best, other_matches) == kept))
+        if (way == 2 && (tag_count || !kept || facing_matches(points, matches, kept, &best, other_matches) == kept))
             continue;
-        int other = search(points, point_count, index, depth, lens, tags, tag_count, way == 1 ? FAR_PX : FIRST_PX,
-                           way == 2, motion ? &moving : NULL, &pose, other_matches, capacity, &other_first);
+        int other =
+            match_and_refine(points, point_count, index, depth, lens, tags, tag_count, way == 1 ? FAR_PX : FIRST_PX,
+                             way == 2, motion ? &moving : NULL, &pose, other_matches, capacity, &other_first);
         if (way == 0)
             first = other_first;
         if (other <= kept)
@@ -410,6 +411,6 @@ bool points_refine(const struct place_point *points, int32_t point_count, const 
     if (motion)
         *motion = best_motion;
     *match_count =
-        tag_count ? kept : leave_out_astray(points, index, depth, lens, motion, camera_from_world, matches, kept);
+        tag_count ? kept : drop_inconsistent(points, index, depth, lens, motion, camera_from_world, matches, kept);
     return true;
 }

@@ -7,7 +7,7 @@
 
 enum {
     FEATURES_MAX = 1000,
-    POINTS_NEAR_PX = 4, // a search no wider than this finds few wrong features, so they may look less alike
+    LANDMARK_NARROW_PX = 4, // a search no wider than this finds few wrong features, so they may look less alike
 };
 
 // The features of one picture, sorted so that those near a pixel are found fast.
@@ -21,30 +21,30 @@ struct feature_index {
 void feature_index_build(struct feature_index *index, const struct feature *features, int count,
                          const struct lens *lens);
 
-struct point_match {
+struct landmark_match {
     int32_t point, feature;
 };
 
 // Which feature shows which point, looked for within radius_px of where the pose
 // puts the point. motion, here and below: of a rolling shutter, or NULL. only_facing: of points that the camera sees
 // from about the side from which the sweep saw them. Each point and each feature at most once. Returns how many.
-int points_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                 const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
-                 double radius_px, bool only_facing, struct point_match *out, int capacity);
+int landmarks_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                    const struct lens *lens, const struct shutter_motion *motion, const struct pose *camera_from_world,
+                    double radius_px, bool only_facing, struct landmark_match *out, int capacity);
 
 // From a pose that is roughly right (tags gave it) to one that fits points and
 // tags. depth[i]: metres at feature i, 0 = none; or NULL. On true `pose` (and the speed of
 // `motion`) is the better one and matches[0 .. *match_count) are the points that agree; on false (too few do)
 // nothing changed.
-bool points_refine(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                   const double *depth, const struct lens *lens, const struct fit_tag *tags, int tag_count,
-                   struct shutter_motion *motion, struct pose *camera_from_world, struct point_match *matches,
-                   int capacity, int *match_count);
+bool landmarks_refine_pose(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                           const double *depth, const struct lens *lens, const struct pnp_tag *tags, int tag_count,
+                           struct shutter_motion *motion, struct pose *camera_from_world,
+                           struct landmark_match *matches, int capacity, int *match_count);
 
 // What matches say, for a fit: out has room for `count`, which is returned. camera_from_world: about.
-int points_gather(const struct place_point *points, const struct feature_index *index, const double *depth,
-                  const struct lens *lens, const struct pose *camera_from_world, const struct point_match *matches,
-                  int count, struct fit_point *out);
+int landmark_correspondences(const struct place_point *points, const struct feature_index *index, const double *depth,
+                             const struct lens *lens, const struct pose *camera_from_world,
+                             const struct landmark_match *matches, int count, struct pnp_point *out);
 
 // The mean depth around a pixel where the surface is smooth, metres; 0 elsewhere.
 // depth: millimetres, of the same pixels as `lens`.
@@ -54,15 +54,15 @@ double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixe
 void feature_covariance(const struct feature *f, double out[3]);
 
 // The same of one that should show a point: the less alike they look, the less exactly it does.
-void sighting_covariance(const struct place_point *point, const struct feature *f, double out[3]);
+void match_covariance(const struct place_point *point, const struct feature *f, double out[3]);
 
 // The same of where it is from where the place has its point: the feature errs, so did those of the sweep, and the
 // point may lie elsewhere along their lines of sight.
-void points_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
-                       const struct pose *camera_from_world, double out[3]);
+void landmark_covariance(const struct place_point *point, const struct feature *f, const struct lens *lens,
+                         const struct pose *camera_from_world, double out[3]);
 
 // The variance of the point's distance along z, m^2; 0: not known.
-double points_depth_variance(const struct place_point *point, const struct pose *camera_from_world);
+double landmark_depth_variance(const struct place_point *point, const struct pose *camera_from_world);
 
 // About the same whichever way, for a pose that is only roughly right: standard deviation, pixels.
 static inline double feature_sigma(const struct feature *f) { return 0.6 * f->scale; }

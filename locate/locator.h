@@ -32,7 +32,7 @@ struct location {
     double position_sigma_m; // root of the trace of the shift's part
     // With AMBIGUOUS: the second best world_from_camera, and by how much worse it fits (chi squared).
     struct pose other;
-    double other_worse;
+    double other_excess_cost;
 };
 
 // Copies what it needs of `place` and `lens`. ERR_INPUT: neither tags nor enough
@@ -46,27 +46,27 @@ void locator_close(struct locator **l);
 // for the next look only; of a picture without it, as much is known as of any hand. Poses are those of
 // the middle row, and by how much the speed that the picture itself shows leaves them open is in their
 // covariance.
-void locator_expect(struct locator *l, const double speed[6], const double covariance[36]);
+void locator_set_motion_prior(struct locator *l, const double speed[6], const double covariance[36]);
 
 // color: RGB of the lens's size. depth: of the same pixels, or NULL.
 // OK         *out filled
 // NOTHING    nothing known in sight, nothing that fits, or too little to be sure
 //            (max_position_sigma_m); *out untouched
 // AMBIGUOUS  a mirrored pose fits nearly as well; *out holds the better one
-MUST_CHECK enum status locator_find(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                                    struct location *out);
+MUST_CHECK enum status locator_localize(struct locator *l, const uint8_t *color, const uint16_t *depth,
+                                        struct location *out);
 
 // The same for a picture that comes soon after one in which this locator found or followed
 // the camera: what was seen there is looked for near where `guess`, world_from_camera, puts it
 // (to about ten pixels), which takes a fifteenth of the time.
 // OK; NOTHING: too little of it is there, *out untouched: find the camera anew.
-MUST_CHECK enum status locator_follow(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose guess,
-                                      struct location *out);
+MUST_CHECK enum status locator_track(struct locator *l, const uint8_t *color, const uint16_t *depth, struct pose guess,
+                                     struct location *out);
 
-// locator_find for a picture that locator_follow had no good guess for: what was seen in the last
+// locator_localize for a picture that locator_track had no good guess for: what was seen in the last
 // one is looked for where the camera is found, so that it is followed on without a jump.
-MUST_CHECK enum status locator_refind(struct locator *l, const uint8_t *color, const uint16_t *depth,
-                                      struct location *out);
+MUST_CHECK enum status locator_relocalize(struct locator *l, const uint8_t *color, const uint16_t *depth,
+                                          struct location *out);
 
 // The lens by which the last picture was looked at. That of a camera whose focal length is unsure (lens.focal_sigma)
 // becomes what the pictures say of it; so long as they leave it open, the pose's covariance knows of it. A rolling
@@ -77,6 +77,6 @@ const struct lens *locator_lens(const struct locator *l);
 // beside other tags or enough points. *first: the lowest number; -1: none. A pose is told without them.
 int32_t locator_moved_tags(const struct locator *l, int32_t *first);
 
-// True: the pictures in which locator_find found the camera so far do not fit the lens's focal
+// True: the pictures in which locator_localize found the camera so far do not fit the lens's focal
 // length. *scale: the one that fits them, over the lens's.
-bool locator_doubts_focal(const struct locator *l, double *scale);
+bool locator_focal_is_wrong(const struct locator *l, double *scale);

@@ -4,12 +4,12 @@
 // same result with and without. Sanitizers are in the way of choosing when the program starts; clang 14 gives the
 // choice another name than the one that is called.
 #if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define AS_THE_PROCESSOR_CAN __attribute__((target_clones("avx2", "ssse3", "default")))
+#define TARGET_CLONES __attribute__((target_clones("avx2", "ssse3", "default")))
 #else
-#define AS_THE_PROCESSOR_CAN
+#define TARGET_CLONES
 #endif
 
-AS_THE_PROCESSOR_CAN
+TARGET_CLONES
 void gray_from_rgb(const uint8_t *restrict rgb, size_t pixels, uint8_t *restrict gray)
 {
     for (size_t i = 0; i < pixels; i++) // BT.601, in 256ths

@@ -8,7 +8,7 @@ static double area2(struct vec3 a, struct vec3 b, struct vec3 c)
     return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-bool square_homography(const struct vec3 ray[4], double h[9])
+bool planar_homography(const struct vec3 ray[4], double h[9])
 {
     double longest = 0;
     for (int i = 0; i < 4; i++) {
@@ -43,7 +43,7 @@ bool square_homography(const struct vec3 ray[4], double h[9])
 
 // The translation that fits best for a given rotation: linear least squares on
 // (r + t).xy - ray.xy * (r + t).z = 0 over the corners r.
-static bool translation(const struct vec3 turned[4], const struct vec3 ray[4], struct vec3 *t)
+static bool solve_translation(const struct vec3 turned[4], const struct vec3 ray[4], struct vec3 *t)
 {
     double a[9] = {0}, b[3] = {0};
     for (int i = 0; i < 4; i++) {
@@ -66,14 +66,14 @@ static bool translation(const struct vec3 turned[4], const struct vec3 ray[4], s
 }
 
 // Adds the pose with this rotation if it makes sense.
-static int keep(double r[3][3], double half, const struct vec3 ray[4], struct pose *out, int count)
+static int add_pose(double r[3][3], double half, const struct vec3 ray[4], struct pose *out, int count)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     struct pose pose = {quat_from_matrix(r), {0, 0, 0}};
     struct vec3 turned[4];
     for (int i = 0; i < 4; i++)
         turned[i] = quat_rotate(pose.rotation, v3(half * corner[i][0], half * corner[i][1], 0));
-    if (!translation(turned, ray, &pose.translation) || !pose_finite(pose))
+    if (!solve_translation(turned, ray, &pose.translation) || !pose_finite(pose))
         return count;
     for (int i = 0; i < 4; i++)
         if (!(turned[i].z + pose.translation.z > 1e-3 * half))
@@ -85,10 +85,10 @@ static int keep(double r[3][3], double half, const struct vec3 ray[4], struct po
     return count + 1;
 }
 
-int square_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
+int planar_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
 {
     double h[9];
-    if (!(side_m > 0) || !isfinite(side_m) || !square_homography(ray, h))
+    if (!(side_m > 0) || !isfinite(side_m) || !planar_homography(ray, h))
         return 0;
     // Derivative of the homography at the square's centre, and where the centre falls.
     double vx = h[2], vy = h[5];
@@ -127,16 +127,16 @@ int square_poses(double side_m, const struct vec3 ray[4], struct pose out[2])
         for (int row = 0; row < 3; row++)
             for (int c = 0; c < 3; c++)
                 turn[row][c] = rv[row][0] * own[0][c] + rv[row][1] * own[1][c] + rv[row][2] * own[2][c];
-        count = keep(turn, side_m / 2, ray, out, count);
+        count = add_pose(turn, side_m / 2, ray, out, count);
     }
     return count;
 }
 
-double square_off_m(double side_m, const struct vec3 ray[4], const struct pose *expected)
+double planar_pose_offset_m(double side_m, const struct vec3 ray[4], const struct pose *expected)
 {
     static const double range_share = 0.03;
     struct pose two[2];
-    int count = square_poses(side_m, ray, two);
+    int count = planar_poses(side_m, ray, two);
     double least = count ? INFINITY : 0;
     for (int i = 0; i < count; i++) {
         double off = v3_distance(two[i].translation, expected->translation);

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-static const double AT_ONCE = 0.3; // the share of a correction that is made with each picture
+static const double CORRECTION_SHARE = 0.3; // the share of a correction that is made with each picture
 
 static void multiply(const double a[36], const double b[36], double out[36])
 {
@@ -17,7 +17,7 @@ static void multiply(const double a[36], const double b[36], double out[36])
 }
 
 // out = f m f^T
-static void carry(const double f[36], const double m[36], double out[36])
+static void propagate(const double f[36], const double m[36], double out[36])
 {
     double half[36], turned[36];
     multiply(f, m, half);
@@ -26,7 +26,7 @@ static void carry(const double f[36], const double m[36], double out[36])
     multiply(half, turned, out);
 }
 
-void anchor_start(struct anchor *a, const double map_covariance[36], const double noise[36])
+void pose_fusion_start(struct pose_fusion *a, const double map_covariance[36], const double noise[36])
 {
     memset(a, 0, sizeof *a);
     memcpy(a->map_covariance, map_covariance, sizeof a->map_covariance);
@@ -40,29 +40,30 @@ void anchor_start(struct anchor *a, const double map_covariance[36], const doubl
 }
 
 // How the map's error goes on: `keep` times itself and something new; all: it is taken for new altogether.
-static void forget(const struct anchor *a, const struct anchor_look *look, bool all, double keep[36], double fresh[36])
+static void map_error_transition(const struct pose_fusion *a, const struct pose_measurement *measurement, bool all,
+                                 double keep[36], double fresh[36])
 {
     double kept[36], lower[36];
-    multiply(look->map_covariance, look->map_information, keep);
-    carry(keep, a->map_covariance, kept);
+    multiply(measurement->map_covariance, measurement->map_information, keep);
+    propagate(keep, a->map_covariance, kept);
     for (int i = 0; i < 36; i++)
-        lower[i] = fresh[i] = look->map_covariance[i] - kept[i];
+        lower[i] = fresh[i] = measurement->map_covariance[i] - kept[i];
     for (int i = 0; i < 6; i++)
-        lower[i * 7] += 1e-3 * look->map_covariance[i * 7];
+        lower[i * 7] += 1e-3 * measurement->map_covariance[i * 7];
     if (!all && cholesky(lower, 6))
         return;
     // The picture before was looked at from elsewhere, so the two do not quite match.
     memset(keep, 0, 36 * sizeof *keep);
-    memcpy(fresh, look->map_covariance, 36 * sizeof *fresh);
+    memcpy(fresh, measurement->map_covariance, 36 * sizeof *fresh);
 }
 
-static void predict(struct anchor *a, const struct anchor_look *look, bool forget_all)
+static void predict(struct pose_fusion *a, const struct pose_measurement *measurement, bool reset_map_error)
 {
-    double keep[36], fresh[36], own[36], carried[36], error[6];
-    forget(a, look, forget_all, keep, fresh);
+    double keep[36], fresh[36], own[36], propagated[36], error[6];
+    map_error_transition(a, measurement, reset_map_error, keep, fresh);
     for (int i = 0; i < 36; i++)
         own[i] = a->covariance[6 + i / 6][6 + i % 6];
-    carry(keep, own, carried);
+    propagate(keep, own, propagated);
     for (int i = 0; i < 6; i++) {
         error[i] = 0;
         for (int j = 0; j < 6; j++) {
@@ -73,17 +74,18 @@ static void predict(struct anchor *a, const struct anchor_look *look, bool forge
         }
     }
     memcpy(a->map_error, error, sizeof error);
-    memcpy(a->map_covariance, look->map_covariance, sizeof a->map_covariance);
+    memcpy(a->map_covariance, measurement->map_covariance, sizeof a->map_covariance);
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) {
-            a->covariance[i][j] += look->drift[i * 6 + j];
+            a->covariance[i][j] += measurement->drift[i * 6 + j];
             a->covariance[i][6 + j] = a->covariance[6 + j][i] = own[i * 6 + j];
-            a->covariance[6 + i][6 + j] = carried[i * 6 + j] + fresh[i * 6 + j];
+            a->covariance[6 + i][6 + j] = propagated[i * 6 + j] + fresh[i * 6 + j];
         }
 }
 
 // both: how the errors go with what the picture says; inverse: of the covariance of that. False: it is none.
-static bool expect(const struct anchor *a, const struct anchor_look *look, double both[12][6], double inverse[36])
+static bool innovation_covariance(const struct pose_fusion *a, const struct pose_measurement *measurement,
+                                  double both[12][6], double inverse[36])
 {
     double s[36];
     for (int i = 0; i < 12; i++)
@@ -91,32 +93,32 @@ static bool expect(const struct anchor *a, const struct anchor_look *look, doubl
             both[i][j] = a->covariance[i][j] + a->covariance[i][6 + j];
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)
-            s[i * 6 + j] = both[i][j] + both[6 + i][j] + look->noise[i * 6 + j];
+            s[i * 6 + j] = both[i][j] + both[6 + i][j] + measurement->noise[i * 6 + j];
     return invert_symmetric(s, 6, inverse);
 }
 
-bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6])
+bool pose_fusion_update(struct pose_fusion *out, const struct pose_measurement *measurement, double by[6])
 {
-    struct anchor next = *out, *a = &next;
-    double both[12][6], inverse[36], gain[12][6], surprise[6];
-    predict(a, look, false);
-    if (!expect(a, look, both, inverse)) {
+    struct pose_fusion next = *out, *a = &next;
+    double both[12][6], inverse[36], gain[12][6], innovation[6];
+    predict(a, measurement, false);
+    if (!innovation_covariance(a, measurement, both, inverse)) {
         // Where the noise is far smaller than the map's error, the little by which two looks do not quite match is
         // more.
         next = *out;
-        predict(a, look, true);
-        if (!expect(a, look, both, inverse))
+        predict(a, measurement, true);
+        if (!innovation_covariance(a, measurement, both, inverse))
             return false;
     }
     for (int i = 0; i < 6; i++)
-        surprise[i] = look->off[i] - a->camera_error[i] - a->map_error[i];
+        innovation[i] = measurement->offset[i] - a->camera_error[i] - a->map_error[i];
     for (int i = 0; i < 12; i++) {
         double moved = 0;
         for (int j = 0; j < 6; j++) {
             gain[i][j] = 0;
             for (int k = 0; k < 6; k++)
                 gain[i][j] += both[i][k] * inverse[k * 6 + j];
-            moved += gain[i][j] * surprise[j];
+            moved += gain[i][j] * innovation[j];
         }
         if (i < 6)
             a->camera_error[i] += moved;
@@ -124,7 +126,7 @@ bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6
             a->map_error[i - 6] += moved;
     }
     for (int i = 0; i < 6; i++) {
-        by[i] = AT_ONCE * a->camera_error[i];
+        by[i] = CORRECTION_SHARE * a->camera_error[i];
         a->camera_error[i] -= by[i];
     }
     for (int i = 0; i < 12; i++)
@@ -137,7 +139,7 @@ bool anchor_move(struct anchor *out, const struct anchor_look *look, double by[6
     return true;
 }
 
-void anchor_covariance(const struct anchor *a, double covariance[36])
+void pose_fusion_covariance(const struct pose_fusion *a, double covariance[36])
 {
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)

@@ -10,7 +10,7 @@
 #include "base/status.h"
 
 // Errors are small motions as in locator.h's covariance: six numbers, matrices row-major.
-struct anchor {
+struct pose_fusion {
     double covariance[12][12]; // of the camera's error, then of the map's
     double camera_error[6];    // expected: what is known of it and not yet corrected
     double map_error[6];       // the same of the map's
@@ -18,20 +18,20 @@ struct anchor {
 };
 
 // What one picture says.
-struct anchor_look {
+struct pose_measurement {
     double drift[36];           // by how much more the followed pose errs than in the last picture
     double map_covariance[36];  // of the map's pose, by what is in sight now
     double map_information[36]; // the part of its information that was in sight in the last picture too
     double noise[36];           // of this picture alone
-    double off[6];              // from the followed pose to the map's
+    double offset[6];           // from the followed pose to the map's
 };
 
 // At the map's pose.
-void anchor_start(struct anchor *a, const double map_covariance[36], const double noise[36]);
+void pose_fusion_start(struct pose_fusion *a, const double map_covariance[36], const double noise[36]);
 
 // by: the small motion to be made now. A correction is spread over a few pictures, so that nobody
 // sees the camera jump. False: the numbers allow none, nothing changed.
-bool anchor_move(struct anchor *a, const struct anchor_look *look, double by[6]);
+bool pose_fusion_update(struct pose_fusion *a, const struct pose_measurement *measurement, double by[6]);
 
 // Of the pose after that, with what is known to be left of its error.
-void anchor_covariance(const struct anchor *a, double covariance[36]);
+void pose_fusion_covariance(const struct pose_fusion *a, double covariance[36]);

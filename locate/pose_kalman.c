@@ -5,16 +5,16 @@
 #include <string.h>
 
 // Jerks of a hand, as white noise of acceleration: rad/s^2 and m/s^2 times the root of a second.
-static const double TURN_JERK = 2, SHIFT_JERK = 1;
+static const double ANGULAR_ACCELERATION_NOISE = 2, ACCELERATION_NOISE = 1;
 // Speeds nobody's hand exceeds: what is known of them at the start.
-static const double TURN_SPEED = 2, SHIFT_SPEED = 1;
+static const double MAX_ANGULAR_SPEED = 2, MAX_SPEED = 1;
 
-void kalman_start(struct kalman *k, struct pose world_from_camera, const double covariance[36])
+void pose_kalman_start(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36])
 {
     memset(k, 0, sizeof *k);
     k->world_from_camera = world_from_camera;
     for (int i = 0; i < 6; i++) {
-        double speed = i < 3 ? TURN_SPEED : SHIFT_SPEED;
+        double speed = i < 3 ? MAX_ANGULAR_SPEED : MAX_SPEED;
         for (int j = 0; j < 6; j++)
             k->covariance[i][j] = covariance[i * 6 + j];
         k->covariance[6 + i][6 + i] = speed * speed;
@@ -27,20 +27,20 @@ static struct pose small_motion(const double d[6], double by)
     return p;
 }
 
-void kalman_move(struct kalman *k, double seconds)
+void pose_kalman_predict(struct pose_kalman *k, double seconds)
 {
-    double(*p)[KALMAN_STATE] = k->covariance, t = seconds;
+    double(*p)[POSE_KALMAN_STATE] = k->covariance, t = seconds;
     k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(k->speed, t));
     k->world_from_camera.rotation = quat_unit(k->world_from_camera.rotation);
     // F P F^T with F = [1 t; 0 1] in blocks of six
     for (int i = 0; i < 6; i++)
-        for (int j = 0; j < KALMAN_STATE; j++)
+        for (int j = 0; j < POSE_KALMAN_STATE; j++)
             p[i][j] += t * p[6 + i][j];
-    for (int i = 0; i < KALMAN_STATE; i++)
+    for (int i = 0; i < POSE_KALMAN_STATE; i++)
         for (int j = 0; j < 6; j++)
             p[i][j] += t * p[i][6 + j];
     for (int i = 0; i < 6; i++) {
-        double jerk = i < 3 ? TURN_JERK : SHIFT_JERK, q = jerk * jerk;
+        double jerk = i < 3 ? ANGULAR_ACCELERATION_NOISE : ACCELERATION_NOISE, q = jerk * jerk;
         p[i][i] += q * t * t * t / 3;
         p[i][6 + i] += q * t * t / 2;
         p[6 + i][i] += q * t * t / 2;
@@ -48,41 +48,42 @@ void kalman_move(struct kalman *k, double seconds)
     }
 }
 
-double kalman_measure(struct kalman *k, struct pose world_from_camera, const double covariance[36], double most)
+double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36],
+                          double most)
 {
     struct pose off = pose_multiply(pose_inverse(k->world_from_camera), world_from_camera);
     struct vec3 turn = quat_to_rotation_vector(off.rotation);
     const double d[6] = {turn.x, turn.y, turn.z, off.translation.x, off.translation.y, off.translation.z};
-    double s[36], inverse[36], weighed[6], distance = 0;
+    double s[36], inverse[36], weighted[6], distance = 0;
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++)
             s[i * 6 + j] = k->covariance[i][j] + covariance[i * 6 + j];
     if (!invert_symmetric(s, 6, inverse))
         return NAN;
     for (int i = 0; i < 6; i++) {
-        weighed[i] = 0;
+        weighted[i] = 0;
         for (int j = 0; j < 6; j++)
-            weighed[i] += inverse[i * 6 + j] * d[j];
-        distance += weighed[i] * d[i];
+            weighted[i] += inverse[i * 6 + j] * d[j];
+        distance += weighted[i] * d[i];
     }
     if (!(distance <= most))
         return distance;
-    double gain[KALMAN_STATE][6], by[KALMAN_STATE], before[6][KALMAN_STATE];
+    double gain[POSE_KALMAN_STATE][6], by[POSE_KALMAN_STATE], before[6][POSE_KALMAN_STATE];
     memcpy(before, k->covariance, sizeof before); // the first six rows
-    for (int i = 0; i < KALMAN_STATE; i++) {
+    for (int i = 0; i < POSE_KALMAN_STATE; i++) {
         by[i] = 0;
         for (int j = 0; j < 6; j++) {
             gain[i][j] = 0;
             for (int m = 0; m < 6; m++)
                 gain[i][j] += k->covariance[i][m] * inverse[m * 6 + j];
-            by[i] += k->covariance[i][j] * weighed[j];
+            by[i] += k->covariance[i][j] * weighted[j];
         }
     }
-    for (int i = 0; i < KALMAN_STATE; i++)
-        for (int j = 0; j < KALMAN_STATE; j++)
+    for (int i = 0; i < POSE_KALMAN_STATE; i++)
+        for (int j = 0; j < POSE_KALMAN_STATE; j++)
             for (int m = 0; m < 6; m++)
                 k->covariance[i][j] -= gain[i][m] * before[m][j];
-    for (int i = 0; i < KALMAN_STATE; i++)
+    for (int i = 0; i < POSE_KALMAN_STATE; i++)
         for (int j = 0; j < i; j++)
             k->covariance[i][j] = k->covariance[j][i] = (k->covariance[i][j] + k->covariance[j][i]) / 2;
     k->world_from_camera = pose_multiply(k->world_from_camera, small_motion(by, 1));

@@ -5,21 +5,22 @@
 #pragma once
 #include "base/geometry.h"
 
-enum { KALMAN_STATE = 12 }; // turn, shift; turn and shift each second: all in the camera's axes
+enum { POSE_KALMAN_STATE = 12 }; // turn, shift; turn and shift each second: all in the camera's axes
 
-struct kalman {
+struct pose_kalman {
     struct pose world_from_camera;
-    double speed[6];                               // turn (rad/s), then shift (m/s)
-    double covariance[KALMAN_STATE][KALMAN_STATE]; // of small errors of the above
+    double speed[6];                                         // turn (rad/s), then shift (m/s)
+    double covariance[POSE_KALMAN_STATE][POSE_KALMAN_STATE]; // of small errors of the above
 };
 
 // Starts at a pose, at rest as far as known. covariance: 6 x 6 as in locator.h, row-major.
-void kalman_start(struct kalman *k, struct pose world_from_camera, const double covariance[36]);
+void pose_kalman_start(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36]);
 
 // Moves on by `seconds` > 0.
-void kalman_move(struct kalman *k, double seconds);
+void pose_kalman_predict(struct pose_kalman *k, double seconds);
 
 // Takes in a pose that was measured independently. Returns its squared distance from
 // the expected one in standard deviations (six numbers: 6 in the mean); above `most` (or NaN)
 // nothing changes.
-double kalman_measure(struct kalman *k, struct pose world_from_camera, const double covariance[36], double most);
+double pose_kalman_update(struct pose_kalman *k, struct pose world_from_camera, const double covariance[36],
+                          double most);

@@ -9,10 +9,10 @@
 #include "locate/planar_pose.h"
 #include "locate/tag_depth.h"
 
-enum { FIT_MAX_TAGS = 64 };
+enum { PNP_MAX_TAGS = 64 };
 
-struct fit_tag {
-    const struct sighting *seen;
+struct pnp_tag {
+    const struct tag_observation *seen;
     const struct tag_depth *depth; // or NULL
     struct pose world_from_tag;
     double side_m;
@@ -23,65 +23,66 @@ struct fit_tag {
 };
 
 // A natural point whose place is known, seen on the ray (x, y, 1).
-struct fit_point {
+struct pnp_point {
     struct vec3 world;
     double x, y;
-    double sigma_px;   // of either coordinate, beside `own`
-    double z;          // depth read there, metres; 0: none
-    double own[3];     // covariance beside sigma_px: xx, xy, yy, pixels^2
-    double time_s;     // when its row was read, as shutter_time
-    double z_variance; // of the place's own distance, m^2
+    double sigma_px;      // of either coordinate, beside `covariance`
+    double z;             // depth read there, metres; 0: none
+    double covariance[3]; // beside sigma_px: xx, xy, yy, pixels^2
+    double time_s;        // when its row was read, as shutter_row_time
+    double z_variance;    // of the place's own distance, m^2
 };
 
-struct camera_fit {
+struct pnp_solution {
     struct pose camera_from_world;
-    struct pose other;  // with AMBIGUOUS: the second best
-    double rms_px;      // over the corners used
-    double cost;        // robust, whitened; of the tags used
-    double other_worse; // by how much the other's cost is higher
+    struct pose other;        // with AMBIGUOUS: the second best
+    double rms_px;            // over the corners used
+    double cost;              // robust, whitened; of the tags used
+    double other_excess_cost; // by how much the other's cost is higher
     int32_t used;
     struct shutter_motion motion, other_motion; // with a rolling shutter
 };
 
 // fx, fy: what a pixel is. motion: what is known of the camera's before; NULL: no rolling shutter. 0 <= count <=
-// FIT_MAX_TAGS; the same tag may be there twice, one at most is used. OK, NOTHING (no pose fits within max_rms_px; *out
+// PNP_MAX_TAGS; the same tag may be there twice, one at most is used. OK, NOTHING (no pose fits within max_rms_px; *out
 // untouched) or AMBIGUOUS
 // (*out is the better of two poses that are apart but fit alike).
-enum status fit_camera(struct fit_tag *tags, int count, double fx, double fy, double max_rms_px,
-                       const struct shutter_motion *motion, struct camera_fit *out);
+enum status pnp_solve(struct pnp_tag *tags, int count, double fx, double fy, double max_rms_px,
+                      const struct shutter_motion *motion, struct pnp_solution *out);
 
 // Levenberg-Marquardt on camera_from_world over the tags with `used` set and all
 // points. tag_px, point_px: uncertainty added to every corner and every point,
 // for a start that is far off. motion: the speed is fitted too; NULL: no rolling shutter.
 // Returns the robust cost.
-double fit_refine(const struct fit_tag *tags, int count, double tag_px, const struct fit_point *points, int point_count,
+double pnp_refine(const struct pnp_tag *tags, int count, double tag_px, const struct pnp_point *points, int point_count,
                   double point_px, double fx, double fy, struct shutter_motion *motion, struct pose *camera_from_world);
 
-// How sure fit_refine's pose is: the covariance of a small motion (turn, then shift; camera
+// How sure pnp_refine's pose is: the covariance of a small motion (turn, then shift; camera
 // axes, radians and metres) of the camera, row-major. Errors larger than the evidence owns
 // to make it larger, smaller ones do not make it smaller. False: the evidence leaves a
 // motion open; *covariance untouched.
-bool fit_covariance(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+bool pnp_covariance(const struct pnp_tag *tags, int count, const struct pnp_point *points, int point_count, double fx,
                     double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
                     double covariance[36]);
 
 // The same, not yet inverted and as if errors were as large as the evidence owns to.
-void fit_information(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
+void pnp_information(const struct pnp_tag *tags, int count, const struct pnp_point *points, int point_count, double fx,
                      double fy, const struct shutter_motion *motion, const struct pose *camera_from_world,
                      double information[36]);
 
 // Makes what the evidence says of the camera's speed what is expected of it.
-void fit_expect(const struct fit_tag *tags, int count, const struct fit_point *points, int point_count, double fx,
-                double fy, struct shutter_motion *motion, const struct pose *camera_from_world);
+void pnp_update_velocity_prior(const struct pnp_tag *tags, int count, const struct pnp_point *points, int point_count,
+                               double fx, double fy, struct shutter_motion *motion,
+                               const struct pose *camera_from_world);
 
 // Reprojection error of one tag; 1e9 behind the camera or from its back.
-double fit_tag_rms(const struct fit_tag *tag, const struct shutter_motion *motion, const struct pose *camera_from_world,
+double pnp_tag_rms(const struct pnp_tag *tag, const struct shutter_motion *motion, const struct pose *camera_from_world,
                    double fx, double fy);
 
 // The robust cost of one tag, corners (with extra_px) and depth.
-double fit_tag_cost(const struct fit_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
+double pnp_tag_cost(const struct pnp_tag *tag, const struct pose *camera_from_world, double extra_px, double fx,
                     double fy);
 
 // Reprojection error of a point in its standard deviations; 1e9 behind the camera.
-double fit_point_error(const struct fit_point *p, const struct shutter_motion *motion,
+double pnp_point_error(const struct pnp_point *p, const struct shutter_motion *motion,
                        const struct pose *camera_from_world, double fx, double fy);

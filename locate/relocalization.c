@@ -3,16 +3,16 @@
 #include <string.h>
 
 enum {
-    MOST_BITS = 70, // of 256 that may differ between point and feature
-    CLEARLY = 85,   // percent: the best must differ by less than this share of the second best
-    MOST_ROUNDS = 2000,
+    MAX_BITS = 70,          // of 256 that may differ between point and feature
+    MAX_RATIO_PERCENT = 85, // percent: the best must differ by less than this share of the second best
+    MAX_ROUNDS = 2000,
     // Wrong matches agree with a wrong pose by chance: of 300, each in 10000 pixels
     // of a picture 30 times that, three or four do.
-    LEAST_AGREEING = 10,
+    MIN_INLIERS = 10,
 };
-static const double SAME_M = 0.05;   // points nearer than this are one corner mapped twice
-static const double AGREE_SIGMA = 5; // 3 pixels at full size
-static const double SURE = 1e-3;     // chance of never having drawn three good matches
+static const double SAME_M = 0.05;    // points nearer than this are one corner mapped twice
+static const double INLIER_SIGMA = 5; // 3 pixels at full size
+static const double SURE = 1e-3;      // chance of never having drawn three good matches
 
 // ---------------------------------------------------------------- three points
 
@@ -27,17 +27,17 @@ static double polynomial(const double *c, int degree, double x)
 // The real roots in [low, high], ascending: between those of the derivative, by halving.
 static int roots(const double *c, int degree, double low, double high, double *out)
 {
-    double slope[4], turn[6];
-    int turns = 0, count = 0;
+    double slope[4], extrema[6];
+    int intervals = 0, count = 0;
     if (degree < 1)
         return 0;
     for (int i = 0; i < degree; i++)
         slope[i] = (i + 1) * c[i + 1];
-    turn[0] = low;
-    turns = 1 + roots(slope, degree - 1, low, high, turn + 1);
-    turn[turns] = high;
-    for (int i = 0; i < turns; i++) {
-        double a = turn[i], b = turn[i + 1], at_a = polynomial(c, degree, a), at_b = polynomial(c, degree, b);
+    extrema[0] = low;
+    intervals = 1 + roots(slope, degree - 1, low, high, extrema + 1);
+    extrema[intervals] = high;
+    for (int i = 0; i < intervals; i++) {
+        double a = extrema[i], b = extrema[i + 1], at_a = polynomial(c, degree, a), at_b = polynomial(c, degree, b);
         if (!(at_a * at_b <= 0) || a == b)
             continue;
         for (int k = 0; k < 50; k++) {
@@ -84,7 +84,7 @@ static bool superpose(const struct vec3 world[3], const struct vec3 camera[3], s
 // The poses that put three points onto three rays (unit length, camera axes).
 // Writes up to four and returns how many; 0 for points in a line or numbers that
 // are not finite. Grunert's equation as in Haralick et al., IJCV 1994.
-static int three_point_poses(const struct vec3 world[3], const struct vec3 ray[3], struct pose camera_from_world[4])
+static int p3p_poses(const struct vec3 world[3], const struct vec3 ray[3], struct pose camera_from_world[4])
 {
     struct vec3 ab = v3_sub(world[1], world[0]), ac = v3_sub(world[2], world[0]), bc = v3_sub(world[2], world[1]);
     double a2 = v3_dot(bc, bc), b2 = v3_dot(ac, ac), c2 = v3_dot(ab, ab);
@@ -136,15 +136,15 @@ static int32_t best_point(const struct place_point *points, int32_t point_count,
             second = d;
         }
     }
-    return *bits <= MOST_BITS && *bits * 100 < CLEARLY * second ? best : -1;
+    return *bits <= MAX_BITS && *bits * 100 < MAX_RATIO_PERCENT * second ? best : -1;
 }
 
-int relocate_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                   struct point_match *out, int capacity)
+int relocalize_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                     struct landmark_match *out, int capacity)
 {
     int bits[FEATURES_MAX], at[257 + 1] = {0};
     int32_t which[FEATURES_MAX];
-    struct point_match sorted[FEATURES_MAX];
+    struct landmark_match sorted[FEATURES_MAX];
     for (int i = 0; i < index->count; i++) {
         which[i] = best_point(points, point_count, &index->features[i], &bits[i]);
         if (which[i] >= 0)
@@ -155,7 +155,7 @@ int relocate_match(const struct place_point *points, int32_t point_count, const 
     int all = at[257], count = 0;
     for (int i = 0; i < index->count; i++)
         if (which[i] >= 0)
-            sorted[at[bits[i]]++] = (struct point_match){which[i], i};
+            sorted[at[bits[i]]++] = (struct landmark_match){which[i], i};
     for (int i = 0; i < all && count < capacity; i++) {
         bool taken = false; // by a feature that looks more like it
         for (int k = 0; k < count && !taken; k++)
@@ -168,36 +168,36 @@ int relocate_match(const struct place_point *points, int32_t point_count, const 
 
 // ---------------------------------------------------------------- agreement
 
-static uint32_t draw(uint64_t *state, uint32_t below)
+static uint32_t draw_random(uint64_t *state, uint32_t below)
 {
     *state = *state * 6364136223846793005u + 1442695040888963407u;
     return (uint32_t)((*state >> 33) % below);
 }
 
-static int agreeing(const struct fit_point *seen, int count, const struct shutter_motion *motion,
-                    const struct pose *pose, const struct lens *lens, int to_beat)
+static int count_inliers(const struct pnp_point *seen, int count, const struct shutter_motion *motion,
+                         const struct pose *pose, const struct lens *lens, int to_beat)
 {
     int agree = 0;
     for (int i = 0; i < count && agree + count - i > to_beat; i++)
-        agree += fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < AGREE_SIGMA;
+        agree += pnp_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < INLIER_SIGMA;
     return agree;
 }
 
 // Fits to those that agree, twice, since a better pose has more that do.
-static int improve(const struct fit_point *seen, int count, const struct lens *lens, struct shutter_motion *motion,
-                   struct pose *pose)
+static int refine_inliers(const struct pnp_point *seen, int count, const struct lens *lens,
+                          struct shutter_motion *motion, struct pose *pose)
 {
-    struct fit_point good[FEATURES_MAX];
+    struct pnp_point good[FEATURES_MAX];
     int agree = 0;
     for (int round = 0; round < 2; round++) {
         int n = 0;
         for (int i = 0; i < count; i++)
-            if (fit_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 2 * AGREE_SIGMA)
+            if (pnp_point_error(&seen[i], motion, pose, lens->fx, lens->fy) < 2 * INLIER_SIGMA)
                 good[n++] = seen[i];
         struct pose better = *pose;
-        struct shutter_motion moving = motion ? *motion : shutter_unknown(), *with = motion ? &moving : NULL;
-        fit_refine(NULL, 0, 0, good, n, 0, lens->fx, lens->fy, with, &better);
-        int now = agreeing(seen, count, with, &better, lens, 0);
+        struct shutter_motion moving = motion ? *motion : shutter_motion_unknown(), *with = motion ? &moving : NULL;
+        pnp_refine(NULL, 0, 0, good, n, 0, lens->fx, lens->fy, with, &better);
+        int now = count_inliers(seen, count, with, &better, lens, 0);
         if (now < agree)
             break;
         agree = now;
@@ -208,39 +208,40 @@ static int improve(const struct fit_point *seen, int count, const struct lens *l
     return agree;
 }
 
-bool relocate(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
-              const struct point_match *matches, int count, struct shutter_motion *motion,
-              struct pose *camera_from_world, int *agree)
+bool relocalize(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
+                const struct landmark_match *matches, int count, struct shutter_motion *motion,
+                struct pose *camera_from_world, int *agree)
 {
-    struct fit_point seen[FEATURES_MAX];
+    struct pnp_point seen[FEATURES_MAX];
     struct vec3 ray[FEATURES_MAX];
     struct pose best = POSE_IDENTITY;
-    uint64_t dice = 1;
+    uint64_t random_state = 1;
     int most = 0;
-    double rounds = MOST_ROUNDS;
-    if (count < LEAST_AGREEING)
+    double rounds = MAX_ROUNDS;
+    if (count < MIN_INLIERS)
         return false;
     for (int i = 0; i < count; i++) {
         const struct feature *f = &index->features[matches[i].feature];
         struct vec3 r = lens_ray(lens, f->at);
-        seen[i] = (struct fit_point){.world = points[matches[i].point].world,
+        seen[i] = (struct pnp_point){.world = points[matches[i].point].world,
                                      .x = r.x,
                                      .y = r.y,
                                      .sigma_px = feature_sigma(f),
-                                     .time_s = shutter_time(lens, f->at.y)};
+                                     .time_s = shutter_row_time(lens, f->at.y)};
         ray[i] = v3_unit(r);
     }
     for (int round = 0; round < rounds; round++) {
         // The better half of the matches at first, then more and more.
-        uint32_t among = (uint32_t)fmin(count, fmax(LEAST_AGREEING, count * (0.3 + round / 300.0)));
-        uint32_t i = draw(&dice, among), k = draw(&dice, among), m = draw(&dice, among);
+        uint32_t among = (uint32_t)fmin(count, fmax(MIN_INLIERS, count * (0.3 + round / 300.0)));
+        uint32_t i = draw_random(&random_state, among), k = draw_random(&random_state, among),
+                 m = draw_random(&random_state, among);
         if (i == k || k == m || i == m)
             continue;
         struct pose poses[4];
-        int n = three_point_poses((struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
-                                  (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
+        int n = p3p_poses((struct vec3[]){seen[i].world, seen[k].world, seen[m].world},
+                          (struct vec3[]){ray[i], ray[k], ray[m]}, poses);
         for (int p = 0; p < n; p++) {
-            int now = agreeing(seen, count, motion, &poses[p], lens, most);
+            int now = count_inliers(seen, count, motion, &poses[p], lens, most);
             if (now > most) {
                 most = now;
                 best = poses[p];
@@ -249,10 +250,10 @@ bool relocate(const struct place_point *points, const struct feature_index *inde
             }
         }
     }
-    if (most < LEAST_AGREEING / 2)
+    if (most < MIN_INLIERS / 2)
         return false;
-    most = improve(seen, count, lens, motion, &best);
-    if (most < LEAST_AGREEING || !pose_finite(best))
+    most = refine_inliers(seen, count, lens, motion, &best);
+    if (most < MIN_INLIERS || !pose_finite(best))
         return false;
     *camera_from_world = best;
     *agree = most;

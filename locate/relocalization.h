@@ -6,12 +6,12 @@
 
 // The feature that shows each point, over the whole picture; only where it is clearly
 // the best and each is the other's best. Best first. Returns how many.
-int relocate_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
-                   struct point_match *out, int capacity);
+int relocalize_match(const struct place_point *points, int32_t point_count, const struct feature_index *index,
+                     struct landmark_match *out, int capacity);
 
-// The pose most matches agree with, to about a pixel; a first idea for points_refine.
+// The pose most matches agree with, to about a pixel; a first idea for landmarks_refine_pose.
 // motion: of a rolling shutter, or NULL. agree: out, how many. False, nothing written: too few agree for it to be no
 // chance.
-bool relocate(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
-              const struct point_match *matches, int count, struct shutter_motion *motion,
-              struct pose *camera_from_world, int *agree);
+bool relocalize(const struct place_point *points, const struct feature_index *index, const struct lens *lens,
+                const struct landmark_match *matches, int count, struct shutter_motion *motion,
+                struct pose *camera_from_world, int *agree);

@@ -15,16 +15,16 @@ struct shutter_motion {
 };
 
 // As a hand may move a camera of which nothing is known: 1 rad/s and 1 m/s, standard deviations.
-struct shutter_motion shutter_unknown(void);
+struct shutter_motion shutter_motion_unknown(void);
 // covariance: 6 x 6, positive definite; of `speed`. What is not finite or no camera's speed is not known.
-struct shutter_motion shutter_expected(const double speed[6], const double covariance[36]);
+struct shutter_motion shutter_motion_prior(const double speed[6], const double covariance[36]);
 
 // When a row is read, seconds after the middle one. 0 where all rows are read at once.
-double shutter_time(const struct lens *lens, double row);
+double shutter_row_time(const struct lens *lens, double row);
 
 // Where a point is for the camera at `time_s`, that is at `p` for it when the middle row is read (camera
 // axes both). motion NULL: at p.
-struct vec3 shutter_moved(const struct shutter_motion *motion, double time_s, struct vec3 p);
+struct vec3 shutter_apply_motion(const struct shutter_motion *motion, double time_s, struct vec3 p);
 
 // Where that point appears: in the row that is read when it is there. motion NULL: lens_project.
 struct pixel shutter_project(const struct lens *lens, const struct shutter_motion *motion, struct vec3 p);

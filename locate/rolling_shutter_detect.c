@@ -10,38 +10,38 @@
 static const double LIKELY_READOUT_S = 0.03;
 // Three tags say more numbers than a pose and a speed have; then what is left of each costs no more than twice what
 // chance makes of its eight. A tag that was hung elsewhere does not come to fit by a camera's motion.
-enum { LEAST_TAGS = 3 };
-static const double MOST_COST = 15;
+enum { MIN_TAGS = 3 };
+static const double MAX_TAG_COST = 15;
 // Through a lens less sure than this tags contradict each other because of it.
 static const double SURE_FOCAL_SIGMA = 0.01;
 
-bool locator_notice_shutter(struct locator *l, const struct fit_tag *tags, const struct camera_fit *found)
+bool locator_detect_rolling_shutter(struct locator *l, const struct pnp_tag *tags, const struct pnp_solution *found)
 {
-    struct sighting seen[FIT_MAX_TAGS];
-    struct fit_tag again[FIT_MAX_TAGS];
-    struct shutter_motion unknown = shutter_unknown();
+    struct tag_observation seen[PNP_MAX_TAGS];
+    struct pnp_tag retimed[PNP_MAX_TAGS];
+    struct shutter_motion unknown = shutter_motion_unknown();
     struct lens rolling = l->lens;
-    struct refiner *refiner;
-    struct camera_fit fit;
-    if (l->motion || l->count < LEAST_TAGS || (found && found->used == l->count) ||
+    struct tag_refiner *refiner;
+    struct pnp_solution fit;
+    if (l->motion || l->count < MIN_TAGS || (found && found->used == l->count) ||
         l->lens.focal_sigma > SURE_FOCAL_SIGMA)
         return false;
     rolling.readout_s = LIKELY_READOUT_S;
     for (int i = 0; i < l->count; i++) {
-        again[i] = tags[i];
-        again[i].seen = &seen[i];
-        seen[i] = l->sightings[i];
+        retimed[i] = tags[i];
+        retimed[i].seen = &seen[i];
+        seen[i] = l->observations[i];
         for (int k = 0; k < 4; k++)
-            seen[i].time_s[k] = shutter_time(&rolling, lens_project(&rolling, seen[i].ray[k]).y);
+            seen[i].time_s[k] = shutter_row_time(&rolling, lens_project(&rolling, seen[i].ray[k]).y);
     }
-    if (fit_camera(again, l->count, rolling.fx, rolling.fy, l->options.max_rms_px, &unknown, &fit) == NOTHING ||
-        fit.used < l->count || fit.cost > MOST_COST * fit.used || refiner_open(&refiner, &rolling) != OK)
+    if (pnp_solve(retimed, l->count, rolling.fx, rolling.fy, l->options.max_rms_px, &unknown, &fit) == NOTHING ||
+        fit.used < l->count || fit.cost > MAX_TAG_COST * fit.used || tag_refiner_open(&refiner, &rolling) != OK)
         return false;
-    refiner_close(&l->refiner);
+    tag_refiner_close(&l->refiner);
     l->refiner = refiner;
     l->lens = rolling;
-    l->motion = &l->moving;
-    l->moving = unknown;
-    memcpy(l->sightings, seen, sizeof *seen * (size_t)l->count);
+    l->motion = &l->frame_motion;
+    l->frame_motion = unknown;
+    memcpy(l->observations, seen, sizeof *seen * (size_t)l->count);
     return true;
 }

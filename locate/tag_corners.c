@@ -9,64 +9,64 @@
 
 enum {
     RIM = TAG_CELLS + 2, // the cells with the white rim around
-    TURN = 8,            // numbers of the homography's change
+    HOMOGRAPHY_SIZE = 8, // numbers of the homography's change
     PARAMETERS = 13,     // those, blur, white, black, white's slope in u and v
     MAX_SAMPLES = 12000, // of one tag; larger ones are read at every second, third ... pixel
     MAX_ROUNDS = 12,
     FEW_ROUNDS = 2,  // from corners known to a pixel; more change them by less than the noise does
     NOISE_ROUND = 1, // in which the picture's noise is estimated: the first one has no say in it
     SLOPES = 1024,
-    BELL_STEPS = 1024, // of the table of the normal distribution, over +- BELL_REACH
+    GAUSSIAN_STEPS = 1024, // of the table of the normal distribution, over +- GAUSSIAN_REACH
 };
 
 // Everything below is in the tag's own (u, v): -1 .. 1 over the black square, v up.
 static const double CELL = 2.0 / TAG_CELLS;
-static const double BLUR_START_PX = 0.45, BLUR_LOOSE_PX = 0.3, BLUR_LEAST_PX = 0.1, BLUR_MOST_PX = 3;
-static const double LEAST_LIKENESS = 0.5, LEAST_CONTRAST = 0.02;
-static const double SETTLED = 5e-4; // a step in (u, v); what is left after it is ten times less
+static const double BLUR_START_PX = 0.45, BLUR_LOOSE_PX = 0.3, BLUR_MIN_PX = 0.1, BLUR_MAX_PX = 3;
+static const double MIN_CORRELATION = 0.5, MIN_CONTRAST = 0.02;
+static const double CONVERGED = 5e-4; // a step in (u, v); what is left after it is ten times less
 // What the model does not know (JPEG, the lens's own sharpness, print) is not in
 // the picture's noise. 0.006 of full range is 1.5 grey levels.
-static const double LEAST_NOISE = 0.006, START_NOISE = 0.1;
+static const double MIN_NOISE = 0.006, START_NOISE = 0.1;
 // What the model of light and edges itself is off by, of each coordinate.
 static const double CORNER_FLOOR_PX = 0.001;
 
-struct sample {
+struct pixel_sample {
     double x, y;  // on the plane z = 1
     double value; // linear light, 0..1
 };
 
 // The standard normal distribution at one place.
-struct bell {
+struct gaussian_value {
     double integral; // of `below`, from minus infinity
     double below;    // the distribution function
     double density;
 };
-static const double BELL_REACH = 4;
+static const double GAUSSIAN_REACH = 4;
 // Multiples of it, without their whole part, are spread evenly over 0 .. 1.
 static const double GOLDEN = 0.6180339887498949;
 
-struct refiner {
+struct tag_refiner {
     struct lens lens;
     double pixel_x, pixel_y; // a pixel's sides on the plane z = 1
     float *ray;              // of each pixel on the plane z = 1, distortion undone: x, y
-    struct bell bell[BELL_STEPS + 1];
+    struct gaussian_value gaussian[GAUSSIAN_STEPS + 1];
     double linear[256];       // sRGB to linear light
     double slope[SLOPES + 1]; // of the encoding, over linear light 0..1
-    struct sample samples[MAX_SAMPLES];
+    struct pixel_sample samples[MAX_SAMPLES];
     int count;
 };
 
 // What is fitted. h: (u, v) to the plane z = 1.
-struct model {
+struct tag_model {
     double h[9];
     double blur_px, white, black, white_u, white_v;
     double cells[RIM][RIM]; // row 0 at the bottom
 };
 
-enum status refiner_open(struct refiner **out, const struct lens *lens)
+enum status tag_refiner_open(struct tag_refiner **out, const struct lens *lens)
 {
     *out = NULL;
-    struct refiner *r = calloc(1, sizeof *r);
+    struct tag_refiner *r = calloc(1, sizeof *r);
     if (!r)
         return fail(ERR_MEMORY, "no memory to refine tag corners");
     r->lens = *lens;
@@ -74,7 +74,7 @@ enum status refiner_open(struct refiner **out, const struct lens *lens)
     r->pixel_y = 1 / lens->fy;
     r->ray = malloc((size_t)lens->width * (size_t)lens->height * 2 * sizeof *r->ray);
     if (!r->ray) {
-        refiner_close(&r);
+        tag_refiner_close(&r);
         return fail(ERR_MEMORY, "no memory to refine tag corners");
     }
     for (int y = 0, i = 0; y < lens->height; y++) {
@@ -92,16 +92,16 @@ enum status refiner_open(struct refiner **out, const struct lens *lens)
         double v = (double)i / SLOPES;
         r->slope[i] = v <= 0.0031308 ? 12.92 : 1.055 / 2.4 * pow(v, 1 / 2.4 - 1);
     }
-    for (int i = 0; i <= BELL_STEPS; i++) {
-        double x = BELL_REACH * (2.0 * i / BELL_STEPS - 1);
+    for (int i = 0; i <= GAUSSIAN_STEPS; i++) {
+        double x = GAUSSIAN_REACH * (2.0 * i / GAUSSIAN_STEPS - 1);
         double density = exp(-x * x / 2) * 0.3989422804014327, below = 0.5 * erfc(-x * 0.7071067811865476);
-        r->bell[i] = (struct bell){x * below + density, below, density};
+        r->gaussian[i] = (struct gaussian_value){x * below + density, below, density};
     }
     *out = r;
     return OK;
 }
 
-void refiner_close(struct refiner **r)
+void tag_refiner_close(struct tag_refiner **r)
 {
     if (*r)
         free((*r)->ray);
@@ -131,7 +131,7 @@ static void apply(const double h[9], double u, double v, double *x, double *y)
 }
 
 // Reads the pixels of the tag and most of its white rim.
-static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], int most)
+static void sample_pixels(struct tag_refiner *r, const uint8_t *rgb, const double h[9], int most)
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
     const struct lens *lens = &r->lens;
@@ -165,7 +165,7 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], in
                 continue;
             const uint8_t *p = rgb + pixel * 3;
             double light = 0.2126 * r->linear[p[0]] + 0.7152 * r->linear[p[1]] + 0.0722 * r->linear[p[2]];
-            r->samples[r->count++] = (struct sample){(double)ray[0], (double)ray[1], light};
+            r->samples[r->count++] = (struct pixel_sample){(double)ray[0], (double)ray[1], light};
         }
     }
 }
@@ -174,44 +174,44 @@ static void collect(struct refiner *r, const uint8_t *rgb, const double h[9], in
 // edge the square is two even windows, as wide as the normal's two components: the
 // wider one is kept exactly, since edges along the rows or columns would come out
 // wrong by a fifth of a pixel, the narrower one is counted to the blur.
-struct window {
+struct edge_window {
     double width;      // of the even window, cells
     double blur;       // standard deviation of the rest, cells
     double blur_by_px; // its derivative by the lens's blur in pixels
 };
 
-static struct window window_of(double by_x, double by_y, double blur_px)
+static struct edge_window edge_window_of(double by_x, double by_y, double blur_px)
 {
     double wide = fabs(by_x), narrow = fabs(by_y), blurred = blur_px * (by_x * by_x + by_y * by_y);
     if (wide < narrow)
         wide = fabs(by_y), narrow = fabs(by_x);
     double blur = sqrt(blur_px * blurred + narrow * narrow / 12);
-    return (struct window){wide / CELL, blur / CELL, blurred / blur / CELL};
+    return (struct edge_window){wide / CELL, blur / CELL, blurred / blur / CELL};
 }
 
 // How much of each cell along one axis the point at `a` (in cells, 0..RIM) sees,
 // with derivatives by a and by the lens's blur. Cells first .. first + count - 1.
-struct axis {
+struct axis_response {
     int first, count;
     double share[RIM], by_a[RIM], by_blur[RIM];
 };
 
 // Interpolated, to a millionth.
-static struct bell bell_at(const struct refiner *r, double x)
+static struct gaussian_value gaussian_at(const struct tag_refiner *r, double x)
 {
-    if (x <= -BELL_REACH)
-        return (struct bell){0, 0, 0};
-    if (x >= BELL_REACH)
-        return (struct bell){x, 1, 0};
-    double at = (x + BELL_REACH) * (BELL_STEPS / (2 * BELL_REACH));
+    if (x <= -GAUSSIAN_REACH)
+        return (struct gaussian_value){0, 0, 0};
+    if (x >= GAUSSIAN_REACH)
+        return (struct gaussian_value){x, 1, 0};
+    double at = (x + GAUSSIAN_REACH) * (GAUSSIAN_STEPS / (2 * GAUSSIAN_REACH));
     int i = (int)at;
     double t = at - i;
-    const struct bell *b = &r->bell[i], *c = b + 1;
-    return (struct bell){b->integral + t * (c->integral - b->integral), b->below + t * (c->below - b->below),
-                         b->density + t * (c->density - b->density)};
+    const struct gaussian_value *b = &r->gaussian[i], *c = b + 1;
+    return (struct gaussian_value){b->integral + t * (c->integral - b->integral), b->below + t * (c->below - b->below),
+                                   b->density + t * (c->density - b->density)};
 }
 
-static void look_along(const struct refiner *r, double a, const struct window *w, struct axis *out)
+static void respond_along(const struct tag_refiner *r, double a, const struct edge_window *w, struct axis_response *out)
 {
     double reach = w->width / 2 + 3 * w->blur;
     int first = (int)floor(a - reach), last = (int)floor(a + reach);
@@ -224,8 +224,8 @@ static void look_along(const struct refiner *r, double a, const struct window *w
     for (int i = first; i <= last; i++) {
         double above = 1, above_a = 0, above_blur = 0;
         if (i < last) {
-            struct bell p = bell_at(r, (i + 1 - a + half) * sharp);
-            struct bell m = bell_at(r, (i + 1 - a - half) * sharp);
+            struct gaussian_value p = gaussian_at(r, (i + 1 - a + half) * sharp);
+            struct gaussian_value m = gaussian_at(r, (i + 1 - a - half) * sharp);
             above = (p.integral - m.integral) * w->blur * narrow;
             above_a = (m.below - p.below) * narrow;
             above_blur = (p.density - m.density) * narrow * w->blur_by_px;
@@ -238,20 +238,20 @@ static void look_along(const struct refiner *r, double a, const struct window *w
 }
 
 // The share of white at (u, v): value, and derivatives by u, v and the blur in pixels.
-struct shade {
+struct white_response {
     double white, by_u, by_v, by_blur;
 };
 
 // together: the covariance of what a pixel sees along the two axes, cells^2, which the product of the two
 // leaves out: where they are not at right angles in the picture, the corners of cells would come out wrong and
 // a tag's by a hundredth of a pixel. To first order (Price 1958).
-static struct shade look(const struct refiner *r, const struct model *m, double u, double v, const struct window *wu,
-                         const struct window *wv, double together)
+static struct white_response render_white(const struct tag_refiner *r, const struct tag_model *m, double u, double v,
+                                          const struct edge_window *wu, const struct edge_window *wv, double together)
 {
-    struct axis across, up;
-    look_along(r, (u + 1) / CELL + 1, wu, &across);
-    look_along(r, (v + 1) / CELL + 1, wv, &up);
-    struct shade s = {0};
+    struct axis_response across, up;
+    respond_along(r, (u + 1) / CELL + 1, wu, &across);
+    respond_along(r, (v + 1) / CELL + 1, wv, &up);
+    struct white_response s = {0};
     for (int j = 0; j < up.count; j++) {
         double row = 0, row_a = 0, row_blur = 0;
         for (int i = 0; i < across.count; i++) {
@@ -271,7 +271,7 @@ static struct shade look(const struct refiner *r, const struct model *m, double 
 }
 
 // What one pass over the samples gathers.
-struct gathered {
+struct refine_equations {
     double normal[PARAMETERS * PARAMETERS]; // lower triangle
     double gradient[PARAMETERS];
     double cost, weight; // weighted squared error, in encoded light; sum of the weights
@@ -280,8 +280,8 @@ struct gathered {
 };
 
 // One sample's prediction and its derivatives. False: outside the tag's white rim.
-static bool predict(const struct refiner *r, const struct model *m, const double inverse[9], const struct sample *s,
-                    double *value, double by[PARAMETERS])
+static bool predict_sample(const struct tag_refiner *r, const struct tag_model *m, const double inverse[9],
+                           const struct pixel_sample *s, double *value, double by[PARAMETERS])
 {
     double w = 1 / (inverse[6] * s->x + inverse[7] * s->y + inverse[8]);
     double u = (inverse[0] * s->x + inverse[1] * s->y + inverse[2]) * w;
@@ -291,9 +291,9 @@ static bool predict(const struct refiner *r, const struct model *m, const double
     double w_x = w * r->pixel_x, w_y = w * r->pixel_y;
     double u_x = (inverse[0] - u * inverse[6]) * w_x, u_y = (inverse[1] - u * inverse[7]) * w_y;
     double v_x = (inverse[3] - v * inverse[6]) * w_x, v_y = (inverse[4] - v * inverse[7]) * w_y;
-    struct window across = window_of(u_x, u_y, m->blur_px), up = window_of(v_x, v_y, m->blur_px);
+    struct edge_window across = edge_window_of(u_x, u_y, m->blur_px), up = edge_window_of(v_x, v_y, m->blur_px);
     double together = (m->blur_px * m->blur_px + 1.0 / 12) * (u_x * v_x + u_y * v_y) / (CELL * CELL);
-    struct shade shade = look(r, m, u, v, &across, &up, together);
+    struct white_response shade = render_white(r, m, u, v, &across, &up, together);
     double white = m->white + m->white_u * u + m->white_v * v;
     *value = m->black + (white - m->black) * shade.white;
     double by_u = (white - m->black) * shade.by_u + m->white_u * shade.white;
@@ -316,16 +316,16 @@ static bool predict(const struct refiner *r, const struct model *m, const double
 }
 
 // noise: of the picture, encoded; errors beyond three times that lose their weight (Cauchy).
-static void gather(const struct refiner *r, const struct model *m, double noise, struct gathered *g)
+static void accumulate(const struct tag_refiner *r, const struct tag_model *m, double noise, struct refine_equations *g)
 {
     double inverse[9];
     memset(g, 0, sizeof *g);
     if (!invert3(m->h, inverse))
         return;
     for (int i = 0; i < r->count; i++) {
-        const struct sample *s = &r->samples[i];
+        const struct pixel_sample *s = &r->samples[i];
         double value, by[PARAMETERS];
-        if (!predict(r, m, inverse, s, &value, by))
+        if (!predict_sample(r, m, inverse, s, &value, by))
             continue;
         // The camera's noise is even in encoded light, so errors are weighed as the
         // encoding stretches them there.
@@ -358,7 +358,7 @@ static void gather(const struct refiner *r, const struct model *m, double noise,
 
 // Black and white as the first idea of the pattern's place has them. *noise: how much each varies, encoded;
 // more than the picture's noise.
-static bool start_light(const struct refiner *r, struct model *m, double *noise)
+static bool init_black_white(const struct tag_refiner *r, struct tag_model *m, double *noise)
 {
     double inverse[9], sum[2] = {0}, sum2[2] = {0}, weight[2] = {0};
     if (!invert3(m->h, inverse))
@@ -367,7 +367,7 @@ static bool start_light(const struct refiner *r, struct model *m, double *noise)
     m->black = m->white_u = m->white_v = 0;
     for (int i = 0; i < r->count; i++) {
         double value, by[PARAMETERS];
-        if (!predict(r, m, inverse, &r->samples[i], &value, by))
+        if (!predict_sample(r, m, inverse, &r->samples[i], &value, by))
             continue;
         if (value > 0.8 || value < 0.2) {
             sum[value > 0.5] += r->samples[i].value;
@@ -384,11 +384,11 @@ static bool start_light(const struct refiner *r, struct model *m, double *noise)
         double mean = sum[i] / weight[i], stretch = r->slope[(int)(fmin(fmax(mean, 0), 1) * SLOPES)];
         varies += (sum2[i] - sum[i] * mean) * stretch * stretch;
     }
-    *noise = fmin(fmax(sqrt(fmax(varies, 0) / (weight[0] + weight[1])), LEAST_NOISE), START_NOISE);
-    return m->white - m->black > LEAST_CONTRAST;
+    *noise = fmin(fmax(sqrt(fmax(varies, 0) / (weight[0] + weight[1])), MIN_NOISE), START_NOISE);
+    return m->white - m->black > MIN_CONTRAST;
 }
 
-static bool change(struct model *m, const double d[PARAMETERS])
+static bool apply_update(struct tag_model *m, const double d[PARAMETERS])
 {
     double h[9];
     const double turn[9] = {1 + d[0], d[1], d[2], d[3], 1 + d[4], d[5], d[6], d[7], 1};
@@ -403,7 +403,7 @@ static bool change(struct model *m, const double d[PARAMETERS])
         if (!isfinite(m->h[i]))
             return false;
     }
-    m->blur_px = fmin(fmax(m->blur_px + d[8], BLUR_LEAST_PX), BLUR_MOST_PX);
+    m->blur_px = fmin(fmax(m->blur_px + d[8], BLUR_MIN_PX), BLUR_MAX_PX);
     m->white += d[9];
     m->black += d[10];
     m->white_u += d[11];
@@ -413,19 +413,20 @@ static bool change(struct model *m, const double d[PARAMETERS])
 
 // Gauss-Newton with Marquardt's damping. Leaves `g` at the model's last state. few: corners are known to a
 // pixel, *noise roughly.
-static bool descend(const struct refiner *r, struct model *m, bool few, struct gathered *g, double *noise)
+static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few, struct refine_equations *g,
+                     double *noise)
 {
     double damping = 1e-4;
     int most_rounds = few ? FEW_ROUNDS : MAX_ROUNDS;
     if (!few)
         *noise = START_NOISE;
-    gather(r, m, *noise, g);
+    accumulate(r, m, *noise, g);
     for (int round = 0; round < most_rounds; round++) {
         if (g->count < 40)
             return false;
         if (round == NOISE_ROUND && !few) {
-            *noise = fmax(LEAST_NOISE, sqrt(g->cost / fmax(1, g->weight - PARAMETERS)));
-            gather(r, m, *noise, g);
+            *noise = fmax(MIN_NOISE, sqrt(g->cost / fmax(1, g->weight - PARAMETERS)));
+            accumulate(r, m, *noise, g);
         }
         double a[PARAMETERS * PARAMETERS], d[PARAMETERS];
         memcpy(a, g->normal, sizeof a);
@@ -435,11 +436,11 @@ static bool descend(const struct refiner *r, struct model *m, bool few, struct g
         if (!cholesky(a, PARAMETERS))
             return false;
         cholesky_solve(a, PARAMETERS, d);
-        struct model next = *m;
-        struct gathered after;
-        if (!change(&next, d))
+        struct tag_model next = *m;
+        struct refine_equations after;
+        if (!apply_update(&next, d))
             return false;
-        gather(r, &next, *noise, &after);
+        accumulate(r, &next, *noise, &after);
         double before = g->cost / g->weight, now = after.cost / after.weight;
         if (!(after.count >= 40) || !(now < before)) {
             damping = fmax(damping, 1e-3) * 10;
@@ -451,9 +452,9 @@ static bool descend(const struct refiner *r, struct model *m, bool few, struct g
         *g = after;
         damping *= 0.1;
         double largest = 0;
-        for (int i = 0; i < TURN; i++)
+        for (int i = 0; i < HOMOGRAPHY_SIZE; i++)
             largest = fmax(largest, fabs(d[i]));
-        if (round >= NOISE_ROUND && largest < SETTLED && before - now < 1e-4 * before)
+        if (round >= NOISE_ROUND && largest < CONVERGED && before - now < 1e-4 * before)
             return true;
     }
     return true;
@@ -461,7 +462,8 @@ static bool descend(const struct refiner *r, struct model *m, bool few, struct g
 
 // How many times larger the fit's covariance is than even noise would make it: what the model does not know, a lens, a
 // codec, makes pixels of one cell err together (clustered errors, Liang and Zeger 1986). At least 1.
-static double err_together(const struct refiner *r, const struct model *m, const struct gathered *g, double noise)
+static double error_inflation(const struct tag_refiner *r, const struct tag_model *m, const struct refine_equations *g,
+                              double noise)
 {
     double inverse[9], covariance[PARAMETERS * PARAMETERS], normal[PARAMETERS * PARAMETERS], ratio = 0;
     static const double MARGIN = (double)RIM / (RIM - PARAMETERS / (double)RIM); // the fit has taken its part
@@ -473,9 +475,9 @@ static double err_together(const struct refiner *r, const struct model *m, const
     if (!invert3(m->h, inverse) || !invert_symmetric(normal, PARAMETERS, covariance))
         return 1;
     for (int i = 0; i < r->count; i++) {
-        const struct sample *s = &r->samples[i];
+        const struct pixel_sample *s = &r->samples[i];
         double value, by[PARAMETERS], u, v;
-        if (!predict(r, m, inverse, s, &value, by))
+        if (!predict_sample(r, m, inverse, s, &value, by))
             continue;
         apply(inverse, s->x, s->y, &u, &v);
         int column = (int)fmin(fmax((u + 1) / CELL + 1, 0), RIM - 1);
@@ -493,11 +495,11 @@ static double err_together(const struct refiner *r, const struct model *m, const
 }
 
 // The corners' covariance in ideal pixels from the fit's, inverted.
-static bool inform(const struct refiner *r, const struct model *m, const struct gathered *g, double noise,
-                   double information[8][8])
+static bool corner_information(const struct tag_refiner *r, const struct tag_model *m, const struct refine_equations *g,
+                               double noise, double information[8][8])
 {
     static const double corner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    double covariance[PARAMETERS * PARAMETERS], by[8][TURN], sum[64];
+    double covariance[PARAMETERS * PARAMETERS], by[8][HOMOGRAPHY_SIZE], sum[64];
     double normal[PARAMETERS * PARAMETERS];
     for (int a = 0; a < PARAMETERS; a++)
         for (int b = 0; b < PARAMETERS; b++)
@@ -510,8 +512,9 @@ static bool inform(const struct refiner *r, const struct model *m, const struct 
         double w = m->h[6] * u + m->h[7] * v + m->h[8];
         double x_u = (m->h[0] - x * m->h[6]) / w, x_v = (m->h[1] - x * m->h[7]) / w;
         double y_u = (m->h[3] - y * m->h[6]) / w, y_v = (m->h[4] - y * m->h[7]) / w;
-        const double du[TURN] = {u, v, 1, 0, 0, 0, -u * u, -u * v}, dv[TURN] = {0, 0, 0, u, v, 1, -u * v, -v * v};
-        for (int i = 0; i < TURN; i++) {
+        const double du[HOMOGRAPHY_SIZE] = {u, v, 1, 0, 0, 0, -u * u, -u * v},
+                     dv[HOMOGRAPHY_SIZE] = {0, 0, 0, u, v, 1, -u * v, -v * v};
+        for (int i = 0; i < HOMOGRAPHY_SIZE; i++) {
             by[2 * k][i] = r->lens.fx * (x_u * du[i] + x_v * dv[i]);
             by[2 * k + 1][i] = r->lens.fy * (y_u * du[i] + y_v * dv[i]);
         }
@@ -519,8 +522,8 @@ static bool inform(const struct refiner *r, const struct model *m, const struct 
     for (int a = 0; a < 8; a++) {
         for (int b = 0; b < 8; b++) {
             double total = a == b ? CORNER_FLOOR_PX * CORNER_FLOOR_PX : 0;
-            for (int i = 0; i < TURN; i++)
-                for (int j = 0; j < TURN; j++)
+            for (int i = 0; i < HOMOGRAPHY_SIZE; i++)
+                for (int j = 0; j < HOMOGRAPHY_SIZE; j++)
                     total += by[a][i] * covariance[i * PARAMETERS + j] * by[b][j] * noise * noise;
             sum[a * 8 + b] = total;
         }
@@ -528,54 +531,54 @@ static bool inform(const struct refiner *r, const struct model *m, const struct 
     return invert_symmetric(sum, 8, &information[0][0]);
 }
 
-bool refine_tag(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
-                const struct pixel corner[4], struct sighting *out)
+bool tag_refine(struct tag_refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
+                const struct pixel corner[4], struct tag_observation *out)
 {
-    return refine_tag_by(r, rgb, id, pattern, corner, MAX_SAMPLES, out);
+    return tag_refine_sampled(r, rgb, id, pattern, corner, MAX_SAMPLES, out);
 }
 
-bool refine_tag_by(struct refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
-                   const struct pixel corner[4], int most_pixels, struct sighting *out)
+bool tag_refine_sampled(struct tag_refiner *r, const uint8_t *rgb, int32_t id, const struct tag_pattern *pattern,
+                        const struct pixel corner[4], int most_pixels, struct tag_observation *out)
 {
     static const double own[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-    struct model m = {.blur_px = BLUR_START_PX};
+    struct tag_model m = {.blur_px = BLUR_START_PX};
     struct vec3 first[4];
     for (int k = 0; k < 4; k++)
         first[k] = lens_ray(&r->lens, corner[k]);
-    if (!square_homography(first, m.h))
+    if (!planar_homography(first, m.h))
         return false;
     for (int row = 0; row < RIM; row++)
         for (int c = 0; c < RIM; c++) {
             bool rim = row == 0 || c == 0 || row == RIM - 1 || c == RIM - 1;
             m.cells[row][c] = rim ? 1 : pattern->cell[TAG_CELLS - row][c - 1];
         }
-    struct gathered g;
+    struct refine_equations g;
     double noise, together = 1;
-    collect(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
-    if (!start_light(r, &m, &noise) || !descend(r, &m, most_pixels < MAX_SAMPLES, &g, &noise))
+    sample_pixels(r, rgb, m.h, most_pixels < MAX_SAMPLES ? most_pixels : MAX_SAMPLES);
+    if (!init_black_white(r, &m, &noise) || !minimize(r, &m, most_pixels < MAX_SAMPLES, &g, &noise))
         return false;
 
     double n = g.count, vm = g.sum_vm - g.sum_v * g.sum_m / n;
     double vv = g.sum_vv - g.sum_v * g.sum_v / n, mm = g.sum_mm - g.sum_m * g.sum_m / n;
-    struct sighting s = {.id = id, .likeness = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
-    if (!(s.likeness > LEAST_LIKENESS) || !(m.white - m.black > LEAST_CONTRAST))
+    struct tag_observation s = {.id = id, .correlation = vv > 0 && mm > 0 && vm > 0 ? vm * vm / (vv * mm) : 0};
+    if (!(s.correlation > MIN_CORRELATION) || !(m.white - m.black > MIN_CONTRAST))
         return false;
-    noise = fmax(LEAST_NOISE, sqrt(g.cost / fmax(1, g.weight - PARAMETERS)));
+    noise = fmax(MIN_NOISE, sqrt(g.cost / fmax(1, g.weight - PARAMETERS)));
     if (most_pixels >= MAX_SAMPLES) // few stand apart
-        together = err_together(r, &m, &g, noise);
-    if (!inform(r, &m, &g, noise * sqrt(together), s.information))
+        together = error_inflation(r, &m, &g, noise);
+    if (!corner_information(r, &m, &g, noise * sqrt(together), s.information))
         return false;
     double cell_px = 1e9, moved_px = 0; // the tag's shortest side / 8, and how far its corners went
     for (int k = 0; k < 4; k++) {
         s.ray[k].z = 1;
         apply(m.h, own[k][0], own[k][1], &s.ray[k].x, &s.ray[k].y);
-        s.time_s[k] = shutter_time(&r->lens, lens_project(&r->lens, s.ray[k]).y);
+        s.time_s[k] = shutter_row_time(&r->lens, lens_project(&r->lens, s.ray[k]).y);
         double dx = (s.ray[k].x - first[k].x) * r->lens.fx, dy = (s.ray[k].y - first[k].y) * r->lens.fy;
         moved_px = fmax(moved_px, sqrt(dx * dx + dy * dy));
         dx = (first[k].x - first[(k + 1) % 4].x) * r->lens.fx, dy = (first[k].y - first[(k + 1) % 4].y) * r->lens.fy;
         cell_px = fmin(cell_px, sqrt(dx * dx + dy * dy) / TAG_CELLS);
     }
-    if (!(moved_px < fmax(1.5, 1.5 * cell_px)) || !square_homography(s.ray, m.h))
+    if (!(moved_px < fmax(1.5, 1.5 * cell_px)) || !planar_homography(s.ray, m.h))
         return false;
     *out = s;
     return true;

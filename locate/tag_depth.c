@@ -6,11 +6,12 @@
 static const double ROBUST = 3;         // standard deviations from where on a reading loses weight
 static const double DEPTH_SHARE = 0.25; // neighbouring depth readings err together, even where the steps are fine
 
-void tag_read_depth(const struct sighting *seen, const struct lens *lens, const uint16_t *depth, struct tag_depth *out)
+void tag_read_depth(const struct tag_observation *seen, const struct lens *lens, const uint16_t *depth,
+                    struct tag_depth *out)
 {
     double h[9];
     out->count = 0;
-    if (!square_homography(seen->ray, h))
+    if (!planar_homography(seen->ray, h))
         return;
     double values[TAG_DEPTH_SAMPLES];
     enum { GRID = 6 };

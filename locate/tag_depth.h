@@ -19,7 +19,8 @@ struct tag_depth {
 // Reads up to TAG_DEPTH_SAMPLES pixels evenly spread inside the tag; zeros and
 // pixels that jump out of the tag's plane are left out.
 // depth: of the same pixels as `lens`.
-void tag_read_depth(const struct sighting *seen, const struct lens *lens, const uint16_t *depth, struct tag_depth *out);
+void tag_read_depth(const struct tag_observation *seen, const struct lens *lens, const uint16_t *depth,
+                    struct tag_depth *out);
 
 // The sensor's noise at a distance: 1.5e-3 z^2 (Khoshelham and Elberink 2012), metres.
 static inline double depth_sigma(double z) { return 1.5e-3 * z * z + 1e-3; }

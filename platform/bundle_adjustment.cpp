@@ -20,7 +20,7 @@ using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Read3 = Eigen::Map<const Vector3>;
 
 // As Ceres wants a derivative. NULL: it wants none.
-template <int Rows> void hand_out(const Eigen::Matrix<double, Rows, 3> &derivative, double *out)
+template <int Rows> void write_jacobian(const Eigen::Matrix<double, Rows, 3> &derivative, double *out)
 {
     for (int i = 0; out && i < 3 * Rows; i++)
         out[i] = derivative(i / 3, i % 3);
@@ -28,7 +28,7 @@ template <int Rows> void hand_out(const Eigen::Matrix<double, Rows, 3> &derivati
 
 // A pose as Ceres moves it: turned upon where it began, and shifted. Two blocks of three numbers and points of three:
 // for errors of three rows Ceres has code of just these sizes, and no block needs a manifold.
-struct moving {
+struct pose_block {
     Matrix3 start;
     double turn[3]; // twice the Gibbs vector: the axis by 2 tan(angle / 2)
     double shift[3];
@@ -42,12 +42,12 @@ Matrix3 cross(const Vector3 &v)
 }
 
 // The same with turn and shift as Ceres hands them over.
-struct placed {
+struct posed {
     Matrix3 rotation;
     Matrix3 spin; // what a change of `turn` turns about, seen from outside
     Vector3 shift;
 
-    placed(const Matrix3 &start, const double *turn, const double *by) : shift(Read3(by))
+    posed(const Matrix3 &start, const double *turn, const double *by) : shift(Read3(by))
     {
         Vector3 g = Read3(turn) / 2;
         double square = g.squaredNorm();
@@ -62,12 +62,12 @@ struct placed {
 
 Eigen::Quaterniond rotation_of(const pose &p) { return {p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z}; }
 
-moving moving_from(const pose &p)
+pose_block pose_block_from(const pose &p)
 {
     return {rotation_of(p).toRotationMatrix(), {0, 0, 0}, {p.translation.x, p.translation.y, p.translation.z}};
 }
 
-pose pose_from(const pose &start, const moving &m)
+pose pose_from(const pose &start, const pose_block &m)
 {
     if (Read3(m.turn).isZero(0)) // what was held stays the same to the bit
         return {start.rotation, {m.shift[0], m.shift[1], m.shift[2]}};
@@ -80,7 +80,7 @@ pose pose_from(const pose &start, const moving &m)
 class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
 {
   public:
-    corner_error(const adjust_corners *c, const moving *of_camera, const moving *of_square, double side_m, double x,
+    corner_error(const ba_corners *c, const pose_block *of_camera, const pose_block *of_square, double side_m, double x,
                  double y)
         : seen(c), camera_start(of_camera), square_start(of_square), half(side_m / 2), fx(x), fy(y)
     {
@@ -89,7 +89,7 @@ class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
     bool Evaluate(double const *const *blocks, double *residual, double **by) const override
     {
         using Rows = Eigen::Matrix<double, 8, 3>;
-        const placed camera(camera_start->start, blocks[0], blocks[1]),
+        const posed camera(camera_start->start, blocks[0], blocks[1]),
             square(square_start->start, blocks[2], blocks[3]);
         Eigen::Matrix<double, 8, 1> e;
         Rows by_block[4];
@@ -114,13 +114,13 @@ class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
         Eigen::Map<Eigen::Matrix<double, 8, 1>> out(residual);
         out = whiten * e;
         for (int b = 0; by && b < 4; b++)
-            hand_out<8>(whiten * by_block[b], by[b]);
+            write_jacobian<8>(whiten * by_block[b], by[b]);
         return true;
     }
 
   private:
-    const adjust_corners *seen;
-    const moving *camera_start, *square_start;
+    const ba_corners *seen;
+    const pose_block *camera_start, *square_start;
     double half, fx, fy;
 };
 
@@ -128,14 +128,14 @@ class corner_error : public ceres::SizedCostFunction<8, 3, 3, 3, 3>
 class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
 {
   public:
-    plane_error(const adjust_plane_depth *d, const moving *of_camera, const moving *of_square)
+    plane_error(const ba_plane_depth *d, const pose_block *of_camera, const pose_block *of_square)
         : seen(d), camera_start(of_camera), square_start(of_square)
     {
     }
 
     bool Evaluate(double const *const *blocks, double *residual, double **by) const override
     {
-        const placed camera(camera_start->start, blocks[0], blocks[1]),
+        const posed camera(camera_start->start, blocks[0], blocks[1]),
             square(square_start->start, blocks[2], blocks[3]);
         const Vector3 ray(seen->x, seen->y, 1), across = square.rotation.col(2), normal = camera.rotation * across;
         const Vector3 centre = camera.rotation * square.shift + camera.shift;
@@ -147,16 +147,16 @@ class plane_error : public ceres::SizedCostFunction<1, 3, 3, 3, 3>
         if (!by)
             return true;
         const Vector3 off = centre - z * ray;
-        hand_out<1>(scale * normal.cross(camera.shift - z * ray).transpose() * camera.spin, by[0]);
-        hand_out<1>(scale * normal.transpose(), by[1]);
-        hand_out<1>(scale * across.cross(camera.rotation.transpose() * off).transpose() * square.spin, by[2]);
-        hand_out<1>(scale * across.transpose(), by[3]);
+        write_jacobian<1>(scale * normal.cross(camera.shift - z * ray).transpose() * camera.spin, by[0]);
+        write_jacobian<1>(scale * normal.transpose(), by[1]);
+        write_jacobian<1>(scale * across.cross(camera.rotation.transpose() * off).transpose() * square.spin, by[2]);
+        write_jacobian<1>(scale * across.transpose(), by[3]);
         return true;
     }
 
   private:
-    const adjust_plane_depth *seen;
-    const moving *camera_start, *square_start;
+    const ba_plane_depth *seen;
+    const pose_block *camera_start, *square_start;
 };
 
 // Blocks: the camera's turn and shift, the point.
@@ -164,7 +164,7 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
 {
   public:
     // What makes an error on the plane z = 1 one of unit covariance: [of_x 0; of_both of_y].
-    point_error(const adjust_sighting *s, const moving *of_camera, double fx, double fy)
+    point_error(const ba_observation *s, const pose_block *of_camera, double fx, double fy)
         : seen(s), camera_start(of_camera)
     {
         double xx = s->covariance[0], xy = s->covariance[1], yy = s->covariance[2];
@@ -175,7 +175,7 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
 
     bool Evaluate(double const *const *blocks, double *residual, double **by) const override
     {
-        const placed camera(camera_start->start, blocks[0], blocks[1]);
+        const posed camera(camera_start->start, blocks[0], blocks[1]);
         const Vector3 turned = camera.rotation * Read3(blocks[2]), p = turned + camera.shift;
         if (!(p[2] > NEAREST_M))
             return false;
@@ -189,24 +189,25 @@ class point_error : public ceres::SizedCostFunction<3, 3, 3, 3>
         Matrix3 by_p;
         by_p << of_x / p[2], 0, -of_x * x / p[2], of_both / p[2], of_y / p[2], -(of_both * x + of_y * y) / p[2], 0, 0,
             uz;
-        hand_out<3>(by_p * (-cross(turned) * camera.spin), by[0]);
-        hand_out<3>(by_p, by[1]);
-        hand_out<3>(by_p * camera.rotation, by[2]);
+        write_jacobian<3>(by_p * (-cross(turned) * camera.spin), by[0]);
+        write_jacobian<3>(by_p, by[1]);
+        write_jacobian<3>(by_p * camera.rotation, by[2]);
         return true;
     }
 
   private:
-    const adjust_sighting *seen;
-    const moving *camera_start;
+    const ba_observation *seen;
+    const pose_block *camera_start;
     double of_x, of_both, of_y;
 };
 
 // An error of which row Row goes with a reading of depth, in units of its sigma, and one block more: what readings have
 // to be multiplied with.
-template <class Error, int Row> class with_depth_times : public ceres::CostFunction
+template <class Error, int Row> class with_depth_scale : public ceres::CostFunction
 {
   public:
-    with_depth_times(std::unique_ptr<Error> e, double z, double sigma_m) : error(std::move(e)), reading(z / sigma_m)
+    with_depth_scale(std::unique_ptr<Error> e, double z, double sigma_m)
+        : error(std::move(e)), depth_over_sigma(z / sigma_m)
     {
         set_num_residuals(error->num_residuals());
         *mutable_parameter_block_sizes() = error->parameter_block_sizes();
@@ -218,21 +219,21 @@ template <class Error, int Row> class with_depth_times : public ceres::CostFunct
         if (!error->Evaluate(blocks, residual, by))
             return false;
         const size_t last = parameter_block_sizes().size() - 1;
-        residual[Row] += reading * (1 - blocks[last][0]);
+        residual[Row] += depth_over_sigma * (1 - blocks[last][0]);
         for (int i = 0; by && by[last] && i < num_residuals(); i++)
-            by[last][i] = i == Row ? -reading : 0;
+            by[last][i] = i == Row ? -depth_over_sigma : 0;
         return true;
     }
 
   private:
     std::unique_ptr<Error> error;
-    double reading;
+    double depth_over_sigma;
 };
 
-class depth_times_error : public ceres::SizedCostFunction<1, 1>
+class depth_scale_error : public ceres::SizedCostFunction<1, 1>
 {
   public:
-    explicit depth_times_error(double sigma) : scale(1 / sigma) {}
+    explicit depth_scale_error(double sigma) : scale(1 / sigma) {}
 
     bool Evaluate(double const *const *blocks, double *residual, double **by) const override
     {
@@ -247,21 +248,21 @@ class depth_times_error : public ceres::SizedCostFunction<1, 1>
 };
 
 // What Ceres works on: copies, for a failed solution must not reach the caller's numbers.
-struct copies {
-    std::vector<moving> cameras, squares;
+struct solver_state {
+    std::vector<pose_block> cameras, squares;
     std::vector<vec3> points;
-    double depth_times;
+    double depth_scale;
 
-    explicit copies(const adjust_problem &in)
-        : points(in.points, in.points + in.point_count), depth_times(in.depth_times ? *in.depth_times : 1)
+    explicit solver_state(const ba_problem &in)
+        : points(in.points, in.points + in.point_count), depth_scale(in.depth_scale ? *in.depth_scale : 1)
     {
         for (int32_t i = 0; i < in.camera_count; i++)
-            cameras.push_back(moving_from(in.cameras[i].camera_from_world));
+            cameras.push_back(pose_block_from(in.cameras[i].camera_from_world));
         for (int32_t i = 0; i < in.square_count; i++)
-            squares.push_back(moving_from(in.squares[i].world_from_square));
+            squares.push_back(pose_block_from(in.squares[i].world_from_square));
     }
 
-    void take_over(const adjust_problem &in) const
+    void write_back(const ba_problem &in) const
     {
         for (int32_t i = 0; i < in.camera_count; i++)
             in.cameras[i].camera_from_world = pose_from(in.cameras[i].camera_from_world, cameras[(size_t)i]);
@@ -269,41 +270,41 @@ struct copies {
             in.squares[i].world_from_square = pose_from(in.squares[i].world_from_square, squares[(size_t)i]);
         for (int32_t i = 0; i < in.point_count; i++)
             in.points[i] = points[(size_t)i];
-        if (in.depth_times)
-            *in.depth_times = depth_times;
+        if (in.depth_scale)
+            *in.depth_scale = depth_scale;
     }
 };
 
 // Where readings of depth are true as they are, the block more would only cost Ceres its code for fixed sizes.
-void add_depth_errors(const adjust_problem &in, copies &c, ceres::Problem &problem, ceres::LossFunction *depth_loss,
+void add_depth_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem, ceres::LossFunction *depth_loss,
                       ceres::LossFunction *point_loss)
 {
     for (int32_t i = 0; i < in.plane_depth_count; i++) {
-        const adjust_plane_depth &seen = in.plane_depths[i];
-        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        const ba_plane_depth &seen = in.plane_depths[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
         auto error = std::make_unique<plane_error>(&seen, &camera, &square);
-        if (in.depth_times)
-            problem.AddResidualBlock(new with_depth_times<plane_error, 0>(std::move(error), seen.z, seen.sigma_m),
-                                     depth_loss, camera.turn, camera.shift, square.turn, square.shift, &c.depth_times);
+        if (in.depth_scale)
+            problem.AddResidualBlock(new with_depth_scale<plane_error, 0>(std::move(error), seen.z, seen.sigma_m),
+                                     depth_loss, camera.turn, camera.shift, square.turn, square.shift, &c.depth_scale);
         else
             problem.AddResidualBlock(error.release(), depth_loss, camera.turn, camera.shift, square.turn, square.shift);
     }
-    for (int32_t i = 0; i < in.sighting_count; i++) {
-        const adjust_sighting &seen = in.sightings[i];
-        moving &camera = c.cameras[(size_t)seen.camera];
+    for (int32_t i = 0; i < in.observation_count; i++) {
+        const ba_observation &seen = in.observations[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera];
         double *point = &c.points[(size_t)seen.point].x;
         auto error = std::make_unique<point_error>(&seen, &camera, in.fx, in.fy);
-        if (in.depth_times && seen.z > 0)
-            problem.AddResidualBlock(new with_depth_times<point_error, 2>(std::move(error), seen.z, seen.sigma_m),
-                                     point_loss, camera.turn, camera.shift, point, &c.depth_times);
+        if (in.depth_scale && seen.z > 0)
+            problem.AddResidualBlock(new with_depth_scale<point_error, 2>(std::move(error), seen.z, seen.sigma_m),
+                                     point_loss, camera.turn, camera.shift, point, &c.depth_scale);
         else
             problem.AddResidualBlock(error.release(), point_loss, camera.turn, camera.shift, point);
     }
-    if (in.depth_times)
-        problem.AddResidualBlock(new depth_times_error(in.depth_times_sigma), nullptr, &c.depth_times);
+    if (in.depth_scale)
+        problem.AddResidualBlock(new depth_scale_error(in.depth_scale_sigma), nullptr, &c.depth_scale);
 }
 
-void add_errors(const adjust_problem &in, copies &c, ceres::Problem &problem)
+void add_errors(const ba_problem &in, solver_state &c, ceres::Problem &problem)
 {
     auto *corner_loss = new ceres::CauchyLoss(ROBUST * std::sqrt(8.0)); // of all eight numbers
     auto *depth_loss = new ceres::CauchyLoss(ROBUST);
@@ -313,11 +314,11 @@ void add_errors(const adjust_problem &in, copies &c, ceres::Problem &problem)
         owner.emplace_back(corner_loss);
     if (!in.plane_depth_count)
         owner.emplace_back(depth_loss);
-    if (!in.sighting_count)
+    if (!in.observation_count)
         owner.emplace_back(point_loss);
     for (int32_t i = 0; i < in.corner_count; i++) {
-        const adjust_corners &seen = in.corners[i];
-        moving &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
+        const ba_corners &seen = in.corners[i];
+        pose_block &camera = c.cameras[(size_t)seen.camera], &square = c.squares[(size_t)seen.square];
         problem.AddResidualBlock(
             new corner_error(&seen, &camera, &square, in.squares[seen.square].side_m, in.fx, in.fy), corner_loss,
             camera.turn, camera.shift, square.turn, square.shift);
@@ -326,10 +327,10 @@ void add_errors(const adjust_problem &in, copies &c, ceres::Problem &problem)
 }
 
 // Holds what stays where it is. Points are to be eliminated before poses; none to be: false.
-bool order_blocks(const adjust_problem &in, copies &c, ceres::Problem &problem, ceres::ParameterBlockOrdering &order)
+bool order_blocks(const ba_problem &in, solver_state &c, ceres::Problem &problem, ceres::ParameterBlockOrdering &order)
 {
     bool any = false;
-    auto add_pose = [&](moving &m, bool held) {
+    auto add_pose = [&](pose_block &m, bool held) {
         for (double *block : {m.turn, m.shift}) {
             if (!problem.HasParameterBlock(block))
                 continue;
@@ -342,8 +343,8 @@ bool order_blocks(const adjust_problem &in, copies &c, ceres::Problem &problem, 
         add_pose(c.cameras[(size_t)i], in.hold_cameras || i == in.held_camera);
     for (int32_t i = 0; i < in.square_count; i++)
         add_pose(c.squares[(size_t)i], in.squares[i].held);
-    if (in.depth_times)
-        order.AddElementToGroup(&c.depth_times, 1);
+    if (in.depth_scale)
+        order.AddElementToGroup(&c.depth_scale, 1);
     for (int32_t i = 0; i < in.point_count; i++) {
         double *block = &c.points[(size_t)i].x;
         if (!problem.HasParameterBlock(block))
@@ -357,27 +358,27 @@ bool order_blocks(const adjust_problem &in, copies &c, ceres::Problem &problem, 
 }
 
 // What is not held, points first, and in which column of the derivative each block begins.
-struct columns {
+struct jacobian_columns {
     std::vector<double *> blocks;
     std::vector<int> square; // of its turn, then its shift; -1: held, or nothing sees it
     int points = 0, all = 0;
 
-    columns(const adjust_problem &in, copies &c, const ceres::Problem &problem)
+    jacobian_columns(const ba_problem &in, solver_state &c, const ceres::Problem &problem)
     {
         for (int32_t i = in.held_points; i < in.point_count; i++)
             add(problem, &c.points[(size_t)i].x, 3);
         points = all;
-        for (moving &m : c.cameras) {
+        for (pose_block &m : c.cameras) {
             add(problem, m.turn, 3);
             add(problem, m.shift, 3);
         }
-        for (moving &m : c.squares) {
+        for (pose_block &m : c.squares) {
             square.push_back(problem.HasParameterBlock(m.turn) && !problem.IsParameterBlockConstant(m.turn) ? all : -1);
             add(problem, m.turn, 3);
             add(problem, m.shift, 3);
         }
-        if (in.depth_times)
-            add(problem, &c.depth_times, 1);
+        if (in.depth_scale)
+            add(problem, &c.depth_scale, 1);
     }
 
   private:
@@ -391,7 +392,7 @@ struct columns {
 };
 
 // The whitened errors' derivative, row by row.
-struct derivative {
+struct sparse_jacobian {
     ceres::CRSMatrix all;
     int points; // columns, the first ones
 
@@ -403,7 +404,7 @@ struct derivative {
 
 // What errors of one point take from what is known of poses, since the point is free to follow them: times its
 // transpose, three columns.
-void add_point(const derivative &by, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
+void add_point(const sparse_jacobian &by, const std::vector<int> &rows, Eigen::Ref<Eigen::MatrixXd> out)
 {
     Matrix3 own = Matrix3::Zero();
     for (int r : rows) {
@@ -423,18 +424,18 @@ void add_point(const derivative &by, const std::vector<int> &rows, Eigen::Ref<Ei
 }
 
 // Of whitened errors, in the order in which they are added. PRIOR: what is known of the depth's scale before.
-enum kind { CORNERS, PLANE_DEPTHS, SIGHTINGS, PRIOR, KINDS };
+enum kind { CORNERS, PLANE_DEPTHS, OBSERVATIONS, PRIOR, KINDS };
 
-kind kind_of_row(const adjust_problem &in, int row, int rows)
+kind kind_of_row(const ba_problem &in, int row, int rows)
 {
     const int corners = 8 * in.corner_count, plane_depths = corners + in.plane_depth_count;
-    if (in.depth_times && row == rows - 1)
+    if (in.depth_scale && row == rows - 1)
         return PRIOR;
-    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : SIGHTINGS;
+    return row < corners ? CORNERS : row < plane_depths ? PLANE_DEPTHS : OBSERVATIONS;
 }
 
 // What each kind of errors says of the poses when points follow them. Lower halves.
-std::array<Eigen::MatrixXd, KINDS> information_of_poses(const adjust_problem &in, const derivative &by)
+std::array<Eigen::MatrixXd, KINDS> information_of_poses(const ba_problem &in, const sparse_jacobian &by)
 {
     enum { TOGETHER = 64 };
     const int poses = by.all.num_cols - by.points, count = by.points / 3;
@@ -459,33 +460,33 @@ std::array<Eigen::MatrixXd, KINDS> information_of_poses(const adjust_problem &in
         some.setZero();
         for (int p = first; p < std::min(count, first + TOGETHER); p++)
             add_point(by, rows[(size_t)p], some.middleCols(3 * (p - first), 3));
-        information[SIGHTINGS].selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
+        information[OBSERVATIONS].selfadjointView<Eigen::Lower>().rankUpdate(some, -1);
     }
     return information;
 }
 
 // A sighting without depth says nothing in its third row.
-bool says_something(const adjust_problem &in, int row)
+bool is_informative(const ba_problem &in, int row)
 {
     const int third = row - 8 * in.corner_count - in.plane_depth_count;
-    return third < 0 || third >= 3 * in.sighting_count || third % 3 != 2 || in.sightings[third / 3].z > 0;
+    return third < 0 || third >= 3 * in.observation_count || third % 3 != 2 || in.observations[third / 3].z > 0;
 }
 
 // How much larger the errors of each kind are, squared, than they were taken to be: by what is left of them, beside as
 // many as can differ from nought (variance components; Foerstner, 1979). Too few to tell: 1. errors: with the weights
-// they lost; of sightings with all of it, since those too far off have been left out before.
-std::array<double, KINDS> times_expected(const adjust_problem &in, const std::vector<double> &errors, int points,
-                                         const std::array<Eigen::MatrixXd, KINDS> &information,
-                                         const Eigen::MatrixXd &covariance)
+// they lost; of observations with all of it, since those too far off have been left out before.
+std::array<double, KINDS> variance_factors(const ba_problem &in, const std::vector<double> &errors, int points,
+                                           const std::array<Eigen::MatrixXd, KINDS> &information,
+                                           const Eigen::MatrixXd &covariance)
 {
     const double least = 20;
     std::array<double, KINDS> squares{}, spare{}, times;
     for (size_t r = 0; r < errors.size(); r++) {
         const kind k = kind_of_row(in, (int)r, (int)errors.size());
         squares[k] += errors[r] * errors[r];
-        spare[k] += says_something(in, (int)r);
+        spare[k] += is_informative(in, (int)r);
     }
-    spare[SIGHTINGS] -= points;
+    spare[OBSERVATIONS] -= points;
     for (size_t k = 0; k < KINDS; k++) {
         Eigen::MatrixXd whole = information[k].selfadjointView<Eigen::Lower>();
         spare[k] -= covariance.cwiseProduct(whole).sum();
@@ -495,11 +496,11 @@ std::array<double, KINDS> times_expected(const adjust_problem &in, const std::ve
 }
 
 // The errors are weighed as they were taken to be, and are as large as they turn out to be.
-void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &problem)
+void find_covariance(const ba_problem &in, solver_state &c, ceres::Problem &problem)
 {
-    const columns which(in, c, problem);
+    const jacobian_columns which(in, c, problem);
     ceres::Problem::EvaluateOptions options;
-    derivative by = {{}, which.points};
+    sparse_jacobian by = {{}, which.points};
     std::vector<double> errors, whole;
     const int n = 6 * in.square_count, poses = which.all - which.points;
     Eigen::Map<Eigen::MatrixXd> out(in.square_covariance, n, n);
@@ -508,8 +509,8 @@ void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &proble
     if (!poses || !problem.Evaluate(options, nullptr, &errors, nullptr, &by.all))
         return;
     const std::array<Eigen::MatrixXd, KINDS> information = information_of_poses(in, by);
-    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] + information[SIGHTINGS] +
-                                             information[PRIOR]);
+    const Eigen::LLT<Eigen::MatrixXd> factor(information[CORNERS] + information[PLANE_DEPTHS] +
+                                             information[OBSERVATIONS] + information[PRIOR]);
     if (factor.info() != Eigen::Success)
         return;
     const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(poses, poses));
@@ -517,9 +518,9 @@ void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &proble
     if (!problem.Evaluate(options, nullptr, &whole, nullptr, nullptr))
         return;
     for (int r = 0; r < (int)errors.size(); r++)
-        if (kind_of_row(in, r, (int)errors.size()) == SIGHTINGS)
+        if (kind_of_row(in, r, (int)errors.size()) == OBSERVATIONS)
             errors[(size_t)r] = whole[(size_t)r];
-    const std::array<double, KINDS> times = times_expected(in, errors, which.points, information, covariance);
+    const std::array<double, KINDS> times = variance_factors(in, errors, which.points, information, covariance);
     Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(poses, n); // by each square's own motion
     for (int s = 0; s < in.square_count; s++) {
         const Matrix3 turn =
@@ -532,9 +533,9 @@ void find_covariance(const adjust_problem &in, copies &c, ceres::Problem &proble
         out += times[k] * (by_all.transpose() * (information[k].selfadjointView<Eigen::Lower>() * by_all));
 }
 
-enum status solve(const adjust_problem &in)
+enum status solve(const ba_problem &in)
 {
-    copies c(in);
+    solver_state c(in);
     ceres::Problem problem;
     auto order = std::make_shared<ceres::ParameterBlockOrdering>();
     ceres::Solver::Options options;
@@ -548,7 +549,7 @@ enum status solve(const adjust_problem &in)
         options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
     }
     options.num_threads = 1;
-    options.max_num_iterations = in.most_rounds;
+    options.max_num_iterations = in.max_iterations;
     options.function_tolerance = 1e-5; // of tens of thousands of errors: less than one of them is worth
     options.logging_type = ceres::SILENT;
     ceres::Solve(options, &problem, &summary);
@@ -558,13 +559,13 @@ enum status solve(const adjust_problem &in)
         *in.cost = summary.final_cost;
     if (in.square_covariance && in.square_count)
         find_covariance(in, c, problem);
-    c.take_over(in);
+    c.write_back(in);
     return OK;
 }
 
 } // namespace
 
-enum status adjust(const struct adjust_problem *problem)
+enum status bundle_adjust(const struct ba_problem *problem)
 {
     try {
         return solve(*problem);

@@ -94,7 +94,7 @@ static enum status read_lens(const struct json *object, const char *what, const 
         status = fail(ERR_INPUT, "%s: '%s.focal_sigma' must be a number, 0.1 for a focal length unsure by a tenth",
                       path, what);
     if (status == OK && lens_check(lens, what) != OK)
-        status = fail(ERR_INPUT, "%s: %s", path, status_sentence());
+        status = fail(ERR_INPUT, "%s: %s", path, status_message());
     return status;
 }
 
@@ -206,7 +206,7 @@ enum status camera_lens_read(const char *id, struct lens *out)
 // Learnt in one place; in the next, pictures may still say otherwise.
 static const double KEPT_SIGMA = 0.005;
 
-enum status camera_lens_keep(const char *id, const struct lens *lens)
+enum status camera_lens_save(const char *id, const struct lens *lens)
 {
     char path[4096], folder[4096];
     enum status status = camera_file(id, path, sizeof path);

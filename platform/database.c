@@ -13,7 +13,7 @@
 struct database {
     sqlite3 *handle;
     char *path;
-    int claim; // the log's descriptor, locked for as long as this is the only writer; -1: no claim
+    int writer_lock; // the log's descriptor, locked for as long as this is the only writer; -1: no claim
 };
 
 struct statement {
@@ -172,7 +172,7 @@ enum status database_open(struct database **out, const char *path, enum database
     struct database *db = calloc(1, sizeof *db);
     if (db) {
         db->path = strdup(path);
-        db->claim = -1;
+        db->writer_lock = -1;
     }
     if (!db || !db->path) {
         status = fail(ERR_MEMORY, "no memory to open %s", path);
@@ -200,8 +200,8 @@ void database_close(struct database **db)
     int code = sqlite3_close((*db)->handle);
     assert(code == SQLITE_OK && "a statement is still open");
     (void)code;
-    if ((*db)->claim >= 0)
-        close((*db)->claim);
+    if ((*db)->writer_lock >= 0)
+        close((*db)->writer_lock);
     free((*db)->path);
     free(*db);
     *db = NULL;
@@ -231,7 +231,7 @@ enum status database_number(struct database *db, const char *sql, int64_t *out)
 
 bool database_in_transaction(const struct database *db) { return !sqlite3_get_autocommit(db->handle); }
 
-enum status database_claim(struct database *db)
+enum status database_lock_writer(struct database *db)
 {
     // NORMAL: a commit does not wait for the disk, a checkpoint does. 64 MiB of
     // cache hold any batch, so that nothing is written before it is committed.
@@ -244,16 +244,16 @@ enum status database_claim(struct database *db)
     char *name = log_name(db->path);
     if (!name)
         return fail(ERR_MEMORY, "no memory to open %s", db->path);
-    db->claim = open(name, O_RDONLY | O_CLOEXEC);
+    db->writer_lock = open(name, O_RDONLY | O_CLOEXEC);
     free(name);
-    if (db->claim < 0)
+    if (db->writer_lock < 0)
         return fail(ERR_IO, "%s-wal cannot be opened: %s", db->path, strerror(errno));
-    if (flock(db->claim, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
+    if (flock(db->writer_lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
         return fail(ERR_IO, "%s is being written by another program; wait until that has ended", db->path);
     return OK;
 }
 
-enum status database_settle(struct database *db)
+enum status database_close_wal(struct database *db)
 {
     int64_t left;
     enum status status = database_checkpoint(db, &left);
@@ -264,7 +264,7 @@ enum status database_settle(struct database *db)
     return code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY ? OK : refuse(db, code);
 }
 
-bool database_is_settled(const char *path)
+bool database_is_single_file(const char *path)
 {
     static const char *const endings[] = {"-wal", "-shm", "-journal"};
     for (size_t i = 0; i < COUNT_OF(endings); i++) {

@@ -37,14 +37,14 @@ bool database_in_transaction(const struct database *db);
 
 // Makes this connection the file's only writer until it is closed, others read
 // on; changes go to a write-ahead log (PATH-wal). ERR_IO: another writer is at work.
-MUST_CHECK enum status database_claim(struct database *db);
+MUST_CHECK enum status database_lock_writer(struct database *db);
 
 // The end of writing: moves the log into the file and leaves that one file
 // alone. While readers have it open, the log stays beside it until the next writer.
-MUST_CHECK enum status database_settle(struct database *db);
+MUST_CHECK enum status database_close_wal(struct database *db);
 
 // Nothing lies beside the file: no log, no journal.
-bool database_is_settled(const char *path);
+bool database_is_single_file(const char *path);
 
 // Moves what the write-ahead log holds into the file itself and syncs both.
 // *left is how many pages had to stay in the log (readers, a writer at work).

@@ -9,33 +9,33 @@
 extern "C" {
 #endif
 
-enum loan_layout {
-    LOAN_YUYV, // two pixels in four bytes: Y0 Cb Y1 Cr
-    LOAN_UYVY, // Cb Y0 Cr Y1
-    LOAN_NV12, // a plane of Y and a half-size plane of Cb Cr pairs
-    LOAN_RGBX, // four bytes a pixel
-    LOAN_BGRX,
-    LOAN_LAYOUTS
+enum dmabuf_layout {
+    DMABUF_YUYV, // two pixels in four bytes: Y0 Cb Y1 Cr
+    DMABUF_UYVY, // Cb Y0 Cr Y1
+    DMABUF_NV12, // a plane of Y and a half-size plane of Cb Cr pairs
+    DMABUF_RGBX, // four bytes a pixel
+    DMABUF_BGRX,
+    DMABUF_LAYOUTS
 };
 
-struct loan_plane {
+struct dmabuf_plane {
     int file;                // dma-buf; the loan's
     uint32_t offset, stride; // bytes
 };
 
-struct loan {
-    enum loan_layout layout;
-    int width, height;          // pixels; even where colour is halved
-    struct yuv_meaning meaning; // of YUYV, UYVY, NV12
-    struct loan_plane planes[2];
-    void (*give_back)(struct loan *l); // frees it
+struct dmabuf_image {
+    enum dmabuf_layout layout;
+    int width, height;            // pixels; even where colour is halved
+    struct yuv_encoding encoding; // of YUYV, UYVY, NV12
+    struct dmabuf_plane planes[2];
+    void (*release)(struct dmabuf_image *l); // frees it
 };
 
 // NULL is fine; sets *l = NULL. Whoever let a GPU read it waits for that to end first.
-static inline void loan_return(struct loan **l)
+static inline void dmabuf_image_release(struct dmabuf_image **l)
 {
     if (*l)
-        (*l)->give_back(*l);
+        (*l)->release(*l);
     *l = NULL;
 }
 

@@ -28,31 +28,31 @@
 
 enum { PATH_BYTES = 4096 };
 
-struct entry {
+struct image_entry {
     int64_t time_ns;
     const char *path; // inside the list's text
     int line;
 };
 
-struct list {
+struct image_list {
     const char *name; // "rgb.txt"
     char *text;       // NULL: there is no such list
-    struct entry *entries;
+    struct image_entry *entries;
     int64_t count;
     int64_t skipped; // pictures whose time did not rise
 };
 
 struct folder {
     char *dir;
-    struct list color, depth;
-    const struct list *lead; // the list whose pictures make the frames
-    int64_t *color_of;       // for each depth picture the index of its colour picture, -1: none; NULL for a camera
-    bool numbered;           // some name is too long for frame.name: count instead
-    uint16_t *to_mm;         // 65536 millimetres by what the depth picture holds; NULL where they are the same
-    uint8_t *rgb;            // the last frame's colour
-    uint16_t *mm;            // and depth
-    uint8_t *jpeg;           // and coded bytes
-    int64_t at;              // the next frame
+    struct image_list color, depth;
+    const struct image_list *lead; // the list whose pictures make the frames
+    int64_t *color_of; // for each depth picture the index of its colour picture, -1: none; NULL for a camera
+    bool numbered;     // some name is too long for frame.name: count instead
+    uint16_t *to_mm;   // 65536 millimetres by what the depth picture holds; NULL where they are the same
+    uint8_t *rgb;      // the last frame's colour
+    uint16_t *mm;      // and depth
+    uint8_t *jpeg;     // and coded bytes
+    int64_t at;        // the next frame
     struct source_facts *facts;
 };
 
@@ -101,7 +101,7 @@ static char *trim(char *line)
 }
 
 // Takes one line that holds a picture.
-static enum status take_line(struct list *list, const char *dir, const char *line, int number)
+static enum status take_line(struct image_list *list, const char *dir, const char *line, int number)
 {
     int64_t time_ns;
     const char *path = line;
@@ -110,7 +110,7 @@ static enum status take_line(struct list *list, const char *dir, const char *lin
                     list->name, number, line);
     path += strspn(path, " \t");
     if (list->count) {
-        const struct entry *last = &list->entries[list->count - 1];
+        const struct image_entry *last = &list->entries[list->count - 1];
         if (time_ns < last->time_ns - 1000000000)
             return fail(ERR_INPUT, "%s/%s, line %d: the clock jumps back by %.3f s; split the folder there", dir,
                         list->name, number, 1e-9 * (double)(last->time_ns - time_ns));
@@ -119,12 +119,12 @@ static enum status take_line(struct list *list, const char *dir, const char *lin
             return OK;
         }
     }
-    list->entries[list->count++] = (struct entry){time_ns, path, number};
+    list->entries[list->count++] = (struct image_entry){time_ns, path, number};
     return OK;
 }
 
 // ERR_MISSING when there is no such list; ERR_INPUT names file and line.
-static enum status read_list(struct list *list, const char *dir, const char *name)
+static enum status read_list(struct image_list *list, const char *dir, const char *name)
 {
     char path[PATH_BYTES];
     size_t bytes;
@@ -167,7 +167,7 @@ static int compare_times(const void *a, const void *b)
 }
 
 // The median step between two pictures; 0 for a list of one.
-static enum status median_step(const struct list *list, int64_t *step_ns)
+static enum status median_step(const struct image_list *list, int64_t *step_ns)
 {
     int64_t count = list->count - 1;
     *step_ns = 0;
@@ -186,7 +186,7 @@ static enum status median_step(const struct list *list, int64_t *step_ns)
 
 // The index of the entry nearest to `time_ns` (the earlier of two), looking
 // from `from` on; times asked for must rise from call to call.
-static int64_t nearest(const struct list *list, int64_t from, int64_t time_ns)
+static int64_t nearest_entry(const struct image_list *list, int64_t from, int64_t time_ns)
 {
     while (from + 1 < list->count &&
            llabs(list->entries[from + 1].time_ns - time_ns) < llabs(list->entries[from].time_ns - time_ns))
@@ -196,7 +196,7 @@ static int64_t nearest(const struct list *list, int64_t from, int64_t time_ns)
 
 // Two pictures are a pair when each is the other's nearest and they are at most
 // half a frame apart; so no colour picture is used twice.
-static enum status pair(struct folder *f)
+static enum status pair_images(struct folder *f)
 {
     int64_t step_ns;
     enum status status = median_step(&f->depth, &step_ns);
@@ -212,8 +212,8 @@ static enum status pair(struct folder *f)
         f->color_of[i] = -1;
         if (!f->color.count)
             continue;
-        color = nearest(&f->color, color, f->depth.entries[i].time_ns);
-        back = nearest(&f->depth, back, f->color.entries[color].time_ns);
+        color = nearest_entry(&f->color, color, f->depth.entries[i].time_ns);
+        back = nearest_entry(&f->depth, back, f->color.entries[color].time_ns);
         int64_t apart_ns = llabs(f->color.entries[color].time_ns - f->depth.entries[i].time_ns);
         if (back == i && 2 * apart_ns <= step_ns)
             f->color_of[i] = color;
@@ -223,7 +223,7 @@ static enum status pair(struct folder *f)
 
 // ------------------------------------------------------------- the pictures
 
-static enum status read_bytes(const struct folder *f, const struct list *list, const struct entry *entry,
+static enum status read_bytes(const struct folder *f, const struct image_list *list, const struct image_entry *entry,
                               char path[PATH_BYTES], uint8_t **bytes, size_t *count)
 {
     if (snprintf(path, PATH_BYTES, "%s/%s", f->dir, entry->path) >= PATH_BYTES)
@@ -249,7 +249,7 @@ static enum status damaged(enum status status, const char *path)
 {
     if (status != ERR_CORRUPT)
         return status;
-    const char *sentence = status_sentence();
+    const char *sentence = status_message();
     return strstr(sentence, path) ? fail(ERR_INPUT, "%s", sentence) : fail(ERR_INPUT, "%s: %s", path, sentence);
 }
 
@@ -266,7 +266,7 @@ static enum status read_png(const char *path, const uint8_t *bytes, size_t count
     return status;
 }
 
-static enum status read_color(struct folder *f, const struct entry *entry, struct frame *out)
+static enum status read_color(struct folder *f, const struct image_entry *entry, struct frame *out)
 {
     const struct lens *lens = &f->facts->calibration.color;
     char path[PATH_BYTES];
@@ -301,7 +301,7 @@ static enum status read_color(struct folder *f, const struct entry *entry, struc
     return status;
 }
 
-static enum status read_depth(struct folder *f, const struct entry *entry, struct frame *out)
+static enum status read_depth(struct folder *f, const struct image_entry *entry, struct frame *out)
 {
     const struct lens *lens = &f->facts->calibration.depth;
     char path[PATH_BYTES];
@@ -329,7 +329,8 @@ static enum status read_depth(struct folder *f, const struct entry *entry, struc
 
 // A folder of the wrong size is refused at once, by its first picture. What
 // else may ail that picture is said when its turn comes.
-static enum status check_first(struct folder *f, const struct list *list, const struct lens *lens, const char *what)
+static enum status check_first(struct folder *f, const struct image_list *list, const struct lens *lens,
+                               const char *what)
 {
     static const uint8_t png_begin[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
     char path[PATH_BYTES];
@@ -363,7 +364,7 @@ static const char *stem_of(const char *path, size_t *length)
     return stem;
 }
 
-static bool names_fit(const struct list *list)
+static bool names_fit(const struct image_list *list)
 {
     size_t length;
     for (int64_t i = 0; i < list->count; i++) {
@@ -428,7 +429,7 @@ static enum status match_calibration(const struct folder *f, struct calibration 
     return OK;
 }
 
-static enum status make_room(struct folder *f, const struct calibration *c, double unit_m)
+static enum status alloc_buffers(struct folder *f, const struct calibration *c, double unit_m)
 {
     f->rgb = malloc((size_t)c->color.width * (size_t)c->color.height * 3 + 1);
     f->mm = malloc((size_t)c->depth.width * (size_t)c->depth.height * sizeof *f->mm + 1);
@@ -458,13 +459,13 @@ static enum status open_steps(struct folder *f, enum source_wanted wanted)
     if (status == OK)
         status = match_calibration(f, c);
     if (status == OK && wanted == SOURCE_SENSOR)
-        status = pair(f);
+        status = pair_images(f);
     if (status == OK)
         status = check_first(f, &f->color, &c->color, "color");
     if (status == OK)
         status = check_first(f, &f->depth, &c->depth, "depth");
     if (status == OK)
-        status = make_room(f, c, unit_m);
+        status = alloc_buffers(f, c, unit_m);
     return status;
 }
 
@@ -501,7 +502,7 @@ static enum status folder_next(void *self, struct frame *out)
         return NOTHING;
     int64_t index = f->at++;
     f->facts->remaining = f->lead->count - f->at;
-    const struct entry *entry = &f->lead->entries[index];
+    const struct image_entry *entry = &f->lead->entries[index];
     out->time_ns = entry->time_ns;
     size_t length;
     const char *stem = stem_of(entry->path, &length);
@@ -509,7 +510,7 @@ static enum status folder_next(void *self, struct frame *out)
         snprintf(out->name, sizeof out->name, "%04lld", (long long)index);
     else
         snprintf(out->name, sizeof out->name, "%.*s", (int)length, stem);
-    const struct entry *color = entry;
+    const struct image_entry *color = entry;
     enum status status = OK;
     if (f->lead == &f->depth) {
         color = f->color_of[index] < 0 ? NULL : &f->color.entries[f->color_of[index]];

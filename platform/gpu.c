@@ -9,7 +9,7 @@
 
 // ---------------------------------------------------------------- the context
 
-void gpu_use(const struct gpu *g)
+void gpu_make_current(const struct gpu *g)
 {
     if (!g->adopted && eglGetCurrentContext() != g->context)
         eglMakeCurrent(g->display, EGL_NO_SURFACE, EGL_NO_SURFACE, g->context);
@@ -29,7 +29,7 @@ static const char *error_name(GLenum error)
 
 enum status gpu_check(struct gpu *g)
 {
-    gpu_use(g);
+    gpu_make_current(g);
     if (eglGetCurrentContext() == EGL_NO_CONTEXT || (g->reset_status && g->reset_status() != GL_NO_ERROR))
         return fail(ERR_DEVICE, "the graphics context was lost; start again");
     GLenum first = glGetError();
@@ -42,12 +42,12 @@ enum status gpu_check(struct gpu *g)
 
 enum status gpu_wait(struct gpu *g)
 {
-    gpu_use(g);
+    gpu_make_current(g);
     glFinish();
     return gpu_check(g);
 }
 
-bool gpu_has_word(const char *list, const char *word)
+bool gpu_has_extension(const char *list, const char *word)
 {
     size_t length = strlen(word);
     for (const char *at = list; at && (at = strstr(at, word)); at += length)
@@ -59,7 +59,7 @@ bool gpu_has_word(const char *list, const char *word)
 static EGLDisplay find_display(void)
 {
     const char *client = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
-    if (gpu_has_word(client, "EGL_MESA_platform_surfaceless")) {
+    if (gpu_has_extension(client, "EGL_MESA_platform_surfaceless")) {
         PFNEGLGETPLATFORMDISPLAYEXTPROC get =
             (PFNEGLGETPLATFORMDISPLAYEXTPROC)eglGetProcAddress("eglGetPlatformDisplayEXT");
         EGLDisplay display = get ? get(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, NULL) : EGL_NO_DISPLAY;
@@ -78,7 +78,7 @@ static enum status make_context(struct gpu *g)
     if (g->display == EGL_NO_DISPLAY)
         return fail(ERR_DEVICE, "no graphics driver answers (EGL error 0x%x); is Mesa's EGL installed?", eglGetError());
     const char *extensions = eglQueryString(g->display, EGL_EXTENSIONS);
-    if (!eglBindAPI(EGL_OPENGL_ES_API) || !gpu_has_word(extensions, "EGL_KHR_surfaceless_context"))
+    if (!eglBindAPI(EGL_OPENGL_ES_API) || !gpu_has_extension(extensions, "EGL_KHR_surfaceless_context"))
         return fail(ERR_DEVICE, "the graphics driver cannot draw without a window; Mesa's can");
     // No surface is ever made, so any config that speaks ES 3 will do.
     const EGLint wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_ES3_BIT, EGL_SURFACE_TYPE, EGL_DONT_CARE, EGL_NONE};
@@ -91,7 +91,7 @@ static enum status make_context(struct gpu *g)
                              EGL_LOSE_CONTEXT_ON_RESET_EXT, EGL_NONE};
     const EGLint plain[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_NONE};
     g->context = EGL_NO_CONTEXT;
-    if (gpu_has_word(extensions, "EGL_EXT_create_context_robustness"))
+    if (gpu_has_extension(extensions, "EGL_EXT_create_context_robustness"))
         g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, robust);
     if (g->context == EGL_NO_CONTEXT)
         g->context = eglCreateContext(g->display, config, EGL_NO_CONTEXT, plain);
@@ -100,7 +100,7 @@ static enum status make_context(struct gpu *g)
     return OK;
 }
 
-static enum status ask_limits(struct gpu *g)
+static enum status query_limits(struct gpu *g)
 {
     GLint major = 0;
     glGetIntegerv(GL_MAJOR_VERSION, &major);
@@ -114,11 +114,11 @@ static enum status ask_limits(struct gpu *g)
     if (length)
         memcpy(g->renderer, renderer, length);
     g->renderer[length] = 0;
-    g->on_processor = strstr(g->renderer, "llvmpipe") || strstr(g->renderer, "softpipe");
+    g->software_renderer = strstr(g->renderer, "llvmpipe") || strstr(g->renderer, "softpipe");
     const char *extensions = (const char *)glGetString(GL_EXTENSIONS);
-    if (gpu_has_word(extensions, "GL_KHR_robustness"))
+    if (gpu_has_extension(extensions, "GL_KHR_robustness"))
         g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusKHR");
-    else if (gpu_has_word(extensions, "GL_EXT_robustness"))
+    else if (gpu_has_extension(extensions, "GL_EXT_robustness"))
         g->reset_status = (gpu_reset_status *)eglGetProcAddress("glGetGraphicsResetStatusEXT");
     // Rows without padding everywhere; pixel for pixel the same on every driver.
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
@@ -140,7 +140,7 @@ static enum status open_as(struct gpu **out, bool adopted)
     else if ((g->context = eglGetCurrentContext()) == EGL_NO_CONTEXT)
         status = fail(ERR_DEVICE, "there is no graphics context on this thread");
     if (status == OK)
-        status = ask_limits(g);
+        status = query_limits(g);
     if (status == OK)
         status = gpu_check(g);
     if (status != OK) {
@@ -169,7 +169,7 @@ void gpu_close(struct gpu **g)
 
 const char *gpu_renderer(const struct gpu *g) { return g->renderer; }
 int gpu_max_size(const struct gpu *g) { return g->max_size; }
-struct gpu_counts gpu_count(const struct gpu *g) { return g->counts; }
+struct gpu_counts gpu_get_counts(const struct gpu *g) { return g->counts; }
 
 void gpu_count_made(struct gpu *g, size_t bytes)
 {
@@ -215,7 +215,7 @@ static enum status link_program(struct gpu_program *p, GLuint vertex, GLuint fra
     return fail(ERR_DEVICE, "the shaders of '%s' do not link: %s", name, log);
 }
 
-static enum status find_inputs(struct gpu_program *p, const struct gpu_program_text *text)
+static enum status find_inputs(struct gpu_program *p, const struct gpu_program_source *text)
 {
     glUseProgram(p->id);
     for (int i = 0; i < text->uniform_count; i++) {
@@ -234,11 +234,11 @@ static enum status find_inputs(struct gpu_program *p, const struct gpu_program_t
     return OK;
 }
 
-enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_text *text)
+enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_source *text)
 {
     assert(text->uniform_count <= MAX_UNIFORMS && text->sampler_count <= MAX_SAMPLERS);
     *out = NULL;
-    gpu_use(g);
+    gpu_make_current(g);
     struct gpu_program *p = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
@@ -270,7 +270,7 @@ void gpu_program_close(struct gpu_program **p)
 {
     if (!*p)
         return;
-    gpu_use((*p)->g);
+    gpu_make_current((*p)->g);
     glDeleteProgram((*p)->id);
     free(*p);
     *p = NULL;
@@ -279,7 +279,7 @@ void gpu_program_close(struct gpu_program **p)
 void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int count)
 {
     assert(index >= 0 && index < MAX_UNIFORMS);
-    gpu_use(p->g);
+    gpu_make_current(p->g);
     glUseProgram(p->id);
     glUniform4fv(p->uniforms[index], count, vec4s);
 }
@@ -297,7 +297,7 @@ static GLenum layout_of(const struct gpu_texture *t)
     return layouts[t->format];
 }
 
-enum status gpu_too_large(const struct gpu *g, int width, int height)
+enum status gpu_fail_too_large(const struct gpu *g, int width, int height)
 {
     return fail(ERR_DEVICE, "a picture of %d x %d pixels is larger than the %d this graphics driver (%s) takes", width,
                 height, g->max_size, g->renderer);
@@ -306,7 +306,7 @@ enum status gpu_too_large(const struct gpu *g, int width, int height)
 enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels)
 {
     if (t->width > t->g->max_size || t->height > t->g->max_size)
-        return gpu_too_large(t->g, t->width, t->height);
+        return gpu_fail_too_large(t->g, t->width, t->height);
     glGenTextures(1, &t->id);
     glBindTexture(GL_TEXTURE_2D, t->id);
     static const GLint kept[] = {[GPU_R8] = GL_R8, [GPU_RG8] = GL_RG8, [GPU_RGB8] = GL_RGB8, [GPU_RGBA8] = GL_RGBA8};
@@ -324,7 +324,7 @@ enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_f
 {
     assert(width > 0 && height > 0);
     *out = NULL;
-    gpu_use(g);
+    gpu_make_current(g);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
@@ -344,7 +344,7 @@ void gpu_texture_close(struct gpu_texture **t)
 {
     if (!*t)
         return;
-    gpu_use((*t)->g);
+    gpu_make_current((*t)->g);
     glDeleteTextures(1, &(*t)->id);
     (*t)->g->counts.bytes_held -= texture_bytes(*t);
     free(*t);
@@ -353,7 +353,7 @@ void gpu_texture_close(struct gpu_texture **t)
 
 void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels)
 {
-    gpu_use(t->g);
+    gpu_make_current(t->g);
     t->g->counts.uploads++;
     glBindTexture(GL_TEXTURE_2D, t->id);
     glTexSubImage2D(GL_TEXTURE_2D, 0, 0, first, t->width, count, layout_of(t), GL_UNSIGNED_BYTE, pixels);
@@ -372,7 +372,7 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
     assert(((components >= 2 && components <= 4) || (components % 4 == 0 && components <= 20)) && vertex_count > 0 &&
            vertex_count <= 65536 && index_count > 0);
     *out = NULL;
-    gpu_use(g);
+    gpu_make_current(g);
     struct gpu_mesh *m = calloc(1, sizeof *m);
     if (!m)
         return fail(ERR_MEMORY, "out of memory");
@@ -408,7 +408,7 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
 
 void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count)
 {
-    gpu_use(m->g);
+    gpu_make_current(m->g);
     m->g->counts.uploads++;
     glBindBuffer(GL_ARRAY_BUFFER, m->vertices);
     glBufferSubData(GL_ARRAY_BUFFER, (GLintptr)sizeof(float) * first, (GLsizeiptr)sizeof(float) * count, floats);
@@ -416,7 +416,7 @@ void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats,
 
 void gpu_mesh_write_indices(struct gpu_mesh *m, int first, const uint16_t *indices, int count)
 {
-    gpu_use(m->g);
+    gpu_make_current(m->g);
     m->g->counts.uploads++;
     glBindVertexArray(m->array); // whose part the binding is
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
@@ -429,7 +429,7 @@ void gpu_mesh_close(struct gpu_mesh **m)
 {
     if (!*m)
         return;
-    gpu_use((*m)->g);
+    gpu_make_current((*m)->g);
     (*m)->g->counts.bytes_held -= (*m)->bytes;
     glDeleteVertexArrays(1, &(*m)->array);
     glDeleteBuffers(1, &(*m)->vertices);
@@ -444,10 +444,10 @@ static int least(int a, int b) { return a < b ? a : b; }
 static int most(int a, int b) { return a > b ? a : b; }
 
 // Lets a job draw within its box only.
-static void keep_within(struct gpu_target *t, const struct gpu_box *box)
+static void set_scissor(struct gpu_target *t, const struct gpu_box *box)
 {
     if (!box->width) {
-        gpu_target_mark(t);
+        gpu_target_mark_drawn(t);
         return;
     }
     const int left = most(box->left, 0), right = most(left, least(box->left + box->width, t->width));
@@ -463,12 +463,12 @@ static void keep_within(struct gpu_target *t, const struct gpu_box *box)
 
 void gpu_draw(const struct gpu_job *job)
 {
-    gpu_use(job->target->g);
+    gpu_make_current(job->target->g);
     job->target->g->counts.draws++;
-    assert(!job->depth_test || job->target->kind != GPU_TARGET_FLAT);
-    glBindFramebuffer(GL_FRAMEBUFFER, job->target->drawn);
+    assert(!job->depth_test || job->target->kind != GPU_TARGET_COLOR);
+    glBindFramebuffer(GL_FRAMEBUFFER, job->target->framebuffer);
     glViewport(0, 0, job->target->width, job->target->height);
-    keep_within(job->target, &job->within);
+    set_scissor(job->target, &job->within);
     glFrontFace(GL_CW); // a picture's top row comes first, which turns triangles over
     if (job->closed)
         glEnable(GL_CULL_FACE);
@@ -483,7 +483,7 @@ void gpu_draw(const struct gpu_job *job)
     if (job->depth_test) {
         glEnable(GL_DEPTH_TEST);
         glDepthFunc(GL_LESS);
-        glDepthMask(!job->hides_nothing);
+        glDepthMask(!job->no_depth_write);
     } else {
         glDisable(GL_DEPTH_TEST);
     }

@@ -38,7 +38,7 @@ struct gpu_counts {
     int64_t made;           // programs, textures, meshes, targets
     size_t bytes_held;      // by textures, meshes and targets, as a GPU keeps them: four bytes a pixel of RGB
 };
-struct gpu_counts gpu_count(const struct gpu *g);
+struct gpu_counts gpu_get_counts(const struct gpu *g);
 
 // OK, or ERR_DEVICE when the context was lost or an error came up since the last look.
 MUST_CHECK enum status gpu_check(struct gpu *g);
@@ -47,7 +47,7 @@ MUST_CHECK enum status gpu_check(struct gpu *g);
 MUST_CHECK enum status gpu_wait(struct gpu *g);
 
 // ---- programs
-struct gpu_program_text {
+struct gpu_program_source {
     const char *name;              // for the sentence
     const char *vertex, *fragment; // GLSL ES 3.00; the first line is its version
     const char *const *uniforms;   // uniform_count names; `a` for `uniform vec4 a[3]`. NULL: none, never to be set
@@ -59,7 +59,7 @@ struct gpu_program_text {
 // The texts are not needed afterwards. The vertex shader's inputs lie at
 // locations 0 and up. ERR_DEVICE: it does not compile or link (with the driver's words),
 // or lacks one of the uniforms.
-MUST_CHECK enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_text *text);
+MUST_CHECK enum status gpu_program_open(struct gpu_program **out, struct gpu *g, const struct gpu_program_source *text);
 void gpu_program_close(struct gpu_program **p);
 
 // Sets uniform number `index` of the list: `count` vec4s.
@@ -97,13 +97,13 @@ struct gpu_box {
 MUST_CHECK enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height);
 // One without a depth buffer, for jobs without depth_test; and one of depth alone, 16 bit, whose texture is a
 // sampler2DShadow: what share of the four texels about a place lies no nearer than a depth. It cannot be read back.
-MUST_CHECK enum status gpu_target_open_flat(struct gpu_target **out, struct gpu *g, int width, int height);
+MUST_CHECK enum status gpu_target_open_color(struct gpu_target **out, struct gpu *g, int width, int height);
 MUST_CHECK enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height);
 void gpu_target_close(struct gpu_target **t);
 // From here on pictures of that size are drawn into it, no larger than what it was opened for; if that is another size
 // it is cleared, but nothing is made. They take up its texture's top left, which is what is shown of it (gpu_draw2d.h),
 // the last row and column fading over half a pixel.
-void gpu_target_use(struct gpu_target *t, int width, int height);
+void gpu_target_resize(struct gpu_target *t, int width, int height);
 int gpu_target_width(const struct gpu_target *t); // as it is used
 void gpu_target_clear(struct gpu_target *t);      // transparent black, the farthest depth
 
@@ -121,7 +121,7 @@ struct gpu_job {
     const struct gpu_texture *textures[4]; // as many as the program has samplers
     bool closed;                           // leave out triangles seen from behind: those that run clockwise
     bool depth_test;                       // the nearer one wins; else drawn over what is there
-    bool hides_nothing;                    // what is drawn later is not behind it
+    bool no_depth_write;                   // what is drawn later is not behind it
     bool blend;                            // colours are premultiplied and laid over what is there
     int first, count;                      // of the mesh's indices; count 0: all of them
     struct gpu_box within;                 // nothing outside is drawn; it may reach beyond the target

@@ -3,29 +3,29 @@
 
 #include <stdlib.h>
 
-struct gpu_flat {
+struct gpu_draw2d {
     struct gpu *g;
     struct gpu_program *program;
     GLuint array, vertices, indices, sampler;
-    struct gpu_flat_view view; // of the picture being drawn
-    float map[8];              // of it, as the shader has it
+    struct gpu_draw2d_view view; // of the picture being drawn
+    float map[8];                // of it, as the shader has it
 };
 
-enum status gpu_flat_open(struct gpu_flat **out, struct gpu *g, const struct gpu_flat_texts *texts)
+enum status gpu_draw2d_open(struct gpu_draw2d **out, struct gpu *g, const struct gpu_draw2d_shaders *texts)
 {
     static const char *const uniforms[] = {"map"}, *const samplers[] = {"picture"};
     *out = NULL;
-    struct gpu_flat *f = calloc(1, sizeof *f);
+    struct gpu_draw2d *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
     f->g = g;
-    const struct gpu_program_text text = {.name = "flat",
-                                          .vertex = texts->vertex,
-                                          .fragment = texts->fragment,
-                                          .uniforms = uniforms,
-                                          .uniform_count = 1,
-                                          .samplers = samplers,
-                                          .sampler_count = 1};
+    const struct gpu_program_source text = {.name = "flat",
+                                            .vertex = texts->vertex,
+                                            .fragment = texts->fragment,
+                                            .uniforms = uniforms,
+                                            .uniform_count = 1,
+                                            .samplers = samplers,
+                                            .sampler_count = 1};
     enum status status = gpu_program_open(&f->program, g, &text);
     if (status != OK) {
         free(f);
@@ -37,11 +37,11 @@ enum status gpu_flat_open(struct gpu_flat **out, struct gpu *g, const struct gpu
     glBindVertexArray(f->array);
     glBindBuffer(GL_ARRAY_BUFFER, f->vertices);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, f->indices);
-    const GLsizei stride = sizeof(struct gpu_flat_vertex);
-    glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_flat_vertex, x));
-    glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_flat_vertex, u));
+    const GLsizei stride = sizeof(struct gpu_draw2d_vertex);
+    glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_draw2d_vertex, x));
+    glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, (const void *)offsetof(struct gpu_draw2d_vertex, u));
     glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
-                          (const void *)offsetof(struct gpu_flat_vertex, rgba));
+                          (const void *)offsetof(struct gpu_draw2d_vertex, rgba));
     for (GLuint i = 0; i < 3; i++)
         glEnableVertexAttribArray(i);
     glBindVertexArray(0);
@@ -52,16 +52,16 @@ enum status gpu_flat_open(struct gpu_flat **out, struct gpu *g, const struct gpu
     glSamplerParameteri(f->sampler, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
     status = gpu_check(g);
     if (status != OK) {
-        gpu_flat_close(&f);
+        gpu_draw2d_close(&f);
         return status;
     }
     *out = f;
     return OK;
 }
 
-void gpu_flat_close(struct gpu_flat **out)
+void gpu_draw2d_close(struct gpu_draw2d **out)
 {
-    struct gpu_flat *f = *out;
+    struct gpu_draw2d *f = *out;
     if (!f)
         return;
     gpu_program_close(&f->program); // makes the context current
@@ -76,7 +76,7 @@ void gpu_flat_close(struct gpu_flat **out)
 // ---------------------------------------------------------------- turning
 
 // Where the upright pixel (x, y) lies on the glass, whose first row is the top one.
-static void turned(const struct gpu_flat_view *v, float x, float y, float *right, float *down)
+static void rotate_point(const struct gpu_draw2d_view *v, float x, float y, float *right, float *down)
 {
     float w = (float)v->width, h = (float)v->height;
     switch (v->quarter_turns & 3) {
@@ -87,7 +87,7 @@ static void turned(const struct gpu_flat_view *v, float x, float y, float *right
     }
 }
 
-static void glass_size(const struct gpu_flat_view *v, int *width, int *height)
+static void output_size(const struct gpu_draw2d_view *v, int *width, int *height)
 {
     bool across = v->quarter_turns & 1;
     *width = across ? v->height : v->width;
@@ -95,15 +95,15 @@ static void glass_size(const struct gpu_flat_view *v, int *width, int *height)
 }
 
 // From upright pixels to clip space. A target's first row is its bottom to OpenGL, the window's is its top.
-static void set_map(struct gpu_flat *f)
+static void set_map(struct gpu_draw2d *f)
 {
     int width, height;
     float origin[2], along_x[2], along_y[2];
     f->map[3] = f->map[7] = 0; // nothing can be drawn so: set_map_for
-    glass_size(&f->view, &width, &height);
-    turned(&f->view, 0, 0, &origin[0], &origin[1]);
-    turned(&f->view, 1, 0, &along_x[0], &along_x[1]);
-    turned(&f->view, 0, 1, &along_y[0], &along_y[1]);
+    output_size(&f->view, &width, &height);
+    rotate_point(&f->view, 0, 0, &origin[0], &origin[1]);
+    rotate_point(&f->view, 1, 0, &along_x[0], &along_x[1]);
+    rotate_point(&f->view, 0, 1, &along_y[0], &along_y[1]);
     const float sx = 2 / (float)width, sy = (f->view.target ? 2 : -2) / (float)height;
     for (int row = 0; row < 2; row++) {
         float s = row ? sy : sx;
@@ -114,7 +114,7 @@ static void set_map(struct gpu_flat *f)
 }
 
 // The last of either row is how much of the texture is used.
-static void set_map_for(struct gpu_flat *f, const struct gpu_texture *t)
+static void set_map_for(struct gpu_draw2d *f, const struct gpu_texture *t)
 {
     const float across = t->used_width ? (float)t->used_width / (float)t->width : 1;
     const float down = t->used_height ? (float)t->used_height / (float)t->height : 1;
@@ -125,13 +125,13 @@ static void set_map_for(struct gpu_flat *f, const struct gpu_texture *t)
     gpu_program_set(f->program, 0, f->map, 2);
 }
 
-static void set_clip(const struct gpu_flat *f, const struct gpu_flat_run *run)
+static void set_clip(const struct gpu_draw2d *f, const struct gpu_draw2d_batch *run)
 {
     int width, height;
     float x0, y0, x1, y1;
-    glass_size(&f->view, &width, &height);
-    turned(&f->view, run->left, run->top, &x0, &y0);
-    turned(&f->view, run->right, run->bottom, &x1, &y1);
+    output_size(&f->view, &width, &height);
+    rotate_point(&f->view, run->left, run->top, &x0, &y0);
+    rotate_point(&f->view, run->right, run->bottom, &x1, &y1);
     GLint left = (GLint)(x0 < x1 ? x0 : x1), right = (GLint)(x0 < x1 ? x1 : x0);
     GLint top = (GLint)(y0 < y1 ? y0 : y1), bottom = (GLint)(y0 < y1 ? y1 : y0);
     glScissor(left, f->view.target ? top : height - bottom, right - left, bottom - top);
@@ -139,15 +139,15 @@ static void set_clip(const struct gpu_flat *f, const struct gpu_flat_run *run)
 
 // ---------------------------------------------------------------- drawing
 
-void gpu_flat_begin(struct gpu_flat *f, const struct gpu_flat_view *view)
+void gpu_draw2d_begin(struct gpu_draw2d *f, const struct gpu_draw2d_view *view)
 {
     int width, height;
     f->view = *view;
-    glass_size(view, &width, &height);
-    gpu_use(f->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, view->target ? view->target->drawn : 0);
+    output_size(view, &width, &height);
+    gpu_make_current(f->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, view->target ? view->target->framebuffer : 0);
     if (view->target)
-        gpu_target_mark(view->target);
+        gpu_target_mark_drawn(view->target);
     glViewport(0, 0, width, height);
     glDisable(GL_SCISSOR_TEST);
     if (view->clear) {
@@ -157,8 +157,8 @@ void gpu_flat_begin(struct gpu_flat *f, const struct gpu_flat_view *view)
     set_map(f);
 }
 
-void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, int vertex_count,
-                   const uint16_t *indices, int index_count, const struct gpu_flat_run *runs, int run_count)
+void gpu_draw2d_draw(struct gpu_draw2d *f, const struct gpu_draw2d_vertex *vertices, int vertex_count,
+                     const uint16_t *indices, int index_count, const struct gpu_draw2d_batch *runs, int run_count)
 {
     glDisable(GL_CULL_FACE);
     glDisable(GL_DEPTH_TEST);
@@ -180,10 +180,10 @@ void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, i
             first_vertex = runs[i].first_vertex;
             const GLsizei stride = sizeof *vertices;
             const char *base = (const char *)((size_t)first_vertex * sizeof *vertices);
-            glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_flat_vertex, x));
-            glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_flat_vertex, u));
+            glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_draw2d_vertex, x));
+            glVertexAttribPointer(1, 2, GL_FLOAT, GL_FALSE, stride, base + offsetof(struct gpu_draw2d_vertex, u));
             glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
-                                  base + offsetof(struct gpu_flat_vertex, rgba));
+                                  base + offsetof(struct gpu_draw2d_vertex, rgba));
         }
         set_clip(f, &runs[i]);
         set_map_for(f, runs[i].texture);
@@ -197,4 +197,4 @@ void gpu_flat_draw(struct gpu_flat *f, const struct gpu_flat_vertex *vertices, i
     glDisable(GL_BLEND);
 }
 
-enum status gpu_flat_end(struct gpu_flat *f) { return gpu_check(f->g); }
+enum status gpu_draw2d_end(struct gpu_draw2d *f) { return gpu_check(f->g); }

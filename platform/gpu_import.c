@@ -35,19 +35,20 @@ static bool lists_format(EGLDisplay display, EGLint wanted)
 
 bool gpu_can_import(struct gpu *g)
 {
-    gpu_use(g);
+    gpu_make_current(g);
     EGLDisplay display = eglGetCurrentDisplay();
     const char *extensions = display == EGL_NO_DISPLAY ? NULL : eglQueryString(display, EGL_EXTENSIONS);
-    if (!gpu_has_word(extensions, "EGL_EXT_image_dma_buf_import") || !gpu_has_word(extensions, "EGL_KHR_image_base") ||
-        !gpu_has_word((const char *)glGetString(GL_EXTENSIONS), "GL_OES_EGL_image"))
+    if (!gpu_has_extension(extensions, "EGL_EXT_image_dma_buf_import") ||
+        !gpu_has_extension(extensions, "EGL_KHR_image_base") ||
+        !gpu_has_extension((const char *)glGetString(GL_EXTENSIONS), "GL_OES_EGL_image"))
         return false;
     // A driver that cannot list its formats may have them all the same.
-    return !gpu_has_word(extensions, "EGL_EXT_image_dma_buf_import_modifiers") ||
+    return !gpu_has_extension(extensions, "EGL_EXT_image_dma_buf_import_modifiers") ||
            (lists_format(display, drm_format(GPU_R8)) && lists_format(display, drm_format(GPU_RG8)) &&
             lists_format(display, drm_format(GPU_RGBA8)));
 }
 
-static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const struct gpu_memory *memory)
+static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const struct gpu_dmabuf *memory)
 {
     PFNEGLCREATEIMAGEKHRPROC create = (PFNEGLCREATEIMAGEKHRPROC)eglGetProcAddress("eglCreateImageKHR");
     PFNEGLDESTROYIMAGEKHRPROC destroy = (PFNEGLDESTROYIMAGEKHRPROC)eglGetProcAddress("eglDestroyImageKHR");
@@ -81,7 +82,7 @@ static enum status bind_image(struct gpu_texture *t, EGLDisplay display, const s
 }
 
 enum status gpu_texture_import(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width, int height,
-                               const struct gpu_memory *memory)
+                               const struct gpu_dmabuf *memory)
 {
     assert(width > 0 && height > 0 && drm_format(format));
     *out = NULL;
@@ -116,7 +117,7 @@ enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g)
     struct gpu_fence *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    gpu_use(g);
+    gpu_make_current(g);
     *f = (struct gpu_fence){g, glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0)};
     if (!f->sync) {
         free(f);
@@ -128,7 +129,7 @@ enum status gpu_fence_open(struct gpu_fence **out, struct gpu *g)
 
 bool gpu_fence_passed(struct gpu_fence *f, bool wait)
 {
-    gpu_use(f->g);
+    gpu_make_current(f->g);
     GLenum said = glClientWaitSync(f->sync, GL_SYNC_FLUSH_COMMANDS_BIT, wait ? 1000000000 : 0);
     return said != GL_TIMEOUT_EXPIRED;
 }
@@ -137,7 +138,7 @@ void gpu_fence_close(struct gpu_fence **f)
 {
     if (!*f)
         return;
-    gpu_use((*f)->g);
+    gpu_make_current((*f)->g);
     glDeleteSync((*f)->sync);
     free(*f);
     *f = NULL;

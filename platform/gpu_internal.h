@@ -12,7 +12,7 @@ typedef unsigned gpu_reset_status(void);
 struct gpu {
     void *display, *context; // EGL's
     bool adopted;
-    bool on_processor; // no graphics chip draws, but the processor
+    bool software_renderer; // no graphics chip draws, but the processor
     char renderer[128];
     int max_size;
     gpu_reset_status *reset_status; // NULL: the driver cannot say
@@ -42,14 +42,14 @@ struct gpu_mesh {
     size_t bytes;
 };
 
-enum gpu_target_kind { GPU_TARGET_WHOLE, GPU_TARGET_FLAT, GPU_TARGET_DEPTH };
+enum gpu_target_kind { GPU_TARGET_COLOR_DEPTH, GPU_TARGET_COLOR, GPU_TARGET_DEPTH };
 
 struct gpu_target {
     struct gpu *g;
     enum gpu_target_kind kind;
     int width, height; // as it is used; its texture keeps what it was opened for
     size_t bytes;
-    unsigned drawn, depth; // framebuffer around `texture`, and its renderbuffer, of a whole one
+    unsigned framebuffer, depth; // framebuffer around `texture`, and its renderbuffer, of a whole one
     struct gpu_texture texture;
     int left, top, right, bottom; // where something was drawn since it was cleared; right <= left: nowhere
 };
@@ -57,16 +57,16 @@ struct gpu_target {
 void gpu_count_made(struct gpu *g, size_t bytes);
 
 // Of a size that this driver does not take: the sentence, ERR_DEVICE.
-MUST_CHECK enum status gpu_too_large(const struct gpu *g, int width, int height);
+MUST_CHECK enum status gpu_fail_too_large(const struct gpu *g, int width, int height);
 
 // The texture of that format and size itself. ERR_DEVICE.
 MUST_CHECK enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, const uint8_t *pixels);
 
 // All of the target may have been drawn into.
-void gpu_target_mark(struct gpu_target *t);
+void gpu_target_mark_drawn(struct gpu_target *t);
 
 // Makes the gpu's context current, unless it is or is somebody else's to keep so.
-void gpu_use(const struct gpu *g);
+void gpu_make_current(const struct gpu *g);
 
 // Is the word in a list of words with blanks between them? A list that is NULL has none.
-bool gpu_has_word(const char *list, const char *word);
+bool gpu_has_extension(const char *list, const char *word);

@@ -6,7 +6,7 @@
 static enum status make_depth_texture(struct gpu_target *t)
 {
     if (t->width > t->g->max_size || t->height > t->g->max_size)
-        return gpu_too_large(t->g, t->width, t->height);
+        return gpu_fail_too_large(t->g, t->width, t->height);
     glGenTextures(1, &t->texture.id);
     glBindTexture(GL_TEXTURE_2D, t->texture.id);
     glTexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT16, t->width, t->height, 0, GL_DEPTH_COMPONENT, GL_UNSIGNED_SHORT,
@@ -33,12 +33,12 @@ static enum status make_color_texture(struct gpu_target *t)
 
 static enum status make_target(struct gpu_target *t)
 {
-    glGenFramebuffers(1, &t->drawn);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+    glGenFramebuffers(1, &t->framebuffer);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
     enum status status = t->kind == GPU_TARGET_DEPTH ? make_depth_texture(t) : make_color_texture(t);
     if (status != OK)
         return status;
-    if (t->kind == GPU_TARGET_WHOLE) {
+    if (t->kind == GPU_TARGET_COLOR_DEPTH) {
         glGenRenderbuffers(1, &t->depth);
         glBindRenderbuffer(GL_RENDERBUFFER, t->depth);
         glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, t->width, t->height);
@@ -53,10 +53,11 @@ static enum status make_target(struct gpu_target *t)
 
 static enum status open_target(struct gpu_target **out, struct gpu *g, enum gpu_target_kind kind, int width, int height)
 {
-    static const size_t bytes_a_pixel[] = {[GPU_TARGET_WHOLE] = 8, [GPU_TARGET_FLAT] = 4, [GPU_TARGET_DEPTH] = 2};
+    static const size_t bytes_a_pixel[] = {
+        [GPU_TARGET_COLOR_DEPTH] = 8, [GPU_TARGET_COLOR] = 4, [GPU_TARGET_DEPTH] = 2};
     assert(width > 0 && height > 0);
     *out = NULL;
-    gpu_use(g);
+    gpu_make_current(g);
     struct gpu_target *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
@@ -72,7 +73,7 @@ static enum status open_target(struct gpu_target **out, struct gpu *g, enum gpu_
         gpu_target_close(&t);
         return status;
     }
-    gpu_target_mark(t);
+    gpu_target_mark_drawn(t);
     gpu_target_clear(t);
     *out = t;
     return OK;
@@ -80,12 +81,12 @@ static enum status open_target(struct gpu_target **out, struct gpu *g, enum gpu_
 
 enum status gpu_target_open(struct gpu_target **out, struct gpu *g, int width, int height)
 {
-    return open_target(out, g, GPU_TARGET_WHOLE, width, height);
+    return open_target(out, g, GPU_TARGET_COLOR_DEPTH, width, height);
 }
 
-enum status gpu_target_open_flat(struct gpu_target **out, struct gpu *g, int width, int height)
+enum status gpu_target_open_color(struct gpu_target **out, struct gpu *g, int width, int height)
 {
-    return open_target(out, g, GPU_TARGET_FLAT, width, height);
+    return open_target(out, g, GPU_TARGET_COLOR, width, height);
 }
 
 enum status gpu_target_open_depth(struct gpu_target **out, struct gpu *g, int width, int height)
@@ -97,16 +98,16 @@ void gpu_target_close(struct gpu_target **t)
 {
     if (!*t)
         return;
-    gpu_use((*t)->g);
+    gpu_make_current((*t)->g);
     (*t)->g->counts.bytes_held -= (*t)->bytes;
-    glDeleteFramebuffers(1, &(*t)->drawn);
+    glDeleteFramebuffers(1, &(*t)->framebuffer);
     glDeleteRenderbuffers(1, &(*t)->depth);
     glDeleteTextures(1, &(*t)->texture.id);
     free(*t);
     *t = NULL;
 }
 
-void gpu_target_mark(struct gpu_target *t)
+void gpu_target_mark_drawn(struct gpu_target *t)
 {
     t->left = t->top = 0;
     t->right = t->width, t->bottom = t->height;
@@ -117,22 +118,22 @@ void gpu_target_mark(struct gpu_target *t)
 void gpu_target_clear(struct gpu_target *t)
 {
     bool nowhere = t->right <= t->left || t->bottom <= t->top;
-    gpu_use(t->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+    gpu_make_current(t->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
     glClearColor(0, 0, 0, 0);
     glClearDepthf(1);
     glDepthMask(GL_TRUE);
-    if (t->g->on_processor) {
+    if (t->g->software_renderer) {
         glEnable(GL_SCISSOR_TEST);
         glScissor(t->left, t->top, t->right - t->left, t->bottom - t->top);
     }
-    if (!nowhere || !t->g->on_processor)
+    if (!nowhere || !t->g->software_renderer)
         glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     glDisable(GL_SCISSOR_TEST);
     t->left = t->top = t->right = t->bottom = 0;
 }
 
-void gpu_target_use(struct gpu_target *t, int width, int height)
+void gpu_target_resize(struct gpu_target *t, int width, int height)
 {
     assert(width > 0 && height > 0 && width <= t->texture.width && height <= t->texture.height);
     if (width == t->width && height == t->height)
@@ -149,8 +150,8 @@ const struct gpu_texture *gpu_target_texture(const struct gpu_target *t) { retur
 enum status gpu_target_read(struct gpu_target *t, uint8_t *rgba)
 {
     assert(t->kind != GPU_TARGET_DEPTH);
-    gpu_use(t->g);
-    glBindFramebuffer(GL_FRAMEBUFFER, t->drawn);
+    gpu_make_current(t->g);
+    glBindFramebuffer(GL_FRAMEBUFFER, t->framebuffer);
     glReadPixels(0, 0, t->width, t->height, GL_RGBA, GL_UNSIGNED_BYTE, rgba);
     return gpu_check(t->g);
 }

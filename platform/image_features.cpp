@@ -9,13 +9,13 @@
 namespace
 {
 
-constexpr int CELL_PX = 40;   // the picture is divided into cells of about this size
+constexpr int CELL_PX = 40;   // the image is divided into cells of about this size
 constexpr int EDGE_PX = 19;   // nearer to the edge there is no whole descriptor
 constexpr int FAST_STEP = 10; // grey levels by which a corner stands out
-// Smaller copies of the picture, each so many times smaller than the last.
+// Smaller copies of the image, each so many times smaller than the last.
 constexpr float STEP = 1.2f;
 constexpr int LEVELS = 6;
-// The same in a part of a picture: every second copy, which takes less than half of the time and still
+// The same in a part of a image: every second copy, which takes less than half of the time and still
 // shows what another copy showed.
 constexpr float COARSE_STEP = 1.44f;
 constexpr int COARSE_LEVELS = 3;
@@ -32,7 +32,7 @@ bool better(const cv::KeyPoint &a, const cv::KeyPoint &b)
 }
 
 // The best few of each cell, so that one poster does not take all.
-std::vector<cv::KeyPoint> spread(std::vector<cv::KeyPoint> &all, int width, int height, int capacity)
+std::vector<cv::KeyPoint> spread_over_cells(std::vector<cv::KeyPoint> &all, int width, int height, int capacity)
 {
     int across = std::max(1, width / CELL_PX), down = std::max(1, height / CELL_PX);
     std::vector<int> taken((size_t)(across * down), 0);
@@ -48,7 +48,7 @@ std::vector<cv::KeyPoint> spread(std::vector<cv::KeyPoint> &all, int width, int 
     return kept;
 }
 
-cv::Ptr<cv::ORB> finder(int capacity, float step, int levels)
+cv::Ptr<cv::ORB> make_orb(int capacity, float step, int levels)
 {
     return cv::ORB::create(capacity, step, levels, EDGE_PX, 0, 2, cv::ORB::FAST_SCORE, 31, FAST_STEP);
 }
@@ -66,16 +66,16 @@ struct slope_weights {
     }
 };
 
-void slope_around(const cv::Mat &picture, const cv::KeyPoint &k, float scale, float out[3])
+void structure_tensor(const cv::Mat &image, const cv::KeyPoint &k, float scale, float out[3])
 {
     static const slope_weights weights;
     int step = std::max(1, (int)std::lround(scale)); // the difference is taken over two of them
     std::fill(out, out + 3, 0.0f);
     for (int j = -SLOPE_REACH; j <= SLOPE_REACH; j++) {
-        int y = std::clamp((int)std::lround(k.pt.y + (float)j * scale), step, picture.rows - 1 - step);
-        const uint8_t *above = picture.ptr(y - step), *row = picture.ptr(y), *below = picture.ptr(y + step);
+        int y = std::clamp((int)std::lround(k.pt.y + (float)j * scale), step, image.rows - 1 - step);
+        const uint8_t *above = image.ptr(y - step), *row = image.ptr(y), *below = image.ptr(y + step);
         for (int i = -SLOPE_REACH; i <= SLOPE_REACH; i++) {
-            int x = std::clamp((int)std::lround(k.pt.x + (float)i * scale), step, picture.cols - 1 - step);
+            int x = std::clamp((int)std::lround(k.pt.x + (float)i * scale), step, image.cols - 1 - step);
             float dx = (float)(row[x + step] - row[x - step]), dy = (float)(below[x] - above[x]);
             float weight = weights.of[i + SLOPE_REACH] * weights.of[j + SLOPE_REACH];
             out[0] += weight * dx * dx;
@@ -87,26 +87,26 @@ void slope_around(const cv::Mat &picture, const cv::KeyPoint &k, float scale, fl
 
 // OpenCV multiplies a pixel of a copy with its scale. But the copy's first pixel is the mean of several, and the copy
 // is a whole number of pixels wide.
-double whole(float at, float scale, int length)
+double full_image_coordinate(float at, float scale, int length)
 {
     double copy = std::lround((float)length * (1 / scale));
     return ((double)(at / scale) + 0.5) * length / copy - 0.5;
 }
 
-void hand_out(const cv::Mat &picture, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step,
-              int left, int top, struct feature *out, int capacity, int *count)
+void write_features(const cv::Mat &image, const std::vector<cv::KeyPoint> &kept, const cv::Mat &descriptors, float step,
+                    int left, int top, struct feature *out, int capacity, int *count)
 {
     for (size_t i = 0; i < kept.size() && *count < capacity; i++) {
         struct feature &f = out[(*count)++];
         f.scale = std::pow(step, (float)kept[i].octave);
-        f.at = {(double)left + whole(kept[i].pt.x, f.scale, picture.cols),
-                (double)top + whole(kept[i].pt.y, f.scale, picture.rows)};
-        slope_around(picture, kept[i], f.scale, f.slope);
+        f.at = {(double)left + full_image_coordinate(kept[i].pt.x, f.scale, image.cols),
+                (double)top + full_image_coordinate(kept[i].pt.y, f.scale, image.rows)};
+        structure_tensor(image, kept[i], f.scale, f.slope);
         std::memcpy(f.descriptor, descriptors.ptr((int)i), sizeof f.descriptor);
     }
 }
 
-enum status failed()
+enum status fail_current_exception()
 {
     try {
         throw;
@@ -119,41 +119,41 @@ enum status failed()
 
 } // namespace
 
-enum status features_find(const uint8_t *gray, int width, int height, struct feature *out, int capacity, int *count)
+enum status features_detect(const uint8_t *gray, int width, int height, struct feature *out, int capacity, int *count)
 {
     *count = 0;
     if (width < 4 * EDGE_PX || height < 4 * EDGE_PX || capacity <= 0)
         return OK;
     try {
-        const cv::Mat picture(height, width, CV_8UC1, const_cast<uint8_t *>(gray));
-        auto orb = finder(capacity * 4, STEP, LEVELS);
+        const cv::Mat image(height, width, CV_8UC1, const_cast<uint8_t *>(gray));
+        auto orb = make_orb(capacity * 4, STEP, LEVELS);
         std::vector<cv::KeyPoint> all;
-        orb->detect(picture, all);
-        std::vector<cv::KeyPoint> kept = spread(all, width, height, capacity);
+        orb->detect(image, all);
+        std::vector<cv::KeyPoint> kept = spread_over_cells(all, width, height, capacity);
         cv::Mat descriptors;
-        orb->compute(picture, kept, descriptors);
-        hand_out(picture, kept, descriptors, STEP, 0, 0, out, capacity, count);
+        orb->compute(image, kept, descriptors);
+        write_features(image, kept, descriptors, STEP, 0, 0, out, capacity, count);
         return OK;
     } catch (...) {
-        return failed();
+        return fail_current_exception();
     }
 }
 
-enum status features_find_in(const uint8_t *gray, int stride, int left, int top, int width, int height,
-                             struct feature *out, int capacity, int *count)
+enum status features_detect_region(const uint8_t *gray, int stride, int left, int top, int width, int height,
+                                   struct feature *out, int capacity, int *count)
 {
     *count = 0;
     if (width < 4 * EDGE_PX || height < 4 * EDGE_PX || capacity <= 0)
         return OK;
     try {
         const uint8_t *first = gray + (size_t)top * (size_t)stride + (size_t)left;
-        const cv::Mat picture(height, width, CV_8UC1, const_cast<uint8_t *>(first), (size_t)stride);
+        const cv::Mat image(height, width, CV_8UC1, const_cast<uint8_t *>(first), (size_t)stride);
         std::vector<cv::KeyPoint> kept;
         cv::Mat descriptors;
-        finder(capacity, COARSE_STEP, COARSE_LEVELS)->detectAndCompute(picture, cv::noArray(), kept, descriptors);
-        hand_out(picture, kept, descriptors, COARSE_STEP, left, top, out, capacity, count);
+        make_orb(capacity, COARSE_STEP, COARSE_LEVELS)->detectAndCompute(image, cv::noArray(), kept, descriptors);
+        write_features(image, kept, descriptors, COARSE_STEP, left, top, out, capacity, count);
         return OK;
     } catch (...) {
-        return failed();
+        return fail_current_exception();
     }
 }

@@ -18,14 +18,14 @@ struct feature {
 
 // gray: width * height bytes. Writes at most `capacity` features, best first in
 // each part of the picture; *count is how many. ERR_MEMORY, ERR_SOLVER.
-MUST_CHECK enum status features_find(const uint8_t *gray, int width, int height, struct feature *out, int capacity,
-                                     int *count);
+MUST_CHECK enum status features_detect(const uint8_t *gray, int width, int height, struct feature *out, int capacity,
+                                       int *count);
 
 // The same in one part of the picture, of width x height pixels from (left, top), by itself, at half
 // as many scales: half of the time that the same part of the whole picture takes. `at` is of the whole
 // picture, whose rows are `stride` bytes apart.
-MUST_CHECK enum status features_find_in(const uint8_t *gray, int stride, int left, int top, int width, int height,
-                                        struct feature *out, int capacity, int *count);
+MUST_CHECK enum status features_detect_region(const uint8_t *gray, int stride, int left, int top, int width, int height,
+                                              struct feature *out, int capacity, int *count);
 
 // How many of the 256 bits differ. Counted side by side in ever wider fields (Warren, Hacker's Delight):
 // not every processor that this is built for has an instruction for it.

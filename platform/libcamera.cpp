@@ -133,24 +133,24 @@ class Mapping
 
 // Where what was lent comes back to: as long as the camera is open it goes on with it.
 struct Counter {
-    std::mutex lock;                                     // guards what follows
-    std::function<void(libcamera::Request *)> take_back; // empty: the camera was closed
+    std::mutex lock;                                           // guards what follows
+    std::function<void(libcamera::Request *)> requeue_request; // empty: the camera was closed
     int out = 0;
 };
 
 // One picture that was lent. Its files are its own, for the camera may be closed meanwhile.
-struct Lent : loan {
+struct DmabufFrame : dmabuf_image {
     std::shared_ptr<Counter> counter;
     libcamera::Request *request = nullptr;
     libcamera::UniqueFD files[2];
 
-    static void come_back(loan *l)
+    static void release_frame(dmabuf_image *l)
     {
-        std::unique_ptr<Lent> self(static_cast<Lent *>(l));
+        std::unique_ptr<DmabufFrame> self(static_cast<DmabufFrame *>(l));
         std::lock_guard<std::mutex> guard(self->counter->lock);
         self->counter->out--;
-        if (self->counter->take_back)
-            self->counter->take_back(self->request);
+        if (self->counter->requeue_request)
+            self->counter->requeue_request(self->request);
     }
 };
 
@@ -159,7 +159,7 @@ class Source
   public:
     explicit Source(source_facts *facts) : facts_(facts), counter_(std::make_shared<Counter>())
     {
-        counter_->take_back = [this](libcamera::Request *request) { (void)requeue(request); };
+        counter_->requeue_request = [this](libcamera::Request *request) { (void)requeue(request); };
     }
     Source(const Source &) = delete;
     Source &operator=(const Source &) = delete;
@@ -168,7 +168,7 @@ class Source
     {
         {
             std::lock_guard<std::mutex> guard(counter_->lock);
-            counter_->take_back = nullptr;
+            counter_->requeue_request = nullptr;
         }
         if (camera_) {
             camera_->requestCompleted.disconnect(this);
@@ -213,19 +213,19 @@ class Source
         libcamera::Request *request = nullptr;
         {
             std::unique_lock<std::mutex> guard(lock_);
-            bool heard =
+            bool arrived =
                 arrived_.wait_for(guard, std::chrono::seconds(5), [this] { return latest_ != nullptr || gone_; });
             request = std::exchange(latest_, nullptr);
             facts_->dropped += std::exchange(dropped_, 0);
             if (!request && gone_)
                 return fail(ERR_DEVICE, "the camera %s was unplugged", name_.c_str());
-            if (!heard)
+            if (!arrived)
                 return fail(ERR_DEVICE, "the camera %s has sent no picture for 5 seconds", name_.c_str());
         }
         enum status status = take(request, out);
-        if (status == OK && facts_->lends)
-            out->loan = lend(request);
-        if (!out->loan && !requeue(request) && status == OK) {
+        if (status == OK && facts_->dmabuf_enabled)
+            out->dmabuf = export_dmabuf(request);
+        if (!out->dmabuf && !requeue(request) && status == OK) {
             std::lock_guard<std::mutex> guard(lock_);
             gone_ = true; // said at the next call; this picture is good
         }
@@ -239,10 +239,13 @@ class Source
         return camera_->queueRequest(request) == 0;
     }
 
-    bool layout_of(loan_layout *out) const
+    bool layout_of(dmabuf_layout *out) const
     {
-        static const std::pair<libcamera::PixelFormat, loan_layout> known[] = {
-            {YUYV, LOAN_YUYV}, {UYVY, LOAN_UYVY}, {NV12, LOAN_NV12}, {XBGR8888, LOAN_RGBX}, {XRGB8888, LOAN_BGRX}};
+        static const std::pair<libcamera::PixelFormat, dmabuf_layout> known[] = {{YUYV, DMABUF_YUYV},
+                                                                                 {UYVY, DMABUF_UYVY},
+                                                                                 {NV12, DMABUF_NV12},
+                                                                                 {XBGR8888, DMABUF_RGBX},
+                                                                                 {XRGB8888, DMABUF_BGRX}};
         for (const auto &pair : known)
             if (pair.first == format_) {
                 *out = pair.second;
@@ -252,33 +255,33 @@ class Source
     }
 
     // NULL: this picture is not lent.
-    loan *lend(libcamera::Request *request)
+    dmabuf_image *export_dmabuf(libcamera::Request *request)
     {
         const auto &planes = request->buffers().begin()->second->planes();
-        auto lent = std::make_unique<Lent>();
+        auto image = std::make_unique<DmabufFrame>();
         const size_t wanted = format_ == NV12 ? 2 : 1;
-        if (!layout_of(&lent->layout))
+        if (!layout_of(&image->layout))
             return nullptr;
         for (size_t i = 0; i < wanted; i++) {
             const auto &plane = planes[std::min(i, planes.size() - 1)];
-            lent->files[i] = plane.fd.dup();
-            if (!lent->files[i].isValid())
+            image->files[i] = plane.fd.dup();
+            if (!image->files[i].isValid())
                 return nullptr;
-            lent->planes[i] = {lent->files[i].get(), plane.offset, stride_};
+            image->planes[i] = {image->files[i].get(), plane.offset, stride_};
             if (i == 1 && planes.size() == 1)
-                lent->planes[i].offset += stride_ * unsigned(height_); // right behind the luma
+                image->planes[i].offset += stride_ * unsigned(height_); // right behind the luma
         }
-        lent->width = width_;
-        lent->height = height_;
-        lent->meaning = meaning_;
-        lent->request = request;
-        lent->counter = counter_;
-        lent->give_back = Lent::come_back;
+        image->width = width_;
+        image->height = height_;
+        image->encoding = encoding_;
+        image->request = request;
+        image->counter = counter_;
+        image->release = DmabufFrame::release_frame;
         std::lock_guard<std::mutex> guard(counter_->lock);
         if (counter_->out >= int(requests_.size()) - KEPT_BUFFERS)
             return nullptr;
         counter_->out++;
-        return lent.release();
+        return image.release();
     }
 
     enum status configure()
@@ -316,9 +319,9 @@ class Source
             return fail(ERR_DEVICE, "the camera %s gives pictures of %d x %d pixels, which cannot be used",
                         name_.c_str(), width_, height_);
         if (stream.colorSpace) {
-            meaning_.full_range = stream.colorSpace->range == libcamera::ColorSpace::Range::Full;
+            encoding_.full_range = stream.colorSpace->range == libcamera::ColorSpace::Range::Full;
             if (stream.colorSpace->ycbcrEncoding == libcamera::ColorSpace::YcbcrEncoding::Rec709)
-                meaning_.matrix = YUV_BT709;
+                encoding_.matrix = YUV_BT709;
         }
         rgb_.resize(size_t(width_) * size_t(height_) * 3);
         return OK;
@@ -446,9 +449,9 @@ class Source
         if (memory.length(0) < needed || (format_ == NV12 && memory.count() > 1 && memory.length(1) < rows / 2))
             return fail(ERR_DEVICE, "the camera %s gives less than a picture", name_.c_str());
         if (format_ == NV12)
-            pixels_from_nv12(in, stride_, chroma_of(memory), stride_, meaning_, width_, height_, rgb_.data());
+            pixels_from_nv12(in, stride_, chroma_of(memory), stride_, encoding_, width_, height_, rgb_.data());
         else if (format_ == YUYV || format_ == UYVY)
-            pixels_from_yuv422(in, stride_, format_ == YUYV, meaning_, width_, height_, rgb_.data());
+            pixels_from_yuv422(in, stride_, format_ == YUYV, encoding_, width_, height_, rgb_.data());
         else // libcamera names the parts from the word's top: BGR888 has red in its first byte
             pixels_from_packed(in, stride_,
                                format_ == BGR888     ? PACKED_RGB
@@ -473,7 +476,7 @@ class Source
     libcamera::PixelFormat format_;
     int width_ = 0, height_ = 0;
     unsigned stride_ = 0;
-    yuv_meaning meaning_ = {YUV_BT601, false};
+    yuv_encoding encoding_ = {YUV_BT601, false};
     std::vector<uint8_t> rgb_, jpeg_;
     int64_t last_ns_ = 0, count_ = 0;
 
@@ -499,12 +502,12 @@ template <typename Work> enum status guarded(Work work) noexcept
     }
 }
 
-enum status source_next_picture(void *self, frame *out)
+enum status libcamera_next(void *self, frame *out)
 {
     return guarded([&] { return static_cast<Source *>(self)->next(out); });
 }
 
-void source_end(void *self)
+void libcamera_close(void *self)
 {
     (void)guarded([&] {
         delete static_cast<Source *>(self);
@@ -516,7 +519,7 @@ void source_end(void *self)
 
 extern "C" {
 
-const struct source_kind libcamera_kind = {source_next_picture, source_end};
+const struct source_kind libcamera_kind = {libcamera_next, libcamera_close};
 
 enum status libcamera_open(void **self, const char *where, enum source_wanted, struct source_facts *facts)
 {

@@ -2,8 +2,8 @@
 
 #include <meshoptimizer.h>
 
-int simplify(const float (*points)[3], int point_count, const int32_t *corners, int corner_count, int most, float error,
-             int32_t *out)
+int mesh_simplify(const float (*points)[3], int point_count, const int32_t *corners, int corner_count, int most,
+                  float error, int32_t *out)
 {
     size_t count = (size_t)point_count, stride = sizeof *points;
     float scale = meshopt_simplifyScale(points[0], count, stride);

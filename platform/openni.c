@@ -36,12 +36,12 @@ static pthread_mutex_t opening = PTHREAD_MUTEX_INITIALIZER;
 // OpenNI2's player of files walks its list of streams without a lock, every 10 ms while no stream
 // runs, and crashes when it meets a stream coming or going. So streams are made right after it has
 // looked for the first time, and destroyed when it has had time to finish a picture and rest.
-static const int64_t PLAYER_RESTS_NS = 25000000;
+static const int64_t PLAYER_IDLE_NS = 25000000;
 
 // ------------------------------------------------------------- sentences
 
 // What OpenNI2 last complained of, on one line.
-static const char *complaint(char text[200])
+static const char *last_error(char text[200])
 {
     snprintf(text, 200, "%s", oniGetExtendedError());
     for (char *at = text; *at; at++)
@@ -85,14 +85,14 @@ static enum status no_sensor(int index, int count)
 
 static void on_disconnected(const OniDeviceInfo *info, void *cookie)
 {
-    struct sensor *s = cookie;
+    struct openni_sensor *s = cookie;
     if (!strcmp(info->uri, s->uri))
         atomic_store(&s->gone, true);
 }
 
 static void on_state(const OniDeviceInfo *info, OniDeviceState state, void *cookie)
 {
-    struct sensor *s = cookie;
+    struct openni_sensor *s = cookie;
     if (strcmp(info->uri, s->uri))
         return;
     if (state == ONI_DEVICE_STATE_EOF)
@@ -104,7 +104,7 @@ static void on_state(const OniDeviceInfo *info, OniDeviceState state, void *cook
 // ------------------------------------------------------------- opening
 
 // How well a mode serves: the nearer to 640 x 480 at 30 Hz the better; -1 not at all.
-static int mode_worth(const OniVideoMode *mode, OniSensorType type)
+static int mode_score(const OniVideoMode *mode, OniSensorType type)
 {
     int worth = 0;
     if (type == ONI_SENSOR_DEPTH && mode->pixelFormat == ONI_PIXEL_FORMAT_DEPTH_1_MM)
@@ -122,7 +122,7 @@ static int mode_worth(const OniVideoMode *mode, OniSensorType type)
 }
 
 // NOTHING: the device has no such stream. Leaves the stream made, in its best mode, not started.
-static enum status make_stream(struct sensor *s, struct lane *lane, OniSensorType type)
+static enum status make_stream(struct openni_sensor *s, struct lane *lane, OniSensorType type)
 {
     const char *what = type == ONI_SENSOR_DEPTH ? "depth" : "colour";
     const OniSensorInfo *info = oniDeviceGetSensorInfo(s->device, type);
@@ -131,7 +131,7 @@ static enum status make_stream(struct sensor *s, struct lane *lane, OniSensorTyp
     const OniVideoMode *best = NULL;
     for (int i = 0; i < info->numSupportedVideoModes; i++) {
         const OniVideoMode *mode = &info->pSupportedVideoModes[i];
-        if (mode_worth(mode, type) >= 0 && (!best || mode_worth(mode, type) > mode_worth(best, type)))
+        if (mode_score(mode, type) >= 0 && (!best || mode_score(mode, type) > mode_score(best, type)))
             best = mode;
     }
     if (!best)
@@ -141,12 +141,12 @@ static enum status make_stream(struct sensor *s, struct lane *lane, OniSensorTyp
     char why[200];
     if (oniDeviceCreateStream(s->device, type, &lane->stream) != ONI_STATUS_OK) {
         lane->stream = NULL;
-        return fail(ERR_DEVICE, "%s gives no %s stream: %s", s->name, what, complaint(why));
+        return fail(ERR_DEVICE, "%s gives no %s stream: %s", s->name, what, last_error(why));
     }
     if (!s->file && oniStreamSetProperty(lane->stream, ONI_STREAM_PROPERTY_VIDEO_MODE, &lane->mode,
                                          sizeof lane->mode) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels: %s", s->name, what, lane->mode.resolutionX,
-                    lane->mode.resolutionY, complaint(why));
+                    lane->mode.resolutionY, last_error(why));
     OniBool mirrored = FALSE;
     int size = sizeof mirrored;
     if (!s->file)
@@ -154,11 +154,12 @@ static enum status make_stream(struct sensor *s, struct lane *lane, OniSensorTyp
     if (oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
         lane->mirrored = mirrored; // some cannot be told not to, and no file can
     if (s->file && oniStreamSetFrameBuffersAllocator(lane->stream, gate_alloc, gate_free, lane) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture: %s", s->name, what, complaint(why));
+        return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture: %s", s->name, what, last_error(why));
     return OK;
 }
 
-static enum status read_lens(const struct sensor *s, const struct lane *lane, const char *what, struct lens *lens)
+static enum status read_lens(const struct openni_sensor *s, const struct lane *lane, const char *what,
+                             struct lens *lens)
 {
     float h = 0, v = 0;
     int h_size = sizeof h, v_size = sizeof v;
@@ -176,7 +177,7 @@ static enum status read_lens(const struct sensor *s, const struct lane *lane, co
     return OK;
 }
 
-static enum status calibrate(struct sensor *s)
+static enum status calibrate(struct openni_sensor *s)
 {
     struct calibration *c = &s->facts->calibration;
     *c = (struct calibration){.registered = true, .color_from_depth = POSE_IDENTITY};
@@ -199,7 +200,7 @@ static enum status calibrate(struct sensor *s)
     return OK;
 }
 
-static enum status make_streams(struct sensor *s)
+static enum status make_streams(struct openni_sensor *s)
 {
     enum status status = make_stream(s, &s->depth, ONI_SENSOR_DEPTH);
     if (status == NOTHING)
@@ -228,7 +229,7 @@ static enum status make_streams(struct sensor *s)
 
 // A file's player runs as soon as one stream is started and would throw away the other's first
 // pictures; at speed -1 it waits to be asked, so both streams are started before anything moves.
-static enum status start(struct sensor *s)
+static enum status start(struct openni_sensor *s)
 {
     char why[200];
     float by_hand = -1, no_waiting = 0;
@@ -237,15 +238,15 @@ static enum status start(struct sensor *s)
                                          sizeof repeat) != ONI_STATUS_OK ||
                     oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &by_hand, sizeof by_hand) !=
                         ONI_STATUS_OK))
-        return fail(ERR_DEVICE, "%s cannot be played picture by picture: %s", s->name, complaint(why));
+        return fail(ERR_DEVICE, "%s cannot be played picture by picture: %s", s->name, last_error(why));
     if (oniStreamStart(s->depth.stream) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, complaint(why));
+        return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, last_error(why));
     if (s->color.stream && oniStreamStart(s->color.stream) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, complaint(why));
+        return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, last_error(why));
     if (s->file) {
         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &no_waiting, sizeof no_waiting);
-        for (int ms = 0; !s->heard && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
-            (void)!take_picture(s, SLICE_MS); // the first one waits for openni_next
+        for (int ms = 0; !s->got_frame && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
+            (void)!openni_read_frame(s, SLICE_MS); // the first one waits for openni_next
     } else if (s->color.stream) {
         oniDeviceEnableDepthColorSync(s->device); // nice to have; pairs are made by time anyway
     }
@@ -254,16 +255,16 @@ static enum status start(struct sensor *s)
 
 static void openni_close(void *self)
 {
-    struct sensor *s = self;
+    struct openni_sensor *s = self;
     if (!s)
         return;
     pthread_mutex_lock(&opening);
     // A player closed before its thread has begun never ends: OpenNI2 waits 3 s and then shoots it.
-    if (s->file && s->device && !s->heard)
+    if (s->file && s->device && !s->got_frame)
         clock_sleep_until_ns(clock_now_ns() + 100000000);
     gate_open(&s->gate);
-    lane_release_all(&s->depth);
-    lane_release_all(&s->color);
+    lane_release_frames(&s->depth);
+    lane_release_frames(&s->color);
     if (s->callbacks)
         oniUnregisterDeviceCallbacks(s->callbacks);
     if (s->color.stream)
@@ -271,7 +272,7 @@ static void openni_close(void *self)
     if (s->depth.stream)
         oniStreamStop(s->depth.stream);
     if (s->file && s->device)
-        clock_sleep_until_ns(clock_now_ns() + PLAYER_RESTS_NS);
+        clock_sleep_until_ns(clock_now_ns() + PLAYER_IDLE_NS);
     if (s->color.stream)
         oniStreamDestroy(s->color.stream);
     if (s->depth.stream)
@@ -295,13 +296,13 @@ static enum status initialize(void)
     char why[200];
     if (oniInitialize(ONI_API_VERSION) == ONI_STATUS_OK)
         return OK;
-    enum status status = fail(ERR_DEVICE, "OpenNI2 does not start: %s", complaint(why));
+    enum status status = fail(ERR_DEVICE, "OpenNI2 does not start: %s", last_error(why));
     oniShutdown(); // it counts failed starts too
     return status;
 }
 
 // Learns the URI and the name of the device with that number.
-static enum status find_device(struct sensor *s, int index)
+static enum status find_device(struct openni_sensor *s, int index)
 {
     OniDeviceInfo *list = NULL;
     int count = 0;
@@ -323,7 +324,7 @@ static enum status find_device(struct sensor *s, int index)
     return status;
 }
 
-static enum status open_device(struct sensor *s)
+static enum status open_device(struct openni_sensor *s)
 {
     OniDeviceCallbacks callbacks = {NULL, on_disconnected, on_state};
     if (oniRegisterDeviceCallbacks(&callbacks, s, &s->callbacks) != ONI_STATUS_OK)
@@ -332,17 +333,17 @@ static enum status open_device(struct sensor *s)
     if (oniDeviceOpen(s->uri, &s->device) != ONI_STATUS_OK) {
         s->device = NULL;
         return s->file ? fail(ERR_INPUT, "%s is no recording that OpenNI2 can play", s->name)
-                       : fail(ERR_DEVICE, "%s does not open: %s", s->name, complaint(why));
+                       : fail(ERR_DEVICE, "%s does not open: %s", s->name, last_error(why));
     }
     if (s->file)
-        clock_sleep_until_ns(clock_now_ns() + PLAYER_RESTS_NS / 5);
+        clock_sleep_until_ns(clock_now_ns() + PLAYER_IDLE_NS / 5);
     enum status status = make_streams(s);
     return status == OK ? start(s) : status;
 }
 
-static struct sensor *new_sensor(bool file, const char *name, struct source_facts *facts)
+static struct openni_sensor *new_sensor(bool file, const char *name, struct source_facts *facts)
 {
-    struct sensor *s = calloc(1, sizeof *s);
+    struct openni_sensor *s = calloc(1, sizeof *s);
     if (!s)
         return NULL;
     pthread_mutex_init(&s->gate.lock, NULL);
@@ -362,7 +363,7 @@ static struct sensor *new_sensor(bool file, const char *name, struct source_fact
 }
 
 // Takes over `s`; closes it on error. index: of the device; -1 for a file, whose URI is known.
-static enum status finish_open(struct sensor *s, int index, void **self)
+static enum status finish_open(struct openni_sensor *s, int index, void **self)
 {
     pthread_mutex_lock(&opening);
     enum status status = initialize();
@@ -387,7 +388,7 @@ enum status openni_open(void **self, const char *where, enum source_wanted wante
     long index = *where ? strtol(where, &end, 10) : 0;
     if (*where && (*end || end == where || index < 0 || index > 999))
         return fail(ERR_INPUT, "'openni:%s' does not say which sensor; write openni:0 for the first", where);
-    struct sensor *s = new_sensor(false, "the sensor", facts);
+    struct openni_sensor *s = new_sensor(false, "the sensor", facts);
     return s ? finish_open(s, (int)index, self) : fail(ERR_MEMORY, "no memory to open a depth sensor");
 }
 
@@ -405,7 +406,7 @@ enum status oni_open(void **self, const char *where, enum source_wanted wanted, 
         return fail(ERR_INPUT, "the full path of %s is longer than the %d letters OpenNI2 takes", where,
                     ONI_MAX_STR - 1);
     }
-    struct sensor *s = new_sensor(true, where, facts);
+    struct openni_sensor *s = new_sensor(true, where, facts);
     if (s)
         snprintf(s->uri, sizeof s->uri, "%s", path);
     free(path);

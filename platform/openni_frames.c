@@ -8,7 +8,7 @@
 #include <string.h>
 
 // Goes before the pixels in memory that the gate hands out.
-struct block {
+struct gate_block {
     struct lane *lane;
     bool taken;
 };
@@ -29,11 +29,11 @@ void *gate_alloc(int size, void *cookie)
     uint8_t *memory = aligned_alloc(BLOCK_BYTES, rounded);
     if (!memory)
         return NULL;
-    *(struct block *)memory = (struct block){lane, false};
+    *(struct gate_block *)memory = (struct gate_block){lane, false};
     return memory + BLOCK_BYTES;
 }
 
-static void gate_taken(struct lane *lane, struct block *block)
+static void gate_taken(struct lane *lane, struct gate_block *block)
 {
     struct gate *gate = lane->gate;
     pthread_mutex_lock(&gate->lock);
@@ -50,7 +50,7 @@ void gate_free(void *data, void *cookie)
     (void)cookie;
     if (!data)
         return;
-    struct block *block = (struct block *)((uint8_t *)data - BLOCK_BYTES);
+    struct gate_block *block = (struct gate_block *)((uint8_t *)data - BLOCK_BYTES);
     gate_taken(block->lane, block); // thrown away unread: the next may come
     free(block);
 }
@@ -65,7 +65,7 @@ void gate_open(struct gate *gate)
 
 // ------------------------------------------------------------- frames
 
-void lane_release_all(struct lane *lane)
+void lane_release_frames(struct lane *lane)
 {
     for (int i = 0; i < lane->count; i++)
         oniFrameRelease(lane->queue[i]);
@@ -85,7 +85,7 @@ static void drop_oldest(struct lane *lane, int how_many)
     memmove(lane->queue, lane->queue + how_many, (size_t)lane->count * sizeof *lane->queue);
 }
 
-enum status take_picture(struct sensor *s, int wait_ms)
+enum status openni_read_frame(struct openni_sensor *s, int wait_ms)
 {
     struct lane *lanes[2] = {&s->depth, &s->color};
     OniStreamHandle streams[2] = {s->depth.stream, s->color.stream};
@@ -96,17 +96,17 @@ enum status take_picture(struct sensor *s, int wait_ms)
         return NOTHING;
     struct lane *lane = lanes[index];
     if (s->file)
-        gate_taken(lane, (struct block *)((uint8_t *)frame->data - BLOCK_BYTES));
+        gate_taken(lane, (struct gate_block *)((uint8_t *)frame->data - BLOCK_BYTES));
     if (lane->count == LANE_QUEUE)
         drop_oldest(lane, 1);
     lane->queue[lane->count++] = frame;
-    s->heard = true;
+    s->got_frame = true;
     return OK;
 }
 
 // Is it known which colour picture, if any, belongs to the oldest depth picture? For a file
 // this depends on the pictures' order alone, never on how fast they come.
-static bool decided(const struct sensor *s, bool over)
+static bool pairing_decided(const struct openni_sensor *s, bool over)
 {
     if (!s->depth.count)
         return false;
@@ -117,8 +117,8 @@ static bool decided(const struct sensor *s, bool over)
     return s->depth.count >= (s->file ? LANE_QUEUE : 2);
 }
 
-static enum status check_picture(const struct sensor *s, const struct lane *lane, const OniFrame *frame,
-                                 int pixel_bytes, const char *what)
+static enum status check_frame(const struct openni_sensor *s, const struct lane *lane, const OniFrame *frame,
+                               int pixel_bytes, const char *what)
 {
     int w = lane->mode.resolutionX, h = lane->mode.resolutionY;
     if (frame->width != w || frame->height != h)
@@ -129,10 +129,10 @@ static enum status check_picture(const struct sensor *s, const struct lane *lane
     return OK;
 }
 
-static enum status copy_depth(struct sensor *s, const OniFrame *frame)
+static enum status copy_depth(struct openni_sensor *s, const OniFrame *frame)
 {
     int w = s->depth.mode.resolutionX, h = s->depth.mode.resolutionY;
-    enum status status = check_picture(s, &s->depth, frame, 2, "depth");
+    enum status status = check_frame(s, &s->depth, frame, 2, "depth");
     if (status != OK)
         return status;
     bool tenths = s->depth.mode.pixelFormat == ONI_PIXEL_FORMAT_DEPTH_100_UM;
@@ -148,10 +148,10 @@ static enum status copy_depth(struct sensor *s, const OniFrame *frame)
     return OK;
 }
 
-static enum status copy_color(struct sensor *s, const OniFrame *frame)
+static enum status copy_color(struct openni_sensor *s, const OniFrame *frame)
 {
     int w = s->color.mode.resolutionX, h = s->color.mode.resolutionY;
-    enum status status = check_picture(s, &s->color, frame, 3, "colour");
+    enum status status = check_frame(s, &s->color, frame, 3, "colour");
     if (status != OK)
         return status;
     for (int y = 0; y < h; y++) {
@@ -168,7 +168,7 @@ static enum status copy_color(struct sensor *s, const OniFrame *frame)
 
 // Counts what is missing between the last depth picture handed out and the oldest in the queue. A sensor
 // drops; a file's missing pictures are damage, which is said once, before the picture behind it.
-static enum status count_gap(struct sensor *s)
+static enum status count_gap(struct openni_sensor *s)
 {
     int index = s->depth.queue[0]->frameIndex, gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
     if (gap <= 0)
@@ -182,7 +182,7 @@ static enum status count_gap(struct sensor *s)
 }
 
 // The colour picture nearest in time, at most half a frame away; -1: none.
-static int color_for(const struct sensor *s, int64_t time_ns)
+static int color_for(const struct openni_sensor *s, int64_t time_ns)
 {
     int best = -1;
     int64_t best_ns = s->half_frame_ns + 1;
@@ -197,7 +197,7 @@ static int color_for(const struct sensor *s, int64_t time_ns)
 }
 
 // Makes a frame of the oldest depth picture and its colour. NOTHING: its time does not rise, it was dropped.
-static enum status hand_out(struct sensor *s, struct frame *out)
+static enum status make_frame(struct openni_sensor *s, struct frame *out)
 {
     enum status status = count_gap(s);
     if (status != OK)
@@ -230,7 +230,7 @@ static enum status hand_out(struct sensor *s, struct frame *out)
 }
 
 // A file that ends before the number of pictures it announced says so, once.
-static enum status at_end(struct sensor *s)
+static enum status at_end(struct openni_sensor *s)
 {
     int64_t lost = s->facts->remaining;
     s->facts->remaining = 0;
@@ -241,20 +241,20 @@ static enum status at_end(struct sensor *s)
 
 enum status openni_next(void *self, struct frame *out)
 {
-    struct sensor *s = self;
+    struct openni_sensor *s = self;
     int64_t since_ns = clock_now_ns();
     for (;;) {
-        while (s->depth.count < LANE_QUEUE && !(s->file && decided(s, false)) && take_picture(s, 0) == OK)
+        while (s->depth.count < LANE_QUEUE && !(s->file && pairing_decided(s, false)) && openni_read_frame(s, 0) == OK)
             since_ns = clock_now_ns();
         // Asked before the queues are filled a last time: what came before the end is then in them.
         bool gone = atomic_load(&s->gone), over = gone || atomic_load(&s->ended);
         if (over)
-            while (s->depth.count < LANE_QUEUE && take_picture(s, 0) == OK)
+            while (s->depth.count < LANE_QUEUE && openni_read_frame(s, 0) == OK)
                 ;
         if (!s->file && s->depth.count > 2)
             drop_oldest(&s->depth, s->depth.count - 2); // late: the newest is wanted; the gap is counted
-        if (decided(s, over)) {
-            enum status status = hand_out(s, out);
+        if (pairing_decided(s, over)) {
+            enum status status = make_frame(s, out);
             if (status != NOTHING)
                 return status;
             continue;
@@ -263,7 +263,7 @@ enum status openni_next(void *self, struct frame *out)
             return fail(ERR_DEVICE, "%s was unplugged", s->name);
         if (over)
             return at_end(s);
-        if (take_picture(s, SLICE_MS) == OK)
+        if (openni_read_frame(s, SLICE_MS) == OK)
             since_ns = clock_now_ns();
         else if (s->file && clock_now_ns() - since_ns > FILE_SILENCE_MS * INT64_C(1000000))
             atomic_store(&s->ended, true);

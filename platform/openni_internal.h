@@ -38,7 +38,7 @@ struct lane { // one stream and the pictures that came from it, oldest first
     bool untaken; // guarded by the gate: a picture is with OpenNI2 and not yet in the queue
 };
 
-struct sensor {
+struct openni_sensor {
     char *name; // for sentences: "the sensor" and its name, or the file
     char uri[ONI_MAX_STR];
     bool file;
@@ -47,7 +47,7 @@ struct sensor {
     OniCallbackHandle callbacks;
     struct gate gate;
     struct lane depth, color; // color.stream is NULL where there is none
-    bool heard;               // a picture has come
+    bool got_frame;           // a picture has come
     atomic_bool gone, ended;  // set from OpenNI2's threads
     uint16_t *mm;
     uint8_t *rgb;
@@ -63,8 +63,8 @@ void gate_free(void *data, void *cookie);
 void gate_open(struct gate *gate);
 
 // Waits at most `wait_ms` for a picture and puts it into its queue. NOTHING: none came.
-enum status take_picture(struct sensor *s, int wait_ms);
+enum status openni_read_frame(struct openni_sensor *s, int wait_ms);
 
-void lane_release_all(struct lane *lane);
+void lane_release_frames(struct lane *lane);
 
 enum status openni_next(void *self, struct frame *out); // as source_next

@@ -130,14 +130,14 @@ enum status png_read(const char *path, enum png_kind kind, void **pixels, int *w
 
 // ------------------------------------------------------------- writing
 
-struct memory {
+struct png_buffer {
     uint8_t *bytes;
     size_t count, capacity;
 };
 
 static void grow(png_structp png, png_bytep data, png_size_t count)
 {
-    struct memory *memory = png_get_io_ptr(png);
+    struct png_buffer *memory = png_get_io_ptr(png);
     if (memory->count + count > memory->capacity) {
         size_t capacity = (memory->count + count) * 2;
         uint8_t *bytes = realloc(memory->bytes, capacity);
@@ -160,7 +160,7 @@ enum status png_encode(enum png_kind kind, const void *pixels, int width, int he
                                      [PNG_RGB8] = PNG_COLOR_TYPE_RGB,
                                      [PNG_RGBA8] = PNG_COLOR_TYPE_RGB_ALPHA};
     struct reader complaint = {0};
-    struct memory memory = {0};
+    struct png_buffer memory = {0};
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &complaint, keep_message, ignore_warning);
     png_infop info = png ? png_create_info_struct(png) : NULL;
     if (!info) {

@@ -15,21 +15,21 @@ struct source {
 struct scheme {
     const char *name;
     bool sensor, camera; // what it can be opened as
-    enum { NEEDS_REST, MAY_HAVE_REST } rest;
+    enum { NEEDS_ARGUMENT, OPTIONAL_ARGUMENT } argument;
     const char *example;
     source_opener *open;
     const struct source_kind *kind;
 };
 
 static const struct scheme schemes[] = {
-    {"openni", true, false, MAY_HAVE_REST, "openni:0", openni_open, &openni_kind},
-    {"oni", true, false, NEEDS_REST, "oni:FILE", oni_open, &openni_kind},
-    {"libcamera", false, true, MAY_HAVE_REST, "libcamera:0", libcamera_open, &libcamera_kind},
-    {"folder", true, true, NEEDS_REST, "folder:DIR", folder_open, &folder_kind},
+    {"openni", true, false, OPTIONAL_ARGUMENT, "openni:0", openni_open, &openni_kind},
+    {"oni", true, false, NEEDS_ARGUMENT, "oni:FILE", oni_open, &openni_kind},
+    {"libcamera", false, true, OPTIONAL_ARGUMENT, "libcamera:0", libcamera_open, &libcamera_kind},
+    {"folder", true, true, NEEDS_ARGUMENT, "folder:DIR", folder_open, &folder_kind},
 };
 
 // The part of `uri` behind "NAME:", "" where the URI is NAME alone; NULL: another scheme.
-static const char *rest_of(const char *uri, const char *name)
+static const char *uri_argument(const char *uri, const char *name)
 {
     size_t length = strlen(name);
     if (strncmp(uri, name, length))
@@ -48,19 +48,19 @@ enum status source_open(struct source **out, const char *uri, enum source_wanted
         wanted == SOURCE_SENSOR ? "openni, openni:N, oni:FILE or folder:DIR" : "libcamera, libcamera:N or folder:DIR";
     for (size_t i = 0; i < COUNT_OF(schemes); i++) {
         const struct scheme *scheme = &schemes[i];
-        const char *rest = rest_of(uri, scheme->name);
-        if (!rest)
+        const char *argument = uri_argument(uri, scheme->name);
+        if (!argument)
             continue;
         if (!(wanted == SOURCE_SENSOR ? scheme->sensor : scheme->camera))
             return fail(ERR_INPUT, "'%s' is no %s; a %s is %s", uri, what, what, choice);
-        if (scheme->rest == NEEDS_REST && !*rest)
+        if (scheme->argument == NEEDS_ARGUMENT && !*argument)
             return fail(ERR_INPUT, "'%s' names nothing to open; write %s", uri, scheme->example);
         struct source *s = calloc(1, sizeof *s);
         if (!s)
             return fail(ERR_MEMORY, "no memory to open %s", uri);
         s->kind = scheme->kind;
         s->facts.remaining = -1;
-        enum status status = scheme->open(&s->self, rest, wanted, &s->facts);
+        enum status status = scheme->open(&s->self, argument, wanted, &s->facts);
         if (status != OK) {
             free(s);
             return status;
@@ -79,7 +79,7 @@ int64_t source_remaining(const struct source *s) { return s->facts.remaining; }
 
 int64_t source_dropped(const struct source *s) { return s->facts.dropped; }
 
-enum status source_keep_lens(const struct source *s, const struct lens *lens)
+enum status source_save_lens(const struct source *s, const struct lens *lens)
 {
     struct lens kept = s->facts.calibration.color;
     if (!*s->facts.camera_id || kept.width != lens->width || kept.height != lens->height ||
@@ -88,10 +88,10 @@ enum status source_keep_lens(const struct source *s, const struct lens *lens)
     kept.fx = lens->fx;
     kept.fy = lens->fy;
     kept.focal_sigma = lens->focal_sigma;
-    return camera_lens_keep(s->facts.camera_id, &kept);
+    return camera_lens_save(s->facts.camera_id, &kept);
 }
 
-void source_lend(struct source *s) { s->facts.lends = true; }
+void source_enable_dmabuf(struct source *s) { s->facts.dmabuf_enabled = true; }
 
 enum status source_next(struct source *s, struct frame *out)
 {

@@ -20,7 +20,8 @@ struct frame {
     const uint8_t *jpeg;  // the same picture as the source coded it, where it did; else NULL
     size_t jpeg_bytes;
     const uint16_t *depth; // millimetres, 0 = no reading, of calibration.depth
-    struct loan *loan;     // the colour picture where it lies, after source_lend; who fetched the frame returns it
+    struct dmabuf_image
+        *dmabuf; // the colour picture where it lies, after source_enable_dmabuf; who fetched the frame returns it
 };
 
 struct source;
@@ -54,10 +55,10 @@ MUST_CHECK enum status source_next(struct source *s, struct frame *out);
 
 // The focal length that was learnt of a camera's lens, kept for the next time it is opened. NOTHING: it is no surer
 // than before, of pictures of another size, or the lens is written beside the pictures, as a folder's is. ERR_IO.
-MUST_CHECK enum status source_keep_lens(const struct source *s, const struct lens *lens);
+MUST_CHECK enum status source_save_lens(const struct source *s, const struct lens *lens);
 
 // From now on frames come with loans, where the source has such and not too many are out.
-void source_lend(struct source *s);
+void source_enable_dmabuf(struct source *s);
 
 // Frames that the source itself saw go by without handing them out.
 int64_t source_dropped(const struct source *s);

@@ -9,13 +9,13 @@ extern "C" {
 
 // What a kind tells about itself. source.c owns it, at a fixed address for the
 // source's life; the kind fills it on opening and keeps `remaining` and
-// `dropped` current from within next(); `lends` is source.c's.
+// `dropped` current from within next(); `dmabuf_enabled` is source.c's.
 struct source_facts {
     struct calibration calibration;
     bool live;
     int64_t remaining; // -1: unknown
     int64_t dropped;
-    bool lends;          // source_lend was called
+    bool dmabuf_enabled; // source_enable_dmabuf was called
     char camera_id[256]; // by which what is known of a tablet's camera is kept; "" of all else
 };
 
@@ -49,7 +49,7 @@ MUST_CHECK enum status calibration_read_with_unit(const char *path, struct calib
 MUST_CHECK enum status camera_lens_read(const char *id, struct lens *out);
 
 // Writes it there for the next time, with how unsure it still is. ERR_IO.
-MUST_CHECK enum status camera_lens_keep(const char *id, const struct lens *lens);
+MUST_CHECK enum status camera_lens_save(const char *id, const struct lens *lens);
 
 // The same lens for pictures of another size. ERR_INPUT unless they have the
 // same proportions: nobody could tell what was cut off.

@@ -4,24 +4,24 @@
 #include <apriltag/tag36h11.h>
 #include <stdlib.h>
 
-struct tag_finder {
+struct tag_detector {
     apriltag_detector_t *detector;
     apriltag_family_t *family;
 };
 
-enum status tag_finder_open(struct tag_finder **out, double quad_decimate)
+enum status tag_detector_open(struct tag_detector **out, double quad_decimate)
 {
     *out = NULL;
-    if (!(quad_decimate >= 1 && quad_decimate <= TAG_MOST_DECIMATE))
-        return fail(ERR_INPUT, "the tag finder's decimation must lie between 1 and %d, not %g", TAG_MOST_DECIMATE,
+    if (!(quad_decimate >= 1 && quad_decimate <= TAG_MAX_DECIMATE))
+        return fail(ERR_INPUT, "the tag finder's decimation must lie between 1 and %d, not %g", TAG_MAX_DECIMATE,
                     quad_decimate);
-    struct tag_finder *f = calloc(1, sizeof *f);
+    struct tag_detector *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "no memory for the tag finder");
     f->family = tag36h11_create();
     f->detector = apriltag_detector_create();
     if (!f->family || !f->detector) {
-        tag_finder_close(&f);
+        tag_detector_close(&f);
         return fail(ERR_MEMORY, "no memory for the tag finder");
     }
     apriltag_detector_add_family(f->detector, f->family);
@@ -31,7 +31,7 @@ enum status tag_finder_open(struct tag_finder **out, double quad_decimate)
     return OK;
 }
 
-void tag_finder_close(struct tag_finder **f)
+void tag_detector_close(struct tag_detector **f)
 {
     if (!*f)
         return;
@@ -44,28 +44,28 @@ void tag_finder_close(struct tag_finder **f)
 }
 
 // By number, then from left to right, so that the order never depends on the library's.
-static int compare_seen(const void *left, const void *right)
+static int compare_detections(const void *left, const void *right)
 {
-    const struct tag_seen *a = left, *b = right;
+    const struct tag_detection *a = left, *b = right;
     if (a->id != b->id)
         return a->id < b->id ? -1 : 1;
     return (a->corner[0].x > b->corner[0].x) - (a->corner[0].x < b->corner[0].x);
 }
 
-enum status tag_finder_find(struct tag_finder *f, const uint8_t *gray, int width, int height, struct tag_seen *out,
-                            int capacity, int *count)
+enum status tag_detector_detect(struct tag_detector *f, const uint8_t *gray, int width, int height,
+                                struct tag_detection *out, int capacity, int *count)
 {
     *count = 0;
     if (width < 16 || height < 16) // smaller than any readable tag, and than the library's tiles
         return OK;
-    image_u8_t picture = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray};
-    zarray_t *found = apriltag_detector_detect(f->detector, &picture);
+    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray};
+    zarray_t *found = apriltag_detector_detect(f->detector, &image);
     if (!found)
         return fail(ERR_MEMORY, "no memory to look for tags in a picture of %d x %d pixels", width, height);
     for (int i = 0; i < zarray_size(found) && *count < capacity; i++) {
         apriltag_detection_t *detection;
         zarray_get(found, i, &detection);
-        struct tag_seen seen = {.id = detection->id, .bits_wrong = detection->hamming};
+        struct tag_detection seen = {.id = detection->id, .hamming_errors = detection->hamming};
         bool finite = true;
         for (int k = 0; k < 4; k++) {
             // The library's (0, 0) is the corner of the first pixel, ours its centre.
@@ -76,7 +76,7 @@ enum status tag_finder_find(struct tag_finder *f, const uint8_t *gray, int width
             out[(*count)++] = seen;
     }
     apriltag_detections_destroy(found);
-    qsort(out, (size_t)*count, sizeof *out, compare_seen);
+    qsort(out, (size_t)*count, sizeof *out, compare_detections);
     return OK;
 }
 

@@ -15,21 +15,21 @@ extern "C" {
 #include <new>
 #include <vector>
 
-static_assert(sizeof(gpu_flat_vertex) == sizeof(ImDrawVert), "the vertices are handed on as they are");
+static_assert(sizeof(gpu_draw2d_vertex) == sizeof(ImDrawVert), "the vertices are handed on as they are");
 static_assert(sizeof(ImDrawIdx) == sizeof(uint16_t), "so are the indices");
 
 struct ui {
     gpu *device;
     ImGuiContext *context;
-    gpu_flat *flat;
-    gpu_texture *letters;
+    gpu_draw2d *flat;
+    gpu_texture *font_texture;
     std::vector<ui_face> faces;
     std::vector<ImFont *> fonts;
     double px_per_dp;
     int width_px, height_px;
     ImDrawList *ink; // of the frame being gathered
-    std::vector<gpu_flat_run> runs;
-    std::vector<gpu_flat_vertex> vertices;
+    std::vector<gpu_draw2d_batch> runs;
+    std::vector<gpu_draw2d_vertex> vertices;
     std::vector<uint16_t> indices;
 };
 
@@ -44,10 +44,10 @@ ImVec2 first(ui_box b) { return at(b.x, b.y); }
 ImVec2 last(ui_box b) { return at(b.x + b.w, b.y + b.h); }
 
 // Latin with all its accents, and the punctuation of good typesetting.
-const ImWchar letters_wanted[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
-                                  0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
+const ImWchar glyph_ranges[] = {0x20,   0x7e,   0xa0,   0x24f,  0x2010, 0x2027, 0x2030, 0x203a,
+                                0x20ac, 0x20ac, 0x2190, 0x2193, 0x2212, 0x2212, 0};
 
-enum status cut_letters(ui *u, double px_per_dp)
+enum status build_font_atlas(ui *u, double px_per_dp)
 {
     ImFontAtlas *atlas = ImGui::GetIO().Fonts;
     atlas->Clear();
@@ -57,9 +57,9 @@ enum status cut_letters(ui *u, double px_per_dp)
         how.FontDataOwnedByAtlas = false;
         how.OversampleH = 2;
         how.OversampleV = 1;
-        how.GlyphRanges = letters_wanted;
+        how.GlyphRanges = glyph_ranges;
         ImFont *font = atlas->AddFontFromMemoryTTF(const_cast<uint8_t *>(face.bytes), int(face.count),
-                                                   float(std::lround(face.size * px_per_dp)), &how, letters_wanted);
+                                                   float(std::lround(face.size * px_per_dp)), &how, glyph_ranges);
         if (!font)
             return fail(ERR_INPUT, "a font of the controls cannot be read");
         u->fonts.push_back(font);
@@ -71,17 +71,17 @@ enum status cut_letters(ui *u, double px_per_dp)
     atlas->GetTexDataAsRGBA32(&pixels, &width, &height);
     for (long i = 0, n = long(width) * height; i < n; i++) // white letters: multiply alpha in
         pixels[4 * i] = pixels[4 * i + 1] = pixels[4 * i + 2] = pixels[4 * i + 3];
-    gpu_texture_close(&u->letters);
-    enum status status = gpu_texture_open(&u->letters, u->device, GPU_RGBA8, width, height, GPU_LINEAR, pixels);
-    atlas->SetTexID(u->letters);
+    gpu_texture_close(&u->font_texture);
+    enum status status = gpu_texture_open(&u->font_texture, u->device, GPU_RGBA8, width, height, GPU_LINEAR, pixels);
+    atlas->SetTexID(u->font_texture);
     atlas->ClearTexData();
     u->px_per_dp = px_per_dp;
     return status;
 }
 
-enum status open_ui(ui *u, const gpu_flat_texts *shaders)
+enum status open_ui(ui *u, const gpu_draw2d_shaders *shaders)
 {
-    enum status status = gpu_flat_open(&u->flat, u->device, shaders);
+    enum status status = gpu_draw2d_open(&u->flat, u->device, shaders);
     if (status != OK)
         return status;
     u->context = ImGui::CreateContext();
@@ -112,8 +112,8 @@ float size_of(const ui *u, int face) { return float(u->faces[size_t(face)].size)
 
 extern "C" {
 
-enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_flat_texts *shaders, const struct ui_face *faces,
-                    int face_count)
+enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_draw2d_shaders *shaders,
+                    const struct ui_face *faces, int face_count)
 {
     *out = nullptr;
     ui *u = new (std::nothrow) ui{};
@@ -138,8 +138,8 @@ void ui_close(struct ui **out)
         ImGui::GetIO().Fonts->SetTexID(nullptr);
         ImGui::DestroyContext(u->context);
     }
-    gpu_texture_close(&u->letters);
-    gpu_flat_close(&u->flat);
+    gpu_texture_close(&u->font_texture);
+    gpu_draw2d_close(&u->flat);
     delete u;
     *out = nullptr;
 }
@@ -148,7 +148,7 @@ enum status ui_begin(struct ui *u, const struct ui_input *in)
 {
     ImGui::SetCurrentContext(u->context);
     if (in->px_per_dp != u->px_per_dp) {
-        enum status status = cut_letters(u, in->px_per_dp);
+        enum status status = build_font_atlas(u, in->px_per_dp);
         if (status != OK)
             return status;
     }
@@ -189,7 +189,7 @@ void ui_end(struct ui *u)
         const ImDrawList *list = data->CmdLists[n];
         const int base_vertex = int(u->vertices.size()), base_index = int(u->indices.size());
         for (const ImDrawVert &v : list->VtxBuffer) {
-            gpu_flat_vertex out = {v.pos.x * s, v.pos.y * s, v.uv.x, v.uv.y, {}};
+            gpu_draw2d_vertex out = {v.pos.x * s, v.pos.y * s, v.uv.x, v.uv.y, {}};
             for (int c = 0; c < 4; c++)
                 out.rgba[c] = uint8_t(v.col >> (8 * c));
             u->vertices.push_back(out);
@@ -208,11 +208,11 @@ void ui_end(struct ui *u)
 enum status ui_draw(struct ui *u, struct gpu_target *target, int quarter_turns)
 {
     static const float black[3] = {0, 0, 0};
-    const gpu_flat_view view = {target, u->width_px, u->height_px, quarter_turns, black};
-    gpu_flat_begin(u->flat, &view);
-    gpu_flat_draw(u->flat, u->vertices.data(), int(u->vertices.size()), u->indices.data(), int(u->indices.size()),
-                  u->runs.data(), int(u->runs.size()));
-    return gpu_flat_end(u->flat);
+    const gpu_draw2d_view view = {target, u->width_px, u->height_px, quarter_turns, black};
+    gpu_draw2d_begin(u->flat, &view);
+    gpu_draw2d_draw(u->flat, u->vertices.data(), int(u->vertices.size()), u->indices.data(), int(u->indices.size()),
+                    u->runs.data(), int(u->runs.size()));
+    return gpu_draw2d_end(u->flat);
 }
 
 double ui_width(const struct ui *u) { return u->width_px / u->px_per_dp; }
@@ -228,7 +228,7 @@ void ui_fill(struct ui *u, struct ui_box box, double radius, uint32_t color)
     u->ink->AddRectFilled(first(box), last(box), ink_of(color), float(radius));
 }
 
-void ui_outline(struct ui *u, struct ui_box box, double radius, double thickness, uint32_t color)
+void ui_border(struct ui *u, struct ui_box box, double radius, double thickness, uint32_t color)
 {
     u->ink->AddRect(first(box), last(box), ink_of(color), float(radius), 0, float(thickness));
 }
@@ -282,8 +282,8 @@ void ui_polygon(struct ui *u, const struct ui_point *points, int count, uint32_t
     u->ink->PathFillConvex(ink_of(color));
 }
 
-void ui_picture(struct ui *u, const struct gpu_texture *texture, struct ui_box box, struct ui_part part, double radius,
-                uint32_t tint)
+void ui_image(struct ui *u, const struct gpu_texture *texture, struct ui_box box, struct ui_uv_rect part, double radius,
+              uint32_t tint)
 {
     ImTextureID id = const_cast<gpu_texture *>(texture);
     u->ink->AddImageRounded(id, first(box), last(box), at(part.u0, part.v0), at(part.u1, part.v1), ink_of(tint),

@@ -32,7 +32,7 @@ struct ui_face {
 };
 
 // Faces are spoken of by their place in the list. ERR_INPUT: not a font. ERR_MEMORY.
-MUST_CHECK enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_flat_texts *shaders,
+MUST_CHECK enum status ui_open(struct ui **out, struct gpu *gpu, const struct gpu_draw2d_shaders *shaders,
                                const struct ui_face *faces, int face_count);
 void ui_close(struct ui **ui); // NULL is fine
 
@@ -47,7 +47,7 @@ struct ui_input {
 MUST_CHECK enum status ui_begin(struct ui *ui, const struct ui_input *input);
 void ui_end(struct ui *ui);
 
-// What was gathered last. quarter_turns: as gpu_flat_view has them. target NULL: the window. ERR_DEVICE.
+// What was gathered last. quarter_turns: as gpu_draw2d_view has them. target NULL: the window. ERR_DEVICE.
 MUST_CHECK enum status ui_draw(struct ui *ui, struct gpu_target *target, int quarter_turns);
 
 double ui_width(const struct ui *ui);
@@ -58,7 +58,7 @@ double ui_px_per_dp(const struct ui *ui); // of the last ui_begin
 enum { UI_LAYERS = 3 };
 void ui_layer(struct ui *ui, int layer); // what is drawn from here on lies above all lower layers; 0 at first
 void ui_fill(struct ui *ui, struct ui_box box, double radius, uint32_t color);
-void ui_outline(struct ui *ui, struct ui_box box, double radius, double thickness, uint32_t color);
+void ui_border(struct ui *ui, struct ui_box box, double radius, double thickness, uint32_t color);
 void ui_fade(struct ui *ui, struct ui_box box, uint32_t top, uint32_t bottom); // a gradient
 void ui_shadow(struct ui *ui, struct ui_box box, double radius, double spread, uint32_t color);
 void ui_disc(struct ui *ui, struct ui_point centre, double radius, uint32_t color);
@@ -70,11 +70,11 @@ void ui_polygon(struct ui *ui, const struct ui_point *points, int count, uint32_
 
 // A picture, its part from (u0, v0) to (u1, v1), 0..1; u0 > u1 turns it over.
 // premultiplied alpha in the texture; tint's alpha lets what lies behind through.
-struct ui_part {
+struct ui_uv_rect {
     double u0, v0, u1, v1;
 };
-void ui_picture(struct ui *ui, const struct gpu_texture *texture, struct ui_box box, struct ui_part part, double radius,
-                uint32_t tint);
+void ui_image(struct ui *ui, const struct gpu_texture *texture, struct ui_box box, struct ui_uv_rect part,
+              double radius, uint32_t tint);
 
 // ---- text
 double ui_text_width(struct ui *ui, int face, const char *text);

@@ -7,7 +7,7 @@ in vec3 source_point;
 uniform vec4 source_lens[3]; // as view_lens
 uniform vec4 source_window;  // the texture's place in that frame: left, top, width, height, pixels
 uniform vec4 code;           // w: 1 to write xyz instead of colours
-uniform highp sampler2D source_picture;
+uniform highp sampler2D source_image;
 
 out vec4 color; // premultiplied
 
@@ -26,6 +26,6 @@ void main()
         discard; // never before that camera
     vec2 px = source_lens[0].xy * distorted(source_point, source_lens[1], source_lens[2].x, source_lens[2].y) +
               source_lens[0].zw;
-    vec4 seen = texture(source_picture, (px - source_window.xy + 0.5) / source_window.zw);
+    vec4 seen = texture(source_image, (px - source_window.xy + 0.5) / source_window.zw);
     color = vec4(code.w > 0.5 ? code.xyz : seen.rgb, 1.0);
 }

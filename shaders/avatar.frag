@@ -9,7 +9,7 @@ in vec4 seen;
 in vec2 lighting;
 
 uniform highp sampler2D atlas;       // colours in the mean light
-uniform highp sampler2D now_picture;
+uniform highp sampler2D frame_color;
 
 out vec4 color; // premultiplied
 
@@ -19,5 +19,5 @@ out vec4 color; // premultiplied
 void main()
 {
     vec3 own = texture(atlas, place.xy).rgb * lighting.x;
-    color = left_by_room() * vec4(mix(own, texture(now_picture, place.zw).rgb, borne_out(seen)), 1.0);
+    color = room_visibility() * vec4(mix(own, texture(frame_color, place.zw).rgb, depth_agreement(seen)), 1.0);
 }

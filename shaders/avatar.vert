@@ -8,7 +8,7 @@ layout(location = 1) in vec4 places; // in the atlas, and in the shown frame's c
 layout(location = 2) in vec4 there;  // in its depth, likewise; z: how far it should be, metres; w: how squarely seen
 layout(location = 3) in vec4 facing; // normal, in the frame's colour camera's axes; w: root of the room's light
 
-uniform vec4 viewer_from_now[3]; // rows of the turn from those axes into the tablet camera's
+uniform vec4 viewer_from_frame[3]; // rows of the turn from those axes into the tablet camera's
 uniform vec4 view_lens[3];       // (fx, fy, cx, cy), (k1, k2, p1, p2), (k3, largest r2, width, height)
 uniform vec4 view_range;         // nearest and farthest z that are drawn, metres
 uniform vec4 kind;               // x: the shown frame's time, seconds of the take; y: half the outline's width, pixels
@@ -44,8 +44,8 @@ void main()
     // Pixels, times z; half a pixel because (0, 0) is the first pixel's centre.
     vec2 px = view_lens[0].xy * b + (view_lens[0].zw + 0.5) * p.z;
     // The outline fades from half its width within to half its width without; what faces the viewer stays where it is.
-    vec3 outwards = vec3(dot(viewer_from_now[0].xyz, facing.xyz), dot(viewer_from_now[1].xyz, facing.xyz),
-                         dot(viewer_from_now[2].xyz, facing.xyz));
+    vec3 outwards = vec3(dot(viewer_from_frame[0].xyz, facing.xyz), dot(viewer_from_frame[1].xyz, facing.xyz),
+                         dot(viewer_from_frame[2].xyz, facing.xyz));
     vec2 aside = outwards.xy - p.xy * (outwards.z / p.z);
     float sine = max(length(aside), 1e-3);
     px += (1.0 - 2.0 * point.w) * kind.y * p.z * smoothstep(0.8, 0.95, sine) / sine * aside;

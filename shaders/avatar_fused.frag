@@ -14,5 +14,5 @@ out vec4 color; // premultiplied
 
 void main()
 {
-    color = left_by_room() * lighting.y * vec4(texture(atlas, place.xy).rgb * lighting.x, 1.0);
+    color = room_visibility() * lighting.y * vec4(texture(atlas, place.xy).rgb * lighting.x, 1.0);
 }

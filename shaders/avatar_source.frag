@@ -1,5 +1,5 @@
 #version 300 es
-// Where each pixel of the person's figure is from, as painter_read_source has it.
+// Where each pixel of the person's figure is from, as renderer_read_source has it.
 precision highp float;
 
 in vec4 place;
@@ -14,7 +14,7 @@ out vec4 color;
 
 void main()
 {
-    float now = borne_out(seen);
+    float now = depth_agreement(seen);
     vec4 when = texture(atlas_when, place.xy);
     float then = floor(when.r * 255.0 + 0.5) * 256.0 + floor(when.g * 255.0 + 0.5);
     float age = min(abs(then - floor(kind.x * 100.0 + 0.5)), 65535.0);

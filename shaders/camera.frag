@@ -4,7 +4,7 @@ precision highp float;
 precision highp int;
 uniform highp sampler2D first_plane;  // YUYV, UYVY: two pixels a texel; NV12: luma; RGBX, BGRX: a pixel
 uniform highp sampler2D chroma_plane; // NV12: Cb Cr; else any
-uniform vec4 arrangement; // x: enum loan_layout
+uniform vec4 arrangement; // x: enum dmabuf_layout
 uniform vec4 coefficients[2]; // struct yuv_coefficients: y r_cr g_cb g_cr, b_cb y_zero
 out vec4 color;
 

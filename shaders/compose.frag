@@ -1,25 +1,25 @@
 #version 300 es
 // The actor and his shadow over the camera's picture, pixel for pixel.
 precision highp float;
-uniform highp sampler2D camera_picture;
-uniform highp sampler2D actor_picture;  // premultiplied
-uniform highp sampler2D shadow_picture; // likewise, but coarser; of one pixel where there is none
+uniform highp sampler2D camera_image;
+uniform highp sampler2D actor_image;  // premultiplied
+uniform highp sampler2D shadow_image; // likewise, but coarser; of one pixel where there is none
 out vec4 color;
 
 float shadow_at(vec2 share)
 {
-    ivec2 size = textureSize(shadow_picture, 0), most = size - 1;
+    ivec2 size = textureSize(shadow_image, 0), most = size - 1;
     vec2 between = share * vec2(size) - 0.5, low = floor(between), t = between - low;
     ivec2 a = clamp(ivec2(low), ivec2(0), most), b = clamp(ivec2(low) + 1, ivec2(0), most);
-    float above = mix(texelFetch(shadow_picture, a, 0).a, texelFetch(shadow_picture, ivec2(b.x, a.y), 0).a, t.x);
-    float below = mix(texelFetch(shadow_picture, ivec2(a.x, b.y), 0).a, texelFetch(shadow_picture, b, 0).a, t.x);
+    float above = mix(texelFetch(shadow_image, a, 0).a, texelFetch(shadow_image, ivec2(b.x, a.y), 0).a, t.x);
+    float below = mix(texelFetch(shadow_image, ivec2(a.x, b.y), 0).a, texelFetch(shadow_image, b, 0).a, t.x);
     return mix(above, below, t.y);
 }
 
 void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    vec4 actor = texelFetch(actor_picture, at, 0);
-    float shadow = shadow_at(gl_FragCoord.xy / vec2(textureSize(camera_picture, 0)));
-    color = vec4(texelFetch(camera_picture, at, 0).rgb * (1.0 - shadow) * (1.0 - actor.a) + actor.rgb, 1.0);
+    vec4 actor = texelFetch(actor_image, at, 0);
+    float shadow = shadow_at(gl_FragCoord.xy / vec2(textureSize(camera_image, 0)));
+    color = vec4(texelFetch(camera_image, at, 0).rgb * (1.0 - shadow) * (1.0 - actor.a) + actor.rgb, 1.0);
 }

@@ -3,7 +3,7 @@ uniform highp sampler2DShadow room; // two texels a pixel's side
 
 // How much of the pixel the room leaves: of the 4 x 4 texels about its middle those before which it does not lie,
 // weighed by 1 3 3 1 along either side.
-float left_by_room()
+float room_visibility()
 {
     vec2 px = 2.0 / vec2(textureSize(room, 0)), at = gl_FragCoord.xy * px, aside = 0.375 * px;
     vec4 about = vec4(at - aside, at + aside);
@@ -12,5 +12,5 @@ float left_by_room()
                    texture(room, vec3(about.xw, z)) + texture(room, vec3(about.zw, z)));
 }
 #else
-float left_by_room() { return 1.0; }
+float room_visibility() { return 1.0; }
 #endif

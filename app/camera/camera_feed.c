@@ -15,69 +15,69 @@
 
 // One waits to be located, one to be looked at; each of the three threads holds at
 // most two, while it changes one for another.
-enum { PICTURES = 8 };
+enum { FEED_SLOTS = 8 };
 
 static const int64_t RETRY_NS = 1000000000;
 
-struct picture {
-    struct sight sight;
+struct feed_slot {
+    struct camera_frame frame;
     uint8_t *rgb;
     size_t bytes;
-    int64_t time_ns;   // the camera's
-    struct loan *loan; // the same where it lies; NULL
-    struct picture *next_free;
+    int64_t time_ns;             // the camera's
+    struct dmabuf_image *dmabuf; // the same where it lies; NULL
+    struct feed_slot *next_free;
 };
 
-struct eyes {
+struct camera_feed {
     char *camera;
     const struct place *place;
-    void (*news)(void *self);
-    void *news_self;
+    void (*notify)(void *self);
+    void *notify_self;
 
-    struct picture pictures[PICTURES];
-    bool borrow;
-    struct latest *seen, *located;
-    struct lull *lull;
-    struct picture *shown; // the looker's
-    pthread_t camera_thread, finder_thread;
-    bool camera_runs, finder_runs;
+    struct feed_slot slots[FEED_SLOTS];
+    bool lend_dmabuf;
+    struct mailbox *captured, *located;
+    struct present_gap *gap;
+    struct feed_slot *shown; // the looker's
+    pthread_t camera_thread, localizer_thread;
+    bool camera_runs, localizer_runs;
 
     pthread_mutex_t lock; // of what follows
     pthread_cond_t changed;
-    struct picture *free_pictures;
-    struct eyes_state state;
-    bool resting, closing;
+    struct feed_slot *free_slots;
+    struct camera_feed_state state;
+    bool suspended, closing;
     struct lens lens; // as the finder knows it; width 0: nobody has looked through it since the camera was opened
 };
 
-static void tell(struct eyes *e)
+static void notify_change(struct camera_feed *e)
 {
-    if (e->news)
-        e->news(e->news_self);
+    if (e->notify)
+        e->notify(e->notify_self);
 }
 
-static struct picture *get_free(struct eyes *e)
+static struct feed_slot *acquire_slot(struct camera_feed *e)
 {
     pthread_mutex_lock(&e->lock);
-    struct picture *p = e->free_pictures;
+    struct feed_slot *p = e->free_slots;
     assert(p); // there are enough for everybody
-    e->free_pictures = p->next_free;
+    e->free_slots = p->next_free;
     pthread_mutex_unlock(&e->lock);
     return p;
 }
 
-static void give_back(struct eyes *e, struct picture *p)
+static void release_slot(struct camera_feed *e, struct feed_slot *p)
 {
     if (!p)
         return;
-    loan_return(&p->loan);
+    dmabuf_image_release(&p->dmabuf);
     pthread_mutex_lock(&e->lock);
-    p->next_free = e->free_pictures;
-    e->free_pictures = p;
+    p->next_free = e->free_slots;
+    e->free_slots = p;
     pthread_mutex_unlock(&e->lock);
 }
 
-static void say_trouble(struct eyes *e, const char *sentence)
+static void report_error(struct camera_feed *e, const char *sentence)
 {
     pthread_mutex_lock(&e->lock);
     bool same = !strcmp(e->state.trouble, sentence);
@@ -86,24 +86,24 @@ static void say_trouble(struct eyes *e, const char *sentence)
         e->state.seeing = false;
     pthread_mutex_unlock(&e->lock);
     if (!same)
-        tell(e);
+        notify_change(e);
 }
 
 // ---------------------------------------------------------------- the camera's thread
 
-static bool must_stop(struct eyes *e)
+static bool must_stop(struct camera_feed *e)
 {
     pthread_mutex_lock(&e->lock);
-    bool stop = e->closing || e->resting;
+    bool stop = e->closing || e->suspended;
     pthread_mutex_unlock(&e->lock);
     return stop;
 }
 
 // Until then, or until there is something else to do.
-static void wait_until(struct eyes *e, int64_t when_ns)
+static void wait_until(struct camera_feed *e, int64_t when_ns)
 {
     pthread_mutex_lock(&e->lock);
-    while (!e->closing && !e->resting) {
+    while (!e->closing && !e->suspended) {
         const struct timespec until = {(time_t)(when_ns / 1000000000), (long)(when_ns % 1000000000)};
         if (pthread_cond_timedwait(&e->changed, &e->lock, &until) == ETIMEDOUT)
             break;
@@ -111,7 +111,7 @@ static void wait_until(struct eyes *e, int64_t when_ns)
     pthread_mutex_unlock(&e->lock);
 }
 
-static bool fill(struct picture *p, const struct frame *frame, const struct lens *lens)
+static bool fill(struct feed_slot *p, const struct frame *frame, const struct lens *lens)
 {
     size_t bytes = 3 * (size_t)lens->width * (size_t)lens->height;
     if (bytes != p->bytes) {
@@ -123,38 +123,38 @@ static bool fill(struct picture *p, const struct frame *frame, const struct lens
         return false;
     memcpy(p->rgb, frame->color, bytes);
     p->time_ns = frame->time_ns;
-    p->sight = (struct sight){.rgb = p->rgb, .lens = *lens};
+    p->frame = (struct camera_frame){.rgb = p->rgb, .lens = *lens};
     return true;
 }
 
-static void let_go(struct eyes *e, struct picture *p)
+static void drop_frame(struct camera_feed *e, struct feed_slot *p)
 {
     pthread_mutex_lock(&e->lock);
-    e->state.let_go++;
+    e->state.dropped++;
     pthread_mutex_unlock(&e->lock);
-    give_back(e, p);
+    release_slot(e, p);
 }
 
-static void put_seen(struct eyes *e, struct picture *p)
+static void publish_captured(struct camera_feed *e, struct feed_slot *p)
 {
     pthread_mutex_lock(&e->lock);
-    p->sight.came_ns = e->state.came_ns = clock_now_ns();
-    p->sight.number = ++e->state.came;
+    p->frame.came_ns = e->state.came_ns = clock_now_ns();
+    p->frame.number = ++e->state.came;
     e->state.seeing = true;
     e->state.trouble[0] = 0;
     pthread_mutex_unlock(&e->lock);
-    struct picture *late = latest_put(e->seen, p);
+    struct feed_slot *late = mailbox_put(e->captured, p);
     if (late)
-        let_go(e, late);
+        drop_frame(e, late);
 }
 
 // Until the camera ends, fails or is to rest. *next_ns: when a folder that begins anew is to give its first
 // picture, which then comes after the last as that one after the one before.
-static enum status watch_camera(struct eyes *e, struct source *camera, int64_t *next_ns)
+static enum status capture_frames(struct camera_feed *e, struct source *camera, int64_t *next_ns)
 {
     const bool live = source_is_live(camera);
-    if (e->borrow)
-        source_lend(camera);
+    if (e->lend_dmabuf)
+        source_enable_dmabuf(camera);
     int64_t began_ns = 0, first_ns = 0, due_ns = 0;
     while (!must_stop(e)) {
         struct frame frame;
@@ -173,40 +173,40 @@ static enum status watch_camera(struct eyes *e, struct source *camera, int64_t *
             *next_ns = before_ns ? 2 * due_ns - before_ns : due_ns;
             wait_until(e, due_ns);
         }
-        struct picture *p = get_free(e);
-        p->loan = frame.loan;
+        struct feed_slot *p = acquire_slot(e);
+        p->dmabuf = frame.dmabuf;
         if (!fill(p, &frame, &source_calibration(camera)->color)) {
-            give_back(e, p);
+            release_slot(e, p);
             return fail(ERR_MEMORY, "no memory for the camera's picture");
         }
-        put_seen(e, p);
+        publish_captured(e, p);
     }
     return OK;
 }
 
-static void forget_lens(struct eyes *e)
+static void forget_lens(struct camera_feed *e)
 {
     pthread_mutex_lock(&e->lock);
     e->lens = (struct lens){0};
     pthread_mutex_unlock(&e->lock);
 }
 
-static void keep_lens(struct eyes *e, const struct source *camera)
+static void keep_lens(struct camera_feed *e, const struct source *camera)
 {
     pthread_mutex_lock(&e->lock);
     const struct lens lens = e->lens;
     pthread_mutex_unlock(&e->lock);
-    if (lens.width && source_keep_lens(camera, &lens) < 0)
-        say_trouble(e, status_sentence()); // it has to be learnt again
+    if (lens.width && source_save_lens(camera, &lens) < 0)
+        report_error(e, status_message()); // it has to be learnt again
 }
 
 static void *camera_thread(void *self)
 {
-    struct eyes *e = self;
+    struct camera_feed *e = self;
     int64_t next_ns = 0;
     for (;;) {
         pthread_mutex_lock(&e->lock);
-        while (e->resting && !e->closing)
+        while (e->suspended && !e->closing)
             pthread_cond_wait(&e->changed, &e->lock);
         bool closing = e->closing;
         e->state.came_ns = clock_now_ns();
@@ -214,19 +214,19 @@ static void *camera_thread(void *self)
         if (closing)
             return NULL;
         struct source *camera;
-        int64_t came_before = eyes_state(e).came;
+        int64_t came_before = camera_feed_query(e).came;
         enum status status = source_open(&camera, e->camera, SOURCE_CAMERA);
         if (status == OK) {
             forget_lens(e); // of the camera before
-            status = watch_camera(e, camera, &next_ns);
+            status = capture_frames(e, camera, &next_ns);
             keep_lens(e, camera);
             source_close(&camera);
         }
-        bool empty = status == NOTHING && eyes_state(e).came == came_before;
+        bool empty = status == NOTHING && camera_feed_query(e).came == came_before;
         if (empty)
             status = fail(ERR_DEVICE, "%s holds no picture", e->camera);
         if (status < 0) {
-            say_trouble(e, status_sentence());
+            report_error(e, status_message());
             wait_until(e, clock_now_ns() + RETRY_NS);
         }
     }
@@ -234,70 +234,70 @@ static void *camera_thread(void *self)
 
 // ---------------------------------------------------------------- the finder's thread
 
-static enum status find_in(struct eyes *e, struct finder *finder, struct picture *p)
+static enum status localize_frame(struct camera_feed *e, struct camera_localizer *localizer, struct feed_slot *p)
 {
-    enum status status = finder_find(finder, p->rgb, p->time_ns, &p->sight.world_from_camera);
-    p->sight.lens = *finder_lens(finder);
-    p->sight.moved_tags = finder_moved_tags(finder, &p->sight.first_moved);
+    enum status status = localizer_locate(localizer, p->rgb, p->time_ns, &p->frame.world_from_camera);
+    p->frame.lens = *localizer_lens(localizer);
+    p->frame.moved_tags = localizer_moved_tags(localizer, &p->frame.first_moved);
     pthread_mutex_lock(&e->lock);
-    e->lens = p->sight.lens;
+    e->lens = p->frame.lens;
     pthread_mutex_unlock(&e->lock);
     return status;
 }
 
-static void *finder_thread(void *self)
+static void *localizer_thread(void *self)
 {
-    struct eyes *e = self;
-    struct finder *finder = NULL;
+    struct camera_feed *e = self;
+    struct camera_localizer *localizer = NULL;
     struct lens lens = {0};
-    struct pace pace = {0};
-    for (struct picture *p; (p = latest_take(e->seen, true));) {
-        struct sight *s = &p->sight;
+    struct frame_skip skip = {0};
+    for (struct feed_slot *p; (p = mailbox_take(e->captured, true));) {
+        struct camera_frame *s = &p->frame;
         s->locating_ns = clock_now_ns();
         enum status status = OK;
-        if (e->place && (!finder || !lens_same(&lens, &s->lens))) {
-            finder_close(&finder);
+        if (e->place && (!localizer || !lens_equal(&lens, &s->lens))) {
+            localizer_close(&localizer);
             lens = s->lens;
-            status = finder_open(&finder, e->place, &lens, e->lull);
+            status = localizer_open(&localizer, e->place, &lens, e->gap);
         }
-        if (finder && status == OK)
-            status = find_in(e, finder, p);
-        s->placed = finder && (status == OK || status == AMBIGUOUS);
+        if (localizer && status == OK)
+            status = localize_frame(e, localizer, p);
+        s->placed = localizer && (status == OK || status == AMBIGUOUS);
         s->located_ns = clock_now_ns();
         if (status < 0)
-            say_trouble(e, status_sentence());
-        if (pace_passes_over(&pace, (double)(s->located_ns - s->locating_ns) * 1e-6, s->placed,
-                             latest_waits(e->seen))) {
-            let_go(e, p);
+            report_error(e, status_message());
+        if (frame_skip_update(&skip, (double)(s->located_ns - s->locating_ns) * 1e-6, s->placed,
+                              mailbox_full(e->captured))) {
+            drop_frame(e, p);
             continue;
         }
-        give_back(e, latest_put(e->located, p));
-        tell(e);
+        release_slot(e, mailbox_put(e->located, p));
+        notify_change(e);
     }
-    finder_close(&finder);
+    localizer_close(&localizer);
     return NULL;
 }
 
 // ---------------------------------------------------------------- the looker's side
 
-static enum status start(struct eyes *e)
+static enum status start(struct camera_feed *e)
 {
-    enum status status = latest_open(&e->seen);
+    enum status status = mailbox_open(&e->captured);
     if (status == OK)
-        status = latest_open(&e->located);
+        status = mailbox_open(&e->located);
     if (status == OK)
-        status = lull_open(&e->lull);
+        status = present_gap_open(&e->gap);
     if (status != OK)
         return status;
-    e->finder_runs = !pthread_create(&e->finder_thread, NULL, finder_thread, e);
-    e->camera_runs = e->finder_runs && !pthread_create(&e->camera_thread, NULL, camera_thread, e);
+    e->localizer_runs = !pthread_create(&e->localizer_thread, NULL, localizer_thread, e);
+    e->camera_runs = e->localizer_runs && !pthread_create(&e->camera_thread, NULL, camera_thread, e);
     return e->camera_runs ? OK : fail(ERR_MEMORY, "no thread for the camera");
 }
 
-enum status eyes_open(struct eyes **out, const struct eyes_options *options)
+enum status camera_feed_open(struct camera_feed **out, const struct camera_feed_options *options)
 {
     *out = NULL;
-    struct eyes *e = calloc(1, sizeof *e);
+    struct camera_feed *e = calloc(1, sizeof *e);
     if (!e)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&e->lock, NULL);
@@ -307,24 +307,24 @@ enum status eyes_open(struct eyes **out, const struct eyes_options *options)
     pthread_cond_init(&e->changed, &clock);
     pthread_condattr_destroy(&clock);
     e->place = options->place;
-    e->news = options->news;
-    e->news_self = options->news_self;
-    e->borrow = options->borrow;
-    for (int i = 0; i < PICTURES; i++)
-        give_back(e, &e->pictures[i]);
+    e->notify = options->notify;
+    e->notify_self = options->notify_self;
+    e->lend_dmabuf = options->lend_dmabuf;
+    for (int i = 0; i < FEED_SLOTS; i++)
+        release_slot(e, &e->slots[i]);
     e->camera = strdup(options->camera);
     enum status status = e->camera ? start(e) : fail(ERR_MEMORY, "out of memory");
     if (status != OK) {
-        eyes_close(&e);
+        camera_feed_close(&e);
         return status;
     }
     *out = e;
     return OK;
 }
 
-void eyes_close(struct eyes **out)
+void camera_feed_close(struct camera_feed **out)
 {
-    struct eyes *e = *out;
+    struct camera_feed *e = *out;
     if (!e)
         return;
     pthread_mutex_lock(&e->lock);
@@ -333,16 +333,16 @@ void eyes_close(struct eyes **out)
     pthread_mutex_unlock(&e->lock);
     if (e->camera_runs)
         pthread_join(e->camera_thread, NULL);
-    if (e->seen)
-        latest_stop(e->seen);
-    if (e->finder_runs)
-        pthread_join(e->finder_thread, NULL);
-    latest_close(&e->seen);
-    latest_close(&e->located);
-    lull_close(&e->lull);
-    for (int i = 0; i < PICTURES; i++) {
-        loan_return(&e->pictures[i].loan);
-        free(e->pictures[i].rgb);
+    if (e->captured)
+        mailbox_stop(e->captured);
+    if (e->localizer_runs)
+        pthread_join(e->localizer_thread, NULL);
+    mailbox_close(&e->captured);
+    mailbox_close(&e->located);
+    present_gap_close(&e->gap);
+    for (int i = 0; i < FEED_SLOTS; i++) {
+        dmabuf_image_release(&e->slots[i].dmabuf);
+        free(e->slots[i].rgb);
     }
     pthread_cond_destroy(&e->changed);
     pthread_mutex_destroy(&e->lock);
@@ -351,38 +351,38 @@ void eyes_close(struct eyes **out)
     *out = NULL;
 }
 
-const struct sight *eyes_look(struct eyes *e)
+const struct camera_frame *camera_feed_latest(struct camera_feed *e)
 {
-    struct picture *newer = latest_take(e->located, false);
+    struct feed_slot *newer = mailbox_take(e->located, false);
     if (newer) {
-        give_back(e, e->shown);
+        release_slot(e, e->shown);
         e->shown = newer;
     }
-    return e->shown ? &e->shown->sight : NULL;
+    return e->shown ? &e->shown->frame : NULL;
 }
 
-struct loan *eyes_take_loan(struct eyes *e)
+struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *e)
 {
-    struct loan *loan = e->shown ? e->shown->loan : NULL;
-    if (loan)
-        e->shown->loan = NULL;
-    return loan;
+    struct dmabuf_image *dmabuf = e->shown ? e->shown->dmabuf : NULL;
+    if (dmabuf)
+        e->shown->dmabuf = NULL;
+    return dmabuf;
 }
 
-void eyes_shown(struct eyes *e) { lull_begins(e->lull); }
+void camera_feed_presented(struct camera_feed *e) { present_gap_begin(e->gap); }
 
-struct eyes_state eyes_state(struct eyes *e)
+struct camera_feed_state camera_feed_query(struct camera_feed *e)
 {
     pthread_mutex_lock(&e->lock);
-    struct eyes_state state = e->state;
+    struct camera_feed_state state = e->state;
     pthread_mutex_unlock(&e->lock);
     return state;
 }
 
-void eyes_rest(struct eyes *e, bool rest)
+void camera_feed_suspend(struct camera_feed *e, bool suspend)
 {
     pthread_mutex_lock(&e->lock);
-    e->resting = rest;
+    e->suspended = suspend;
     pthread_cond_broadcast(&e->changed);
     pthread_mutex_unlock(&e->lock);
 }

@@ -11,45 +11,46 @@
 #include "capture/recording/place.h"
 #include "platform/dmabuf_image.h"
 
-struct eyes;
+struct camera_feed;
 
-struct eyes_options {
-    const char *camera;        // URI; copied
-    const struct place *place; // NULL: nothing to be located in; must outlive the eyes
-    void (*news)(void *self);  // called on other threads whenever there is something new; may be NULL
-    void *news_self;
-    bool borrow; // pictures are wanted where they lie, too: eyes_take_loan
+struct camera_feed_options {
+    const char *camera;         // URI; copied
+    const struct place *place;  // NULL: nothing to be located in; must outlive the eyes
+    void (*notify)(void *self); // called on other threads whenever there is something new; may be NULL
+    void *notify_self;
+    bool lend_dmabuf; // pictures are wanted where they lie, too: camera_feed_take_dmabuf
 };
-MUST_CHECK enum status eyes_open(struct eyes **out, const struct eyes_options *options); // ERR_MEMORY
-void eyes_close(struct eyes **e);                                                        // NULL is fine
+MUST_CHECK enum status camera_feed_open(struct camera_feed **out,
+                                        const struct camera_feed_options *options); // ERR_MEMORY
+void camera_feed_close(struct camera_feed **e);                                     // NULL is fine
 
-struct sight {
+struct camera_frame {
     const uint8_t *rgb; // of the lens's size
     struct lens lens;
     bool placed; // world_from_camera is known
     struct pose world_from_camera;
-    int32_t moved_tags, first_moved; // that hang elsewhere than the place has them, see finder_moved_tags
+    int32_t moved_tags, first_moved; // that hang elsewhere than the place has them, see localizer_moved_tags
     int64_t number;                  // 1, 2, … of all pictures that came
     // The clock (clock_now_ns) when the camera gave it, and when locating began and ended.
     int64_t came_ns, locating_ns, located_ns;
 };
 // The newest located picture, NULL before the first. Borrowed until the next call.
-const struct sight *eyes_look(struct eyes *e);
+const struct camera_frame *camera_feed_latest(struct camera_feed *e);
 
 // The picture of the sight last looked at, where it lies in the camera's memory, once: the caller's, who
 // returns it. NULL: the camera lends none.
-struct loan *eyes_take_loan(struct eyes *e);
+struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *e);
 
 // What was drawn has been handed to the display: now there is time to look for a camera that is lost.
-void eyes_shown(struct eyes *e);
+void camera_feed_presented(struct camera_feed *e);
 
-struct eyes_state {
-    bool seeing;          // the camera is open and gave a picture
-    int64_t came_ns;      // when the last picture came; of opening before the first
-    int64_t came, let_go; // pictures
-    char trouble[512];    // one sentence; "" while there is none
+struct camera_feed_state {
+    bool seeing;           // the camera is open and gave a picture
+    int64_t came_ns;       // when the last picture came; of opening before the first
+    int64_t came, dropped; // pictures
+    char trouble[512];     // one sentence; "" while there is none
 };
-struct eyes_state eyes_state(struct eyes *e);
+struct camera_feed_state camera_feed_query(struct camera_feed *e);
 
 // Nobody looks: the camera is closed until it is called again with false.
-void eyes_rest(struct eyes *e, bool rest);
+void camera_feed_suspend(struct camera_feed *e, bool suspend);

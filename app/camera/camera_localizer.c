@@ -5,11 +5,11 @@
 #include <stdlib.h>
 
 // Two pictures in which it is found say how fast the camera moves; if it cannot be followed then, it never will.
-enum { MOST_FINDS = 2 };
+enum { MAX_FINDS = 2 };
 
-struct finder {
-    struct camera_track *track;
-    struct search *search;
+struct camera_localizer {
+    struct camera_tracker *track;
+    struct relocalizer *relocalizer;
     struct lens lens; // the track's, which may be lent
     int64_t last_ns;
     bool searching;                  // the track is lent to the search
@@ -18,83 +18,86 @@ struct finder {
     int32_t moved_tags, first_moved; // the track's, which may be lent
 };
 
-enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens, struct lull *lull)
+enum status localizer_open(struct camera_localizer **out, const struct place *place, const struct lens *lens,
+                           struct present_gap *gap)
 {
     *out = NULL;
-    struct finder *f = calloc(1, sizeof *f);
+    struct camera_localizer *f = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
-    *f = (struct finder){.lens = *lens, .last_ns = INT64_MIN, .finds = MOST_FINDS, .first_moved = -1};
-    enum status status = camera_track_open(&f->track, place, lens, NULL);
+    *f = (struct camera_localizer){.lens = *lens, .last_ns = INT64_MIN, .finds = MAX_FINDS, .first_moved = -1};
+    enum status status = camera_tracker_open(&f->track, place, lens, NULL);
     if (status == OK)
-        status = search_open(&f->search, lens->width, lens->height, lull);
+        status = relocalizer_open(&f->relocalizer, lens->width, lens->height, gap);
     if (status != OK) {
-        finder_close(&f);
+        localizer_close(&f);
         return status;
     }
     *out = f;
     return OK;
 }
 
-const struct lens *finder_lens(const struct finder *f) { return &f->lens; }
+const struct lens *localizer_lens(const struct camera_localizer *f) { return &f->lens; }
 
-int32_t finder_moved_tags(const struct finder *f, int32_t *first)
+int32_t localizer_moved_tags(const struct camera_localizer *f, int32_t *first)
 {
     *first = f->first_moved;
     return f->moved_tags;
 }
 
-void finder_close(struct finder **f)
+void localizer_close(struct camera_localizer **f)
 {
     if (*f) {
-        search_close(&(*f)->search); // before the track, which it may have
-        camera_track_close(&(*f)->track);
+        relocalizer_close(&(*f)->relocalizer); // before the track, which it may have
+        camera_tracker_close(&(*f)->track);
         free(*f);
     }
     *f = NULL;
 }
 
-static enum status search_meanwhile(struct finder *f, const uint8_t *color, int64_t time_ns)
+static enum status relocalize_in_background(struct camera_localizer *f, const uint8_t *color, int64_t time_ns)
 {
-    search_begin(f->search, f->track, color, time_ns, MOST_FINDS - f->finds);
+    relocalizer_begin(f->relocalizer, f->track, color, time_ns, MAX_FINDS - f->finds);
     f->searching = true;
     return NOTHING;
 }
 
-static enum status look(struct finder *f, const uint8_t *color, int64_t time_ns, struct location *location)
+static enum status track_or_find(struct camera_localizer *f, const uint8_t *color, int64_t time_ns,
+                                 struct location *location)
 {
     struct camera_motion motion;
-    enum status status = camera_track_follow(f->track, color, NULL, time_ns, location, &motion);
+    enum status status = camera_tracker_track(f->track, color, NULL, time_ns, location, &motion);
     if (status == OK)
         f->finds = 0;
-    if (status == NOTHING && f->finds >= MOST_FINDS)
-        status = camera_track_find(f->track, color, NULL, location, &motion);
+    if (status == NOTHING && f->finds >= MAX_FINDS)
+        status = camera_tracker_localize(f->track, color, NULL, location, &motion);
     else if (status == NOTHING)
-        return search_meanwhile(f, color, time_ns);
-    f->lens = *camera_track_lens(f->track);
-    f->moved_tags = camera_track_moved_tags(f->track, &f->first_moved);
+        return relocalize_in_background(f, color, time_ns);
+    f->lens = *camera_tracker_lens(f->track);
+    f->moved_tags = camera_tracker_moved_tags(f->track, &f->first_moved);
     return status;
 }
 
-enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns, struct pose *world_from_camera)
+enum status localizer_locate(struct camera_localizer *f, const uint8_t *color, int64_t time_ns,
+                             struct pose *world_from_camera)
 {
     struct location location;
     enum status status = OK;
     f->restarted |= time_ns <= f->last_ns;
     f->last_ns = time_ns;
     if (f->searching) {
-        if (search_goes_on(f->search, color, time_ns))
+        if (relocalizer_busy(f->relocalizer, color, time_ns))
             return NOTHING;
         f->searching = false;
         int finds;
-        status = search_end(f->search, &finds);
+        status = relocalizer_finish(f->relocalizer, &finds);
         f->finds += finds;
     }
     if (f->restarted) // a camera that was opened anew
-        camera_track_restart(f->track);
+        camera_tracker_reset(f->track);
     f->restarted = false;
     if (status >= 0)
-        status = look(f, color, time_ns, &location);
+        status = track_or_find(f, color, time_ns, &location);
     if (status == ERR_SOLVER)
         return NOTHING; // it gave up on this picture, no more
     if (status == OK || status == AMBIGUOUS)

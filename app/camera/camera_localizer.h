@@ -8,22 +8,22 @@
 #include "app/camera/present_gap.h"
 #include "locate/locator.h"
 
-struct finder;
+struct camera_localizer;
 
 // Copies what it needs of both. lull: when to begin to look for a lost camera; NULL: at once. It must outlive the
 // finder. ERR_INPUT, ERR_MEMORY as locator_open.
-MUST_CHECK enum status finder_open(struct finder **out, const struct place *place, const struct lens *lens,
-                                   struct lull *lull);
-void finder_close(struct finder **f); // NULL is fine
+MUST_CHECK enum status localizer_open(struct camera_localizer **out, const struct place *place, const struct lens *lens,
+                                      struct present_gap *gap);
+void localizer_close(struct camera_localizer **f); // NULL is fine
 
 // The lens by which the camera was last looked for, see locator_lens.
-const struct lens *finder_lens(const struct finder *f);
+const struct lens *localizer_lens(const struct camera_localizer *f);
 
 // How many tags hang elsewhere than the place has them, by the last picture that was looked at; *first: the lowest
 // number of them, -1 for none. See locator_moved_tags.
-int32_t finder_moved_tags(const struct finder *f, int32_t *first);
+int32_t localizer_moved_tags(const struct camera_localizer *f, int32_t *first);
 
 // color: RGB of the lens's size; time_ns: when it was taken, by the camera's clock.
-// OK and AMBIGUOUS: *world_from_camera is filled. NOTHING: it does not know. Errors as locator_find.
-MUST_CHECK enum status finder_find(struct finder *f, const uint8_t *color, int64_t time_ns,
-                                   struct pose *world_from_camera);
+// OK and AMBIGUOUS: *world_from_camera is filled. NOTHING: it does not know. Errors as locator_localize.
+MUST_CHECK enum status localizer_locate(struct camera_localizer *f, const uint8_t *color, int64_t time_ns,
+                                        struct pose *world_from_camera);

@@ -6,37 +6,37 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { MOST_OUT = 2 };
+enum { MAX_PENDING = 2 };
 
 // What the GPU may still be reading.
-struct reading {
-    struct loan *loan;
+struct pending_read {
+    struct dmabuf_image *dmabuf;
     struct gpu_fence *fence;
 };
 
-struct viewfinder {
+struct camera_texture {
     struct gpu *gpu;
     struct gpu_texture *uploaded;
     int width, height; // of `uploaded`
-    struct raw_picture *raw;
-    bool shows_raw; // the picture last shown is there, not in `uploaded`
-    bool can_borrow;
-    struct loan tried; // its kind of picture was tried
+    struct yuv_to_rgb *converter;
+    bool shows_imported; // the picture last shown is there, not in `uploaded`
+    bool can_import;
+    struct dmabuf_image tried; // its kind of picture was tried
     enum { UNTRIED, GOOD, BAD } trust;
-    struct reading readings[MOST_OUT];
-    struct viewfinder_counts counts;
+    struct pending_read pending[MAX_PENDING];
+    struct camera_texture_counts counts;
     char why[512];
 };
 
-enum status viewfinder_open(struct viewfinder **out, struct gpu *gpu)
+enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu)
 {
     *out = NULL;
-    struct viewfinder *v = calloc(1, sizeof *v);
+    struct camera_texture *v = calloc(1, sizeof *v);
     if (!v)
         return fail(ERR_MEMORY, "out of memory");
     v->gpu = gpu;
-    v->can_borrow = gpu_can_import(gpu);
-    enum status status = v->can_borrow ? raw_picture_open(&v->raw, gpu) : OK;
+    v->can_import = gpu_can_import(gpu);
+    enum status status = v->can_import ? yuv_to_rgb_open(&v->converter, gpu) : OK;
     if (status != OK) {
         free(v);
         return status;
@@ -46,83 +46,83 @@ enum status viewfinder_open(struct viewfinder **out, struct gpu *gpu)
 }
 
 // Returns what the GPU is done with.
-static void give_back(struct viewfinder *v, bool wait)
+static void release_finished(struct camera_texture *v, bool wait)
 {
-    for (int i = 0; i < MOST_OUT; i++) {
-        struct reading *r = &v->readings[i];
-        if (!r->loan || (!gpu_fence_passed(r->fence, wait) && !wait))
+    for (int i = 0; i < MAX_PENDING; i++) {
+        struct pending_read *r = &v->pending[i];
+        if (!r->dmabuf || (!gpu_fence_passed(r->fence, wait) && !wait))
             continue;
         gpu_fence_close(&r->fence);
-        loan_return(&r->loan);
+        dmabuf_image_release(&r->dmabuf);
     }
 }
 
-void viewfinder_close(struct viewfinder **out)
+void camera_texture_close(struct camera_texture **out)
 {
-    struct viewfinder *v = *out;
+    struct camera_texture *v = *out;
     if (!v)
         return;
-    give_back(v, true);
-    raw_picture_close(&v->raw);
+    release_finished(v, true);
+    yuv_to_rgb_close(&v->converter);
     gpu_texture_close(&v->uploaded);
     free(v);
     *out = NULL;
 }
 
-bool viewfinder_can_borrow(const struct viewfinder *v) { return v->can_borrow; }
+bool camera_texture_can_import(const struct camera_texture *v) { return v->can_import; }
 
-static enum status upload(struct viewfinder *v, const struct sight *sight)
+static enum status upload(struct camera_texture *v, const struct camera_frame *frame)
 {
     v->counts.uploaded++;
-    v->shows_raw = false;
-    if (v->uploaded && v->width == sight->lens.width && v->height == sight->lens.height) {
-        gpu_texture_write(v->uploaded, sight->rgb);
+    v->shows_imported = false;
+    if (v->uploaded && v->width == frame->lens.width && v->height == frame->lens.height) {
+        gpu_texture_write(v->uploaded, frame->rgb);
         return OK;
     }
     gpu_texture_close(&v->uploaded);
-    v->width = sight->lens.width;
-    v->height = sight->lens.height;
-    return gpu_texture_open(&v->uploaded, v->gpu, GPU_RGB8, v->width, v->height, GPU_LINEAR, sight->rgb);
+    v->width = frame->lens.width;
+    v->height = frame->lens.height;
+    return gpu_texture_open(&v->uploaded, v->gpu, GPU_RGB8, v->width, v->height, GPU_LINEAR, frame->rgb);
 }
 
 // ---------------------------------------------------------------- borrowing
 
-static bool same_kind(const struct loan *a, const struct loan *b)
+static bool same_kind(const struct dmabuf_image *a, const struct dmabuf_image *b)
 {
     return a->layout == b->layout && a->width == b->width && a->height == b->height &&
-           a->meaning.matrix == b->meaning.matrix && a->meaning.full_range == b->meaning.full_range &&
+           a->encoding.matrix == b->encoding.matrix && a->encoding.full_range == b->encoding.full_range &&
            a->planes[0].stride == b->planes[0].stride;
 }
 
-static enum status draw(struct viewfinder *v, const struct loan *l)
+static enum status draw(struct camera_texture *v, const struct dmabuf_image *l)
 {
-    struct raw_plane planes[2];
+    struct yuv_plane planes[2];
     struct gpu_texture *textures[2] = {NULL, NULL};
-    int count = raw_planes(l->layout, l->width, l->height, planes);
+    int count = yuv_planes(l->layout, l->width, l->height, planes);
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++) {
-        const struct gpu_memory memory = {l->planes[i].file, l->planes[i].offset, l->planes[i].stride};
+        const struct gpu_dmabuf memory = {l->planes[i].file, l->planes[i].offset, l->planes[i].stride};
         status = gpu_texture_import(&textures[i], v->gpu, planes[i].format, planes[i].width, planes[i].height, &memory);
     }
     const struct gpu_texture *const read[2] = {textures[0], textures[1]};
     if (status == OK)
-        status = raw_picture_draw(v->raw, l, read);
+        status = yuv_to_rgb_draw(v->converter, l, read);
     for (int i = 0; i < count; i++)
         gpu_texture_close(&textures[i]); // the driver keeps what it still draws with
     return status;
 }
 
-static enum status compare(struct viewfinder *v, const struct sight *sight)
+static enum status compare(struct camera_texture *v, const struct camera_frame *frame)
 {
-    const size_t pixels = (size_t)sight->lens.width * (size_t)sight->lens.height;
+    const size_t pixels = (size_t)frame->lens.width * (size_t)frame->lens.height;
     uint8_t *rgba = malloc(4 * pixels);
     if (!rgba)
         return fail(ERR_MEMORY, "out of memory");
-    enum status status = raw_picture_read(v->raw, rgba);
+    enum status status = yuv_to_rgb_read(v->converter, rgba);
     size_t others = 0;
     for (size_t i = 0; i < pixels && status == OK; i++)
-        others += rgba[4 * i] != sight->rgb[3 * i] || rgba[4 * i + 1] != sight->rgb[3 * i + 1] ||
-                  rgba[4 * i + 2] != sight->rgb[3 * i + 2];
+        others += rgba[4 * i] != frame->rgb[3 * i] || rgba[4 * i + 1] != frame->rgb[3 * i + 1] ||
+                  rgba[4 * i + 2] != frame->rgb[3 * i + 2];
     free(rgba);
     if (status == OK && others)
         return fail(ERR_DEVICE, "the graphics driver reads the memory wrongly: %zu of %zu pixels", others, pixels);
@@ -130,55 +130,58 @@ static enum status compare(struct viewfinder *v, const struct sight *sight)
 }
 
 // OK: the picture is drawn and the loan taken over, until the GPU is done with it.
-static enum status borrow(struct viewfinder *v, const struct sight *sight, struct loan **loan)
+static enum status import_dmabuf(struct camera_texture *v, const struct camera_frame *frame,
+                                 struct dmabuf_image **dmabuf)
 {
-    if (!same_kind(*loan, &v->tried)) {
-        v->tried = **loan;
+    if (!same_kind(*dmabuf, &v->tried)) {
+        v->tried = **dmabuf;
         v->trust = UNTRIED;
     }
     if (v->trust == BAD)
         return NOTHING;
-    struct reading *free_one = NULL;
-    for (int i = 0; i < MOST_OUT; i++)
-        if (!v->readings[i].loan)
-            free_one = &v->readings[i];
-    if (!free_one)
+    struct pending_read *slot = NULL;
+    for (int i = 0; i < MAX_PENDING; i++)
+        if (!v->pending[i].dmabuf)
+            slot = &v->pending[i];
+    if (!slot)
         return NOTHING; // the GPU is far behind
-    enum status status = draw(v, *loan);
+    enum status status = draw(v, *dmabuf);
     if (status == OK && v->trust == UNTRIED)
-        status = compare(v, sight);
+        status = compare(v, frame);
     if (status == OK)
-        status = gpu_fence_open(&free_one->fence, v->gpu);
+        status = gpu_fence_open(&slot->fence, v->gpu);
     v->trust = status == OK ? GOOD : BAD;
     if (status != OK) {
-        snprintf(v->why, sizeof v->why, "%s", status_sentence());
+        snprintf(v->why, sizeof v->why, "%s", status_message());
         return NOTHING;
     }
-    free_one->loan = *loan;
-    *loan = NULL;
-    v->shows_raw = true;
-    v->counts.borrowed++;
+    slot->dmabuf = *dmabuf;
+    *dmabuf = NULL;
+    v->shows_imported = true;
+    v->counts.imported++;
     return OK;
 }
 
-enum status viewfinder_show(struct viewfinder *v, const struct sight *sight, struct loan **loan)
+enum status camera_texture_update(struct camera_texture *v, const struct camera_frame *frame,
+                                  struct dmabuf_image **dmabuf)
 {
-    give_back(v, false);
-    bool fits = *loan && v->can_borrow && (*loan)->width == sight->lens.width && (*loan)->height == sight->lens.height;
-    if (fits && borrow(v, sight, loan) == OK)
+    release_finished(v, false);
+    bool fits =
+        *dmabuf && v->can_import && (*dmabuf)->width == frame->lens.width && (*dmabuf)->height == frame->lens.height;
+    if (fits && import_dmabuf(v, frame, dmabuf) == OK)
         return OK;
-    loan_return(loan);
-    return upload(v, sight);
+    dmabuf_image_release(dmabuf);
+    return upload(v, frame);
 }
 
-const struct gpu_texture *viewfinder_texture(struct viewfinder *v)
+const struct gpu_texture *camera_texture_current(struct camera_texture *v)
 {
-    return v->shows_raw ? raw_picture_texture(v->raw) : v->uploaded;
+    return v->shows_imported ? yuv_to_rgb_texture(v->converter) : v->uploaded;
 }
 
-struct viewfinder_counts viewfinder_counts(const struct viewfinder *v)
+struct camera_texture_counts camera_texture_count(const struct camera_texture *v)
 {
-    struct viewfinder_counts counts = v->counts;
+    struct camera_texture_counts counts = v->counts;
     counts.why = v->why;
     return counts;
 }

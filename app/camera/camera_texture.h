@@ -6,21 +6,22 @@
 #include "app/camera/camera_feed.h"
 #include "platform/gpu.h"
 
-struct viewfinder;
-MUST_CHECK enum status viewfinder_open(struct viewfinder **out, struct gpu *gpu);
-void viewfinder_close(struct viewfinder **v); // NULL is fine; waits for the GPU and returns what was lent
+struct camera_texture;
+MUST_CHECK enum status camera_texture_open(struct camera_texture **out, struct gpu *gpu);
+void camera_texture_close(struct camera_texture **v); // NULL is fine; waits for the GPU and returns what was lent
 
-bool viewfinder_can_borrow(const struct viewfinder *v); // it is worth lending it pictures
+bool camera_texture_can_import(const struct camera_texture *v); // it is worth lending it pictures
 
-// The picture of that sight. *loan, where there is one, is the same picture where it lies; it becomes the
+// The picture of that sight. *dmabuf, where there is one, is the same picture where it lies; it becomes the
 // viewfinder's, which returns it when the GPU is done with it. ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status viewfinder_show(struct viewfinder *v, const struct sight *sight, struct loan **loan);
+MUST_CHECK enum status camera_texture_update(struct camera_texture *v, const struct camera_frame *frame,
+                                             struct dmabuf_image **dmabuf);
 
 // The texture of the picture last shown; linear filtering is its user's affair.
-const struct gpu_texture *viewfinder_texture(struct viewfinder *v);
+const struct gpu_texture *camera_texture_current(struct camera_texture *v);
 
-struct viewfinder_counts {
-    int64_t borrowed, uploaded; // pictures shown, each way
+struct camera_texture_counts {
+    int64_t imported, uploaded; // pictures shown, each way
     const char *why;            // the last one that was lent was not borrowed; "" where there was no such
 };
-struct viewfinder_counts viewfinder_counts(const struct viewfinder *v);
+struct camera_texture_counts camera_texture_count(const struct camera_texture *v);

@@ -3,16 +3,16 @@
 #include <pthread.h>
 #include <stdlib.h>
 
-struct latest {
+struct mailbox {
     pthread_mutex_t lock;
     pthread_cond_t put;
     void *item;
     bool stopped;
 };
 
-enum status latest_open(struct latest **out)
+enum status mailbox_open(struct mailbox **out)
 {
-    struct latest *l = *out = calloc(1, sizeof *l);
+    struct mailbox *l = *out = calloc(1, sizeof *l);
     if (!l)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&l->lock, NULL);
@@ -20,7 +20,7 @@ enum status latest_open(struct latest **out)
     return OK;
 }
 
-void latest_close(struct latest **l)
+void mailbox_close(struct mailbox **l)
 {
     if (*l) {
         pthread_cond_destroy(&(*l)->put);
@@ -30,7 +30,7 @@ void latest_close(struct latest **l)
     *l = NULL;
 }
 
-void *latest_put(struct latest *l, void *item)
+void *mailbox_put(struct mailbox *l, void *item)
 {
     pthread_mutex_lock(&l->lock);
     void *untaken = l->item;
@@ -40,7 +40,7 @@ void *latest_put(struct latest *l, void *item)
     return untaken;
 }
 
-void *latest_take(struct latest *l, bool wait)
+void *mailbox_take(struct mailbox *l, bool wait)
 {
     pthread_mutex_lock(&l->lock);
     while (wait && !l->item && !l->stopped)
@@ -52,7 +52,7 @@ void *latest_take(struct latest *l, bool wait)
     return item;
 }
 
-bool latest_waits(struct latest *l)
+bool mailbox_full(struct mailbox *l)
 {
     pthread_mutex_lock(&l->lock);
     bool waits = l->item;
@@ -60,7 +60,7 @@ bool latest_waits(struct latest *l)
     return waits;
 }
 
-void latest_stop(struct latest *l)
+void mailbox_stop(struct mailbox *l)
 {
     pthread_mutex_lock(&l->lock);
     l->stopped = true;

@@ -3,19 +3,19 @@
 #pragma once
 #include "base/status.h"
 
-struct latest;
+struct mailbox;
 
-MUST_CHECK enum status latest_open(struct latest **out); // ERR_MEMORY
-void latest_close(struct latest **l); // NULL is fine; both threads are done with it, what is in it is not freed
+MUST_CHECK enum status mailbox_open(struct mailbox **out); // ERR_MEMORY
+void mailbox_close(struct mailbox **l); // NULL is fine; both threads are done with it, what is in it is not freed
 
 // Returns what lay there untaken, which is the caller's again; else NULL.
-void *latest_put(struct latest *l, void *item);
+void *mailbox_put(struct mailbox *l, void *item);
 
 // What lies there, or NULL. wait: waits for something; NULL then means stopped.
-void *latest_take(struct latest *l, bool wait);
+void *mailbox_take(struct mailbox *l, bool wait);
 
 // Does something lie there?
-bool latest_waits(struct latest *l);
+bool mailbox_full(struct mailbox *l);
 
 // From either side: nobody waits any more.
-void latest_stop(struct latest *l);
+void mailbox_stop(struct mailbox *l);

@@ -7,17 +7,17 @@
 #include <stdlib.h>
 #include <time.h>
 
-static const int64_t PATIENCE_NS = 50000000;
+static const int64_t MAX_WAIT_NS = 50000000;
 
-struct lull {
+struct present_gap {
     pthread_mutex_t lock; // of what follows
     pthread_cond_t changed;
     int64_t count;
 };
 
-enum status lull_open(struct lull **out)
+enum status present_gap_open(struct present_gap **out)
 {
-    struct lull *l = *out = calloc(1, sizeof *l);
+    struct present_gap *l = *out = calloc(1, sizeof *l);
     if (!l)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&l->lock, NULL);
@@ -29,7 +29,7 @@ enum status lull_open(struct lull **out)
     return OK;
 }
 
-void lull_close(struct lull **l)
+void present_gap_close(struct present_gap **l)
 {
     if (*l) {
         pthread_cond_destroy(&(*l)->changed);
@@ -39,7 +39,7 @@ void lull_close(struct lull **l)
     *l = NULL;
 }
 
-void lull_begins(struct lull *l)
+void present_gap_begin(struct present_gap *l)
 {
     pthread_mutex_lock(&l->lock);
     l->count++;
@@ -47,7 +47,7 @@ void lull_begins(struct lull *l)
     pthread_mutex_unlock(&l->lock);
 }
 
-int64_t lull_count(struct lull *l)
+int64_t present_gap_count(struct present_gap *l)
 {
     pthread_mutex_lock(&l->lock);
     const int64_t count = l->count;
@@ -55,9 +55,9 @@ int64_t lull_count(struct lull *l)
     return count;
 }
 
-void lull_wait(struct lull *l, int64_t count)
+void present_gap_wait(struct present_gap *l, int64_t count)
 {
-    const int64_t until_ns = clock_now_ns() + PATIENCE_NS;
+    const int64_t until_ns = clock_now_ns() + MAX_WAIT_NS;
     const struct timespec until = {(time_t)(until_ns / 1000000000), (long)(until_ns % 1000000000)};
     pthread_mutex_lock(&l->lock);
     while (l->count <= count && pthread_cond_timedwait(&l->changed, &l->lock, &until) != ETIMEDOUT)

@@ -3,14 +3,14 @@
 #pragma once
 #include "base/status.h"
 
-struct lull;
+struct present_gap;
 
-MUST_CHECK enum status lull_open(struct lull **out); // ERR_MEMORY
-void lull_close(struct lull **l);                    // NULL is fine; nobody may be waiting
+MUST_CHECK enum status present_gap_open(struct present_gap **out); // ERR_MEMORY
+void present_gap_close(struct present_gap **l);                    // NULL is fine; nobody may be waiting
 
-void lull_begins(struct lull *l); // a picture has been shown
+void present_gap_begin(struct present_gap *l); // a picture has been shown
 
-// How many have begun by now: what lull_wait wants to know.
-int64_t lull_count(struct lull *l);
+// How many have begun by now: what present_gap_wait wants to know.
+int64_t present_gap_count(struct present_gap *l);
 // Until more have begun than `count`, or for 50 ms: it may be that nothing is drawn.
-void lull_wait(struct lull *l, int64_t count);
+void present_gap_wait(struct present_gap *l, int64_t count);

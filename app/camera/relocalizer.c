@@ -9,79 +9,79 @@
 
 // Each time it follows the newest picture. Where following takes longer than until the next one comes, as on a busy
 // machine, it is always behind: then whoever lent the track goes on from there, over the gap.
-enum { MOST_FOLLOWED = 3 };
+enum { MAX_FOLLOWED = 3 };
 
-struct search_picture {
+struct relocalizer_frame {
     uint8_t *color;
     int64_t time_ns;
 };
 
-struct search {
+struct relocalizer {
     size_t bytes;
-    struct lull *lull;
+    struct present_gap *gap;
     pthread_t thread;
     bool runs;
-    struct search_picture in_hand; // the thread's, while it searches
+    struct relocalizer_frame current; // the thread's, while it searches
 
     pthread_mutex_t lock; // of what follows; never held while a picture is looked at
     pthread_cond_t changed;
-    struct camera_track *track; // NULL: none is lent
-    struct search_picture newer;
-    bool newer_waits, closing;
-    int most_finds, finds;
-    int64_t lulls;      // when it was lent
+    struct camera_tracker *track; // NULL: none is lent
+    struct relocalizer_frame newer;
+    bool newer_pending, closing;
+    int max_finds, finds;
+    int64_t gap_count;  // when it was lent
     enum status status; // of the last search
     char sentence[512];
 };
 
 // A solver that gave up did so on this picture, no more.
-static enum status answer(enum status status) { return status == ERR_SOLVER ? NOTHING : status; }
+static enum status drop_solver_failure(enum status status) { return status == ERR_SOLVER ? NOTHING : status; }
 
 static bool is_found(enum status status) { return status == OK || status == AMBIGUOUS; }
 
-static enum status find(struct camera_track *track, const struct search_picture *p)
+static enum status find(struct camera_tracker *track, const struct relocalizer_frame *p)
 {
     struct location location;
     struct camera_motion motion;
-    return answer(camera_track_find(track, p->color, NULL, &location, &motion));
+    return drop_solver_failure(camera_tracker_localize(track, p->color, NULL, &location, &motion));
 }
 
-static enum status follow(struct camera_track *track, const struct search_picture *p)
+static enum status follow(struct camera_tracker *track, const struct relocalizer_frame *p)
 {
     struct location location;
     struct camera_motion motion;
-    return answer(camera_track_follow(track, p->color, NULL, p->time_ns, &location, &motion));
+    return drop_solver_failure(camera_tracker_track(track, p->color, NULL, p->time_ns, &location, &motion));
 }
 
 // Takes the newest picture in hand; wait: for one that is newer. False: there is none.
-static bool take_newer(struct search *s, bool wait)
+static bool take_newer(struct relocalizer *s, bool wait)
 {
     pthread_mutex_lock(&s->lock);
-    while (wait && !s->newer_waits && !s->closing)
+    while (wait && !s->newer_pending && !s->closing)
         pthread_cond_wait(&s->changed, &s->lock);
-    const bool newer = s->newer_waits && !s->closing;
+    const bool newer = s->newer_pending && !s->closing;
     if (newer) {
-        const struct search_picture before = s->in_hand;
-        s->in_hand = s->newer;
+        const struct relocalizer_frame before = s->current;
+        s->current = s->newer;
         s->newer = before;
-        s->newer_waits = false;
+        s->newer_pending = false;
     }
     pthread_mutex_unlock(&s->lock);
     return newer;
 }
 
-static enum status search(struct search *s, struct camera_track *track, int most, int *finds)
+static enum status search(struct relocalizer *s, struct camera_tracker *track, int most, int *finds)
 {
-    enum status status = find(track, &s->in_hand);
+    enum status status = find(track, &s->current);
     int followed = 0; // since it was found
     *finds = is_found(status);
-    while (status >= 0 && followed < MOST_FOLLOWED && take_newer(s, !is_found(status))) {
-        status = follow(track, &s->in_hand);
+    while (status >= 0 && followed < MAX_FOLLOWED && take_newer(s, !is_found(status))) {
+        status = follow(track, &s->current);
         followed++;
         if (status == ERR_ORDER || (status == NOTHING && *finds == most))
             return NOTHING; // the camera's clock began anew, or to know its speed does not help
         if (status == NOTHING) {
-            status = find(track, &s->in_hand);
+            status = find(track, &s->current);
             *finds += is_found(status);
             followed = 0;
         }
@@ -91,27 +91,27 @@ static enum status search(struct search *s, struct camera_track *track, int most
 
 static void *run(void *self)
 {
-    struct search *s = self;
-    background_begin();
+    struct relocalizer *s = self;
+    thread_lower_priority();
     pthread_mutex_lock(&s->lock);
     while (!s->closing) {
-        struct camera_track *track = s->track;
+        struct camera_tracker *track = s->track;
         if (!track) {
             pthread_cond_wait(&s->changed, &s->lock);
             continue;
         }
-        const int most = s->most_finds;
-        const int64_t lulls = s->lulls;
+        const int most = s->max_finds;
+        const int64_t gap_count = s->gap_count;
         pthread_mutex_unlock(&s->lock);
-        if (s->lull)
-            lull_wait(s->lull, lulls);
+        if (s->gap)
+            present_gap_wait(s->gap, gap_count);
         int finds;
         enum status status = search(s, track, most, &finds);
         pthread_mutex_lock(&s->lock);
         s->finds = finds;
         s->status = status;
-        snprintf(s->sentence, sizeof s->sentence, "%s", status < 0 ? status_sentence() : "");
-        s->newer_waits = false;
+        snprintf(s->sentence, sizeof s->sentence, "%s", status < 0 ? status_message() : "");
+        s->newer_pending = false;
         s->track = NULL;
     }
     pthread_mutex_unlock(&s->lock);
@@ -120,27 +120,27 @@ static void *run(void *self)
 
 // ---------------------------------------------------------------- the other side
 
-enum status search_open(struct search **out, int width, int height, struct lull *lull)
+enum status relocalizer_open(struct relocalizer **out, int width, int height, struct present_gap *gap)
 {
-    struct search *s = *out = calloc(1, sizeof *s);
+    struct relocalizer *s = *out = calloc(1, sizeof *s);
     if (!s)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&s->lock, NULL);
     pthread_cond_init(&s->changed, NULL);
-    s->lull = lull;
+    s->gap = gap;
     s->bytes = 3 * (size_t)width * (size_t)height;
-    s->in_hand.color = malloc(s->bytes);
+    s->current.color = malloc(s->bytes);
     s->newer.color = malloc(s->bytes);
-    s->runs = s->in_hand.color && s->newer.color && !pthread_create(&s->thread, NULL, run, s);
+    s->runs = s->current.color && s->newer.color && !pthread_create(&s->thread, NULL, run, s);
     if (s->runs)
         return OK;
-    search_close(out);
+    relocalizer_close(out);
     return fail(ERR_MEMORY, "out of memory");
 }
 
-void search_close(struct search **out)
+void relocalizer_close(struct relocalizer **out)
 {
-    struct search *s = *out;
+    struct relocalizer *s = *out;
     if (!s)
         return;
     pthread_mutex_lock(&s->lock);
@@ -151,45 +151,46 @@ void search_close(struct search **out)
         pthread_join(s->thread, NULL);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->lock);
-    free(s->in_hand.color);
+    free(s->current.color);
     free(s->newer.color);
     free(s);
     *out = NULL;
 }
 
-static void keep(struct search_picture *p, const struct search *s, const uint8_t *color, int64_t time_ns)
+static void store_frame(struct relocalizer_frame *p, const struct relocalizer *s, const uint8_t *color, int64_t time_ns)
 {
     memcpy(p->color, color, s->bytes);
     p->time_ns = time_ns;
 }
 
-void search_begin(struct search *s, struct camera_track *track, const uint8_t *color, int64_t time_ns, int finds)
+void relocalizer_begin(struct relocalizer *s, struct camera_tracker *track, const uint8_t *color, int64_t time_ns,
+                       int finds)
 {
-    const int64_t lulls = s->lull ? lull_count(s->lull) : 0;
+    const int64_t gap_count = s->gap ? present_gap_count(s->gap) : 0;
     pthread_mutex_lock(&s->lock);
     assert(!s->track);
-    s->lulls = lulls;
-    keep(&s->in_hand, s, color, time_ns);
+    s->gap_count = gap_count;
+    store_frame(&s->current, s, color, time_ns);
     s->track = track;
-    s->most_finds = finds;
+    s->max_finds = finds;
     pthread_cond_broadcast(&s->changed);
     pthread_mutex_unlock(&s->lock);
 }
 
-bool search_goes_on(struct search *s, const uint8_t *color, int64_t time_ns)
+bool relocalizer_busy(struct relocalizer *s, const uint8_t *color, int64_t time_ns)
 {
     pthread_mutex_lock(&s->lock);
     const bool goes_on = s->track;
     if (goes_on) {
-        keep(&s->newer, s, color, time_ns);
-        s->newer_waits = true;
+        store_frame(&s->newer, s, color, time_ns);
+        s->newer_pending = true;
         pthread_cond_broadcast(&s->changed);
     }
     pthread_mutex_unlock(&s->lock);
     return goes_on;
 }
 
-enum status search_end(struct search *s, int *finds)
+enum status relocalizer_finish(struct relocalizer *s, int *finds)
 {
     pthread_mutex_lock(&s->lock);
     assert(!s->track);

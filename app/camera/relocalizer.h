@@ -1,24 +1,26 @@
 // A lost camera, found anew on a thread of its own, so that its pictures go on meanwhile: in the picture in
 // which it was lost, and then followed through those that came since, until there is no newer one.
 //
-// The track is lent from search_begin to search_end. One thread calls.
+// The track is lent from relocalizer_begin to relocalizer_finish. One thread calls.
 #pragma once
 #include "app/camera/present_gap.h"
 #include "locate/camera_tracker.h"
 
-struct search;
+struct relocalizer;
 
 // Of pictures of that size. lull: when to begin; NULL: at once. It must outlive the search. ERR_MEMORY
-MUST_CHECK enum status search_open(struct search **out, int width, int height, struct lull *lull);
-void search_close(struct search **s); // NULL is fine; waits for the picture being searched, a part of a second
+MUST_CHECK enum status relocalizer_open(struct relocalizer **out, int width, int height, struct present_gap *gap);
+void relocalizer_close(
+    struct relocalizer **s); // NULL is fine; waits for the picture being searched, a part of a second
 
-// A camera_track that said of the picture of time_ns that it has to be found anew. color: RGB; copied. finds: in
+// A camera_tracker that said of the picture of time_ns that it has to be found anew. color: RGB; copied. finds: in
 // so many pictures, at least 1, where it cannot be followed from the one to the next.
-void search_begin(struct search *s, struct camera_track *track, const uint8_t *color, int64_t time_ns, int finds);
+void relocalizer_begin(struct relocalizer *s, struct camera_tracker *track, const uint8_t *color, int64_t time_ns,
+                       int finds);
 
 // Is the track still lent? With true, the picture, which came meanwhile, will be looked at, too.
-bool search_goes_on(struct search *s, const uint8_t *color, int64_t time_ns);
+bool relocalizer_busy(struct relocalizer *s, const uint8_t *color, int64_t time_ns);
 
 // Once it does not go on: OK, AMBIGUOUS: the camera was found, and followed to the newest picture. NOTHING: it was
-// found, and lost again. Errors as camera_track_look. *finds: in how many pictures it was found.
-MUST_CHECK enum status search_end(struct search *s, int *finds);
+// found, and lost again. Errors as camera_tracker_process. *finds: in how many pictures it was found.
+MUST_CHECK enum status relocalizer_finish(struct relocalizer *s, int *finds);

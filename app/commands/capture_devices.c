@@ -64,7 +64,7 @@ int capture_devices(int argc, char **argv)
         if (source_open(&s, "openni", SOURCE_SENSOR) == OK)
             source_close(&s); // plugged in just now
         else
-            fprintf(stderr, "%s: %s\n", argv[0], status_sentence()); // where drivers were looked for
+            fprintf(stderr, "%s: %s\n", argv[0], status_message()); // where drivers were looked for
     }
     for (int i = 0; i < count; i++)
         printf("%-14s %s\n", devices[i].uri, devices[i].name);

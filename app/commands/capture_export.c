@@ -9,14 +9,14 @@ static const struct format {
     enum status (*write)(const struct take *take, const char *path);
 } formats[] = {{"joints-csv", export_joints_csv}, {"bvh", export_bvh}};
 
-struct arguments {
+struct export_arguments {
     const char *file, *take, *out;
     const struct format *as;
 };
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *given = state->input;
+    struct export_arguments *given = state->input;
     switch (key) {
     case COMMAND_KEY: given->take = value; return 0;
     case COMMAND_KEY + 1:
@@ -33,10 +33,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
         given->file = value;
         return 0;
     case ARGP_KEY_END:
-        command_need(state, given->file, "FILE");
-        command_need(state, given->take, "--take NAME");
-        command_need(state, given->as, "--as FORMAT");
-        command_need(state, given->out, "--out PATH");
+        command_require(state, given->file, "FILE");
+        command_require(state, given->take, "--take NAME");
+        command_require(state, given->as, "--as FORMAT");
+        command_require(state, given->out, "--out PATH");
         return 0;
     }
     return ARGP_ERR_UNKNOWN;
@@ -52,7 +52,7 @@ int capture_export(int argc, char **argv)
         {0},
     };
     static const struct argp argp = {options, parse, "FILE", "Writes a take's joints for other programs.", 0, 0, 0};
-    struct arguments given = {0};
+    struct export_arguments given = {0};
     argp_parse(&argp, argc, argv, 0, NULL, &given);
     struct recording *recording = NULL;
     struct take *take = NULL;

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-struct arguments {
+struct map_arguments {
     const char *sensor, *camera, *tags, *out, *into; // one of the first two
     double seconds, decimate;
     bool json;
@@ -41,7 +41,7 @@ static const struct argp_option options[] = {
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *a = state->input;
+    struct map_arguments *a = state->input;
     switch (key) {
     case KEY_SENSOR: a->sensor = value; return 0;
     case KEY_CAMERA: a->camera = value; return 0;
@@ -49,8 +49,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_OUT: a->out = value; return 0;
     case KEY_INTO: a->into = value; return 0;
     case KEY_JSON: a->json = true; return 0;
-    case KEY_SECONDS: a->seconds = command_number(state, "--seconds", value, 0.1, 1e6); return 0;
-    case KEY_DECIMATE: a->decimate = command_number(state, "--quad-decimate", value, 1, 8); return 0;
+    case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
+    case KEY_DECIMATE: a->decimate = command_parse_number(state, "--quad-decimate", value, 1, 8); return 0;
     case ARGP_KEY_ARG: argp_error(state, "'%s' is one word too many", value); return 0;
     case ARGP_KEY_END:
         if (!a->sensor == !a->camera)
@@ -63,7 +63,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
 }
 
 // Feeds the mapper until the source ends. NOTHING: stopped before the end of a source that has one.
-static enum status film(struct source *source, struct mapper *mapper, const struct arguments *a, int64_t *damaged)
+static enum status feed_mapper(struct source *source, struct mapper *mapper, const struct map_arguments *a,
+                               int64_t *damaged)
 {
     struct progress_bar bar;
     struct frame frame;
@@ -151,10 +152,10 @@ static void print_json(const char *path, const struct place *before, const struc
     json_add_number(root, "lost_to_s", r->lost_to_s);
     json_add_number(root, "frames_damaged", (double)damaged);
     json_add_number(root, "tags_unseen", r->tags_unseen);
-    json_add_number(root, "tags_apart", r->tags_apart);
+    json_add_number(root, "tags_apart", r->tags_disconnected);
     json_add_number(root, "tags_unlisted", r->tags_unlisted);
     json_add_number(root, "tags_moved", r->tags_moved);
-    json_add_number(root, "tags_astray", r->tags_astray);
+    json_add_number(root, "tags_astray", r->tags_outlier);
     json_add_number(root, "tags_new", place->tag_count - before->tag_count);
     json_add_number(root, "points_new", place->point_count - before->point_count);
     json_add_number(root, "views_new", place->view_count - before->view_count);
@@ -202,18 +203,18 @@ static void print_text(const char *path, const struct place *before, const struc
 }
 
 // The first tag that so few pictures show that nothing vouches for it; NULL: none.
-static const struct place_tag *seldom_seen(const struct place *place)
+static const struct place_tag *rarely_observed(const struct place *place)
 {
-    enum { LEAST_SIGHTINGS = 3 };
+    enum { MIN_OBSERVATIONS = 3 };
     for (int32_t i = 0; i < place->tag_count; i++)
-        if (place->tags[i].sightings < LEAST_SIGHTINGS)
+        if (place->tags[i].sightings < MIN_OBSERVATIONS)
             return &place->tags[i];
     return NULL;
 }
 
 static void warn(const char *program, const struct place *place, const struct mapper_report *r, int64_t damaged)
 {
-    const struct place_tag *seldom = seldom_seen(place);
+    const struct place_tag *seldom = rarely_observed(place);
     if (!place->point_count)
         fprintf(stderr,
                 "%s: warning: there are no natural points, so a camera is found only where it sees a tag; film "
@@ -225,19 +226,19 @@ static void warn(const char *program, const struct place *place, const struct ma
     if (r->tags_unseen)
         fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
                 program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");
-    if (r->tags_apart)
+    if (r->tags_disconnected)
         fprintf(stderr,
                 "%s: warning: tag %d%s never in one picture with the other tags, and left out; film it together "
                 "with one of them\n",
-                program, (int)r->first_apart, r->tags_apart > 1 ? " and others are" : " is");
+                program, (int)r->first_disconnected, r->tags_disconnected > 1 ? " and others are" : " is");
     if (r->tags_unlisted)
         fprintf(stderr, "%s: warning: tag %d%s in the pictures but not listed, and ignored; measure it and list it\n",
                 program, (int)r->first_unlisted, r->tags_unlisted > 1 ? " and others are" : " is");
-    if (r->tags_astray)
+    if (r->tags_outlier)
         fprintf(stderr,
                 "%s: warning: tag %d%s in two places of the sweep, and left out: it was moved meanwhile, or two tags "
                 "have this number; hang it firmly and film again\n",
-                program, (int)r->first_astray, r->tags_astray > 1 ? " and others are" : " is");
+                program, (int)r->first_outlier, r->tags_outlier > 1 ? " and others are" : " is");
     if (r->tags_moved)
         fprintf(stderr,
                 "%s: warning: tag %d%s no longer where the place had it; the place has it now where it hangs, as far "
@@ -258,7 +259,8 @@ static void warn(const char *program, const struct place *place, const struct ma
         fprintf(stderr, "%s: warning: %lld damaged pictures were left out\n", program, (long long)damaged);
 }
 
-static int map_place(const char *program, const struct arguments *a, const struct mapper_tag *tags, int32_t tag_count)
+static int map_place(const char *program, const struct map_arguments *a, const struct mapper_tag *tags,
+                     int32_t tag_count)
 {
     struct source *source = NULL;
     struct mapper *mapper = NULL;
@@ -269,7 +271,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
     int64_t damaged = 0;
     if (a->decimate > 0)
         wanted.quad_decimate = a->decimate;
-    wanted.before = a->into ? &before : NULL;
+    wanted.prior = a->into ? &before : NULL;
     enum status status = a->into ? read_place(a->into, &before) : OK;
     if (status == OK)
         status =
@@ -277,9 +279,9 @@ static int map_place(const char *program, const struct arguments *a, const struc
     if (status == OK)
         status = mapper_open(&mapper, source_calibration(source), tags, tag_count, &wanted);
     if (status == OK)
-        command_catch_stop();
+        command_catch_signals();
     if (status == OK)
-        status = film(source, mapper, a, &damaged);
+        status = feed_mapper(source, mapper, a, &damaged);
     bool live = source && source_is_live(source);
     source_close(&source);
     if (status == OK)
@@ -307,7 +309,7 @@ static int map_place(const char *program, const struct arguments *a, const struc
 
 int capture_map(int argc, char **argv)
 {
-    struct arguments a = {0};
+    struct map_arguments a = {0};
     const struct argp argp = {
         options,
         parse,

@@ -5,14 +5,14 @@
 
 #include <stdio.h>
 
-struct arguments {
+struct record_arguments {
     const char *sensor, *into, *out, *take;
     bool json;
 };
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *given = state->input;
+    struct record_arguments *given = state->input;
     switch (key) {
     case COMMAND_KEY: given->sensor = value; return 0;
     case COMMAND_KEY + 1: given->into = value; return 0;
@@ -21,8 +21,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case COMMAND_KEY + 4: given->json = true; return 0;
     case ARGP_KEY_ARG: argp_error(state, "'%s' is not understood", value); return 0;
     case ARGP_KEY_END:
-        command_need(state, given->sensor, "--sensor URI");
-        command_need(state, given->take, "--take NAME");
+        command_require(state, given->sensor, "--sensor URI");
+        command_require(state, given->take, "--take NAME");
         if (!given->into == !given->out)
             argp_error(state, "either --into FILE, for a recording that is there, or --out FILE, for a new one");
         return 0;
@@ -32,14 +32,14 @@ static error_t parse(int key, char *value, struct argp_state *state)
 
 static void step(void *context) { progress_bar_step(context); }
 
-static void settle(void *context, int64_t frames)
+static void start_smoothing(void *context, int64_t frames)
 {
-    command_catch_stop(); // the one that ended the filming has been heard
+    command_catch_signals(); // the one that ended the filming has been heard
     progress_bar_end(context);
     progress_bar_start(context, "thinking it over", frames);
 }
 
-static void report(const struct arguments *given, const struct recorder_result *r)
+static void report(const struct record_arguments *given, const struct recorder_result *r)
 {
     if (given->json) {
         struct json *root = json_new_object();
@@ -53,15 +53,15 @@ static void report(const struct arguments *given, const struct recorder_result *
         json_add_number(root, "tags_moved", r->tags_moved);
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
-        json_add_number(root, "settle_ms", r->settle_ms);
+        json_add_number(root, "settle_ms", r->smoothing_ms);
         (void)!command_print_json(&root);
         return;
     }
     printf("take '%s': %lld frames, a person in %lld, %lld dropped\n", given->take, (long long)r->frames,
            (long long)r->tracked, (long long)r->dropped);
     printf("tracking took %.1f ms a frame, at most %.1f ms\n", r->mean_ms, r->slowest_ms);
-    if (r->settle_ms > 0)
-        printf("thinking it over took %.1f ms a frame\n", r->settle_ms);
+    if (r->smoothing_ms > 0)
+        printf("thinking it over took %.1f ms a frame\n", r->smoothing_ms);
     else if (r->tracked)
         printf("it was not thought over: the joints are as they were told at once\n");
     if (r->sensor_moves)
@@ -92,7 +92,7 @@ static enum status read_place(const char *path, struct place *place)
     return status == NOTHING ? OK : status; // a file without a place is fine
 }
 
-static enum status record(const struct arguments *given, struct place *place, struct recorder_result *result)
+static enum status record(const struct record_arguments *given, struct place *place, struct recorder_result *result)
 {
     struct source *source = NULL;
     struct recording_writer *writer = NULL;
@@ -103,8 +103,8 @@ static enum status record(const struct arguments *given, struct place *place, st
     if (status == OK)
         status = given->into ? recording_append(&writer, given->into) : recording_create(&writer, given->out);
     if (status == OK) {
-        struct recorder_options options = {command_stopped, step, settle, step, &progress};
-        command_catch_stop();
+        struct recorder_options options = {command_stopped, step, start_smoothing, step, &progress};
+        command_catch_signals();
         progress_bar_start(&progress, "filming", source_remaining(source));
         status = recorder_run(source, writer, given->take, place, &options, result);
         progress_bar_end(&progress);
@@ -127,7 +127,7 @@ int capture_record(int argc, char **argv)
     static const struct argp argp = {
         options, parse, NULL, "Films the actor.\vCtrl-C ends the take in good order. Put the sensor on a stand.",
         0,       0,     0};
-    struct arguments given = {0};
+    struct record_arguments given = {0};
     argp_parse(&argp, argc, argv, 0, NULL, &given);
     struct place place = {0};
     struct recorder_result result = {0};

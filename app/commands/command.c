@@ -50,7 +50,7 @@ int command_main(const char *about, const struct command *commands, size_t count
 
 int command_failed(const char *program)
 {
-    fprintf(stderr, "%s: %s\n", program, status_sentence());
+    fprintf(stderr, "%s: %s\n", program, status_message());
     return 1;
 }
 
@@ -64,13 +64,14 @@ void command_warn_moved_tags(const char *program, int32_t count, int32_t first)
                 count > 1 ? "them" : "it");
 }
 
-void command_need(const struct argp_state *state, const void *given, const char *option)
+void command_require(const struct argp_state *state, const void *given, const char *option)
 {
     if (!given)
         argp_error(state, "%s is needed", option);
 }
 
-double command_number(const struct argp_state *state, const char *option, const char *value, double least, double most)
+double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
+                            double most)
 {
     char *end;
     const double x = strtod(value, &end);
@@ -89,7 +90,7 @@ static error_t parse_file(int key, char *argument, struct argp_state *state)
             argp_error(state, "one FILE at a time");
         a->path = argument;
         return 0;
-    case ARGP_KEY_END: command_need(state, a->path, "FILE"); return 0;
+    case ARGP_KEY_END: command_require(state, a->path, "FILE"); return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -124,7 +125,7 @@ static void stop(int signal)
     stopped = 1;
 }
 
-void command_catch_stop(void)
+void command_catch_signals(void)
 {
     struct sigaction action = {.sa_handler = stop};
     stopped = 0;
@@ -134,7 +135,7 @@ void command_catch_stop(void)
 
 bool command_stopped(void) { return stopped; }
 
-static void draw(struct progress_bar *p)
+static void draw_progress(struct progress_bar *p)
 {
     enum { WIDTH = 30 };
     if (p->total > 0) {
@@ -160,7 +161,7 @@ void progress_bar_step(struct progress_bar *p)
     int64_t now = clock_now_ns();
     if (isatty(STDERR_FILENO) && now - p->drawn_ns > 100000000) {
         p->drawn_ns = now;
-        draw(p);
+        draw_progress(p);
     }
 }
 

@@ -30,11 +30,12 @@ void command_warn_moved_tags(const char *program, int32_t count, int32_t first);
 enum { COMMAND_KEY = 0x100 };
 
 // Ends with exit code 2 and a sentence when a needed option is missing.
-void command_need(const struct argp_state *state, const void *given, const char *option);
+void command_require(const struct argp_state *state, const void *given, const char *option);
 
 // The value of an option that takes a number from `least` to `most`; ends with exit
 // code 2 and a sentence where it is none.
-double command_number(const struct argp_state *state, const char *option, const char *value, double least, double most);
+double command_parse_number(const struct argp_state *state, const char *option, const char *value, double least,
+                            double most);
 
 // The arguments of a command that takes one FILE and --json.
 struct file_arguments {
@@ -50,7 +51,7 @@ MUST_CHECK enum status command_print_json(struct json **root);
 // From the first call on, Ctrl-C and SIGTERM no longer end the program but make
 // command_stopped() true, so that long work can end in good order. Each call forgets
 // an earlier one, for the next piece of work.
-void command_catch_stop(void);
+void command_catch_signals(void);
 bool command_stopped(void);
 
 // A bar on a terminal, nothing elsewhere. total <= 0: only the count is known.

@@ -9,7 +9,7 @@ void recording_report_print_json(const char *path, enum status status, const str
     json_add_string(root, "file", path);
     json_add_string(root, "status", status_name(status));
     if (status != OK)
-        json_add_string(root, "reason", status_sentence());
+        json_add_string(root, "reason", status_message());
     json_add_number(root, "takes", r->takes);
     json_add_number(root, "interrupted_takes", r->interrupted_takes);
     json_add_number(root, "frames", (double)r->frames);

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct arguments {
+struct locate_arguments {
     const char *file, *camera, *out;
     double decimate;
     bool json;
@@ -30,33 +30,33 @@ static const struct argp_option options[] = {
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *a = state->input;
+    struct locate_arguments *a = state->input;
     switch (key) {
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_JSON: a->json = true; return 0;
-    case KEY_DECIMATE: a->decimate = command_number(state, "--quad-decimate", value, 1, 8); return 0;
+    case KEY_DECIMATE: a->decimate = command_parse_number(state, "--quad-decimate", value, 1, 8); return 0;
     case ARGP_KEY_ARG:
         if (a->file)
             argp_error(state, "'%s' is one word too many", value);
         a->file = value;
         return 0;
     case ARGP_KEY_END:
-        command_need(state, a->file, "FILE");
-        command_need(state, a->camera, "--camera");
-        command_need(state, a->out, "--out");
+        command_require(state, a->file, "FILE");
+        command_require(state, a->camera, "--camera");
+        command_require(state, a->out, "--out");
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
 
 // The lines of the trajectory, growing.
-struct text {
+struct text_buffer {
     char *bytes;
     size_t count, capacity;
 };
 
-static enum status add_line(struct text *t, int64_t time_ns, struct pose w)
+static enum status add_line(struct text_buffer *t, int64_t time_ns, struct pose w)
 {
     char line[256];
     // The nanoseconds by integers: a double of today's seconds has no room for them.
@@ -77,8 +77,8 @@ static enum status add_line(struct text *t, int64_t time_ns, struct pose w)
     return OK;
 }
 
-struct summary {
-    int64_t pictures, placed, nothing, ambiguous, damaged;
+struct locate_summary {
+    int64_t images, placed, not_found, ambiguous, damaged;
     int64_t tags_used, tags_rejected;
     double sum_rms2;
     bool focal_wrong;
@@ -89,17 +89,17 @@ struct summary {
 };
 
 // One picture. Negative statuses only for what ends the run.
-static enum status place_one(struct camera_track *track, const struct frame *frame, struct text *lines,
-                             struct summary *s)
+static enum status locate_image(struct camera_tracker *track, const struct frame *frame, struct text_buffer *lines,
+                                struct locate_summary *s)
 {
     struct location found;
     struct camera_motion motion;
-    s->pictures++;
-    enum status status = camera_track_look(track, frame->color, NULL, frame->time_ns, &found, &motion);
+    s->images++;
+    enum status status = camera_tracker_process(track, frame->color, NULL, frame->time_ns, &found, &motion);
     if (status < 0)
         return status;
     if (status == NOTHING) {
-        s->nothing++;
+        s->not_found++;
         return OK;
     }
     if (status == AMBIGUOUS) { // a coin's toss is no place
@@ -113,7 +113,8 @@ static enum status place_one(struct camera_track *track, const struct frame *fra
     return add_line(lines, frame->time_ns, found.world_from_camera);
 }
 
-static enum status run(struct camera_track *track, struct source *camera, struct text *lines, struct summary *s)
+static enum status run(struct camera_tracker *track, struct source *camera, struct text_buffer *lines,
+                       struct locate_summary *s)
 {
     struct progress_bar bar;
     struct frame frame;
@@ -131,19 +132,19 @@ static enum status run(struct camera_track *track, struct source *camera, struct
             continue;
         }
         if (status == OK && frame.color)
-            status = place_one(track, &frame, lines, s);
+            status = locate_image(track, &frame, lines, s);
         progress_bar_step(&bar);
     }
     progress_bar_end(&bar);
     return status;
 }
 
-static void report(const struct arguments *a, const struct summary *s)
+static void report(const struct locate_arguments *a, const struct locate_summary *s)
 {
     double placed = s->placed > 0 ? (double)s->placed : 1, rms = sqrt(s->sum_rms2 / placed);
     if (!a->json) {
         printf("%s: %lld of %lld pictures placed, by %.1f tags in the mean, which fit to %.2f pixels\n", a->out,
-               (long long)s->placed, (long long)s->pictures, (double)s->tags_used / placed, rms);
+               (long long)s->placed, (long long)s->images, (double)s->tags_used / placed, rms);
         if (s->learnt)
             printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, give or take %.1f %%\n",
                    s->lens.fx, s->lens.fy, s->lens.focal_sigma * 100);
@@ -151,9 +152,9 @@ static void report(const struct arguments *a, const struct summary *s)
     }
     struct json *root = json_new_object();
     json_add_string(root, "trajectory", a->out);
-    json_add_number(root, "pictures", (double)s->pictures);
+    json_add_number(root, "pictures", (double)s->images);
     json_add_number(root, "placed", (double)s->placed);
-    json_add_number(root, "nothing_in_sight", (double)s->nothing);
+    json_add_number(root, "nothing_in_sight", (double)s->not_found);
     json_add_number(root, "ambiguous", (double)s->ambiguous);
     json_add_number(root, "damaged", (double)s->damaged);
     json_add_number(root, "tags_mean", (double)s->tags_used / placed);
@@ -173,7 +174,7 @@ static void report(const struct arguments *a, const struct summary *s)
     json_free(&root);
 }
 
-static void warn(const char *program, const struct summary *s)
+static void warn(const char *program, const struct locate_summary *s)
 {
     command_warn_moved_tags(program, s->tags_moved, s->first_moved);
     if (s->focal_wrong)
@@ -183,7 +184,7 @@ static void warn(const char *program, const struct summary *s)
                 program, fabs(s->focal_scale - 1) * 100, s->focal_scale > 1 ? "longer" : "shorter");
 }
 
-static enum status open_all(const struct arguments *a, struct camera_track **track, struct source **camera)
+static enum status open_inputs(const struct locate_arguments *a, struct camera_tracker **track, struct source **camera)
 {
     struct recording *recording;
     struct place place = {0};
@@ -199,14 +200,14 @@ static enum status open_all(const struct arguments *a, struct camera_track **tra
     if (status == OK)
         status = source_open(camera, a->camera, SOURCE_CAMERA);
     if (status == OK)
-        status = camera_track_open(track, &place, &source_calibration(*camera)->color, &wanted);
+        status = camera_tracker_open(track, &place, &source_calibration(*camera)->color, &wanted);
     place_free(&place);
     return status;
 }
 
 int reenact_locate(int argc, char **argv)
 {
-    struct arguments a = {0};
+    struct locate_arguments a = {0};
     const struct argp argp = {options,
                               parse,
                               "FILE --camera URI --out trajectory.txt",
@@ -215,29 +216,29 @@ int reenact_locate(int argc, char **argv)
                               NULL,
                               NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &a);
-    struct camera_track *track = NULL;
+    struct camera_tracker *track = NULL;
     struct source *camera = NULL;
-    struct text lines = {0};
-    struct summary s = {0};
-    enum status status = open_all(&a, &track, &camera);
+    struct text_buffer lines = {0};
+    struct locate_summary s = {0};
+    enum status status = open_inputs(&a, &track, &camera);
     if (status == OK) {
-        command_catch_stop();
+        command_catch_signals();
         status = run(track, camera, &lines, &s);
     }
     if (status == OK)
         status = file_write(a.out, lines.bytes ? lines.bytes : "", lines.count);
     if (status == OK) {
-        s.focal_wrong = camera_track_doubts_focal(track, &s.focal_scale);
-        s.tags_moved = camera_track_moved_tags(track, &s.first_moved);
-        s.lens = *camera_track_lens(track);
+        s.focal_wrong = camera_tracker_focal_is_wrong(track, &s.focal_scale);
+        s.tags_moved = camera_tracker_moved_tags(track, &s.first_moved);
+        s.lens = *camera_tracker_lens(track);
         s.learnt = s.lens.focal_sigma < source_calibration(camera)->color.focal_sigma;
         report(&a, &s);
         warn(argv[0], &s);
-        const enum status kept = source_keep_lens(camera, &s.lens);
+        const enum status kept = source_save_lens(camera, &s.lens);
         status = kept < 0 ? kept : OK;
     }
     free(lines.bytes);
-    camera_track_close(&track);
+    camera_tracker_close(&track);
     source_close(&camera);
     return status == OK ? 0 : command_failed(argv[0]);
 }

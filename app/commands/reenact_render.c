@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct arguments {
+struct render_arguments {
     const char *file, *take, *camera, *out;
     enum detail detail;
     bool layers, json, alone;
@@ -45,16 +45,16 @@ static const struct argp_option options[] = {
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *a = state->input;
+    struct render_arguments *a = state->input;
     switch (key) {
     case KEY_TAKE: a->take = value; return 0;
     case KEY_CAMERA: a->camera = value; return 0;
     case KEY_OUT: a->out = value; return 0;
     case KEY_LAYERS: a->layers = true; return 0;
-    case KEY_ERROR: a->error_px = command_number(state, "--error", value, 0, 1000); return 0;
+    case KEY_ERROR: a->error_px = command_parse_number(state, "--error", value, 0, 1000); return 0;
     case KEY_ALONE: a->alone = true; return 0;
     case KEY_JSON: a->json = true; return 0;
-    case KEY_START: a->start_s = command_number(state, "--start", value, -1e6, 1e6); return 0;
+    case KEY_START: a->start_s = command_parse_number(state, "--start", value, -1e6, 1e6); return 0;
     case KEY_DETAIL:
         for (int d = 0; d < (int)COUNT_OF(detail_names); d++)
             if (!strcmp(value, detail_names[d])) {
@@ -69,49 +69,49 @@ static error_t parse(int key, char *value, struct argp_state *state)
         a->file = value;
         return 0;
     case ARGP_KEY_END:
-        command_need(state, a->file, "FILE");
-        command_need(state, a->take, "--take NAME");
-        command_need(state, a->camera, "--camera URI");
-        command_need(state, a->out, "--out DIR");
+        command_require(state, a->file, "FILE");
+        command_require(state, a->take, "--take NAME");
+        command_require(state, a->camera, "--camera URI");
+        command_require(state, a->out, "--out DIR");
         a->alone |= a->detail == DETAIL_PAPER; // to the letter
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
 
-enum stage { STAGE_CAMERA, STAGE_LOCATE, STAGE_DRAW, STAGE_READ, STAGE_WRITE, STAGE_COUNT };
+enum render_stage { STAGE_CAMERA, STAGE_LOCATE, STAGE_DRAW, STAGE_READ, STAGE_WRITE, STAGE_COUNT };
 static const char *const stage_names[] = {"camera", "locate", "draw", "read", "write"};
 
 // One run, from the opened file to the last picture.
-struct run {
-    const struct arguments *arguments;
+struct render_run {
+    const struct render_arguments *arguments;
     struct recording *recording;
     struct place place;
     struct take *take;
     struct source *camera;
-    struct camera_track *track;
+    struct camera_tracker *track;
     struct gpu *gpu;
-    struct painter *painter;
+    struct renderer *renderer;
     FILE *trajectory;
     uint8_t *rgb, *rgba;
     struct lens lens;
 
     bool started;
     int64_t first_ns; // the camera's clock at the first image
-    int64_t pictures, placed, ambiguous, with_actor, damaged, parts;
+    int64_t images, placed, ambiguous, with_actor, damaged, parts;
     int64_t at_level[DETAIL_AUTO];
     double error_px; // predicted, of all pictures with the actor
     int64_t spent_ns[STAGE_COUNT], lap_ns;
 };
 
-static void lap(struct run *r, enum stage stage)
+static void lap(struct render_run *r, enum render_stage stage)
 {
     int64_t now = clock_now_ns();
     r->spent_ns[stage] += now - r->lap_ns;
     r->lap_ns = now;
 }
 
-static enum status open_locator(struct run *r)
+static enum status open_locator(struct render_run *r)
 {
     enum status status = recording_read_place(r->recording, &r->place);
     if (status == NOTHING)
@@ -121,11 +121,11 @@ static enum status open_locator(struct run *r)
                     r->arguments->file);
     struct locator_options how = locator_default_options();
     if (status == OK)
-        status = camera_track_open(&r->track, &r->place, &r->lens, &how);
+        status = camera_tracker_open(&r->track, &r->place, &r->lens, &how);
     return status;
 }
 
-static bool prepared(void *self, double share)
+static bool on_progress(void *self, double share)
 {
     struct progress_bar *progress = self;
     while (progress->done < (int64_t)(share * (double)progress->total))
@@ -133,30 +133,30 @@ static bool prepared(void *self, double share)
     return !command_stopped();
 }
 
-static enum status open_painter(struct run *r)
+static enum status open_renderer(struct render_run *r)
 {
     struct progress_bar progress;
-    const struct progress_watch watch = {.went_on = prepared, .self = &progress};
-    struct painter_options how = painter_default_options();
+    const struct progress_watch watch = {.went_on = on_progress, .self = &progress};
+    struct renderer_options how = renderer_default_options();
     how.detail = r->arguments->detail;
     how.sources = r->arguments->layers;
     how.error_px = r->arguments->error_px;
     how.shadow = !r->arguments->alone;
     how.watch = &watch;
     progress_bar_start(&progress, "preparing", 100);
-    enum status status = painter_open(&r->painter, r->gpu, r->take, &r->lens, &how);
+    enum status status = renderer_open(&r->renderer, r->gpu, r->take, &r->lens, &how);
     progress_bar_end(&progress);
-    struct room room = {0};
+    struct occluder_mesh occluder = {0};
     if (status == OK && !r->arguments->alone)
-        status = room_make(&room, &r->place, r->take, NULL);
+        status = occluder_mesh_make(&occluder, &r->place, r->take, NULL);
     if (status == OK)
-        status = painter_give_room(r->painter, &room);
+        status = renderer_set_room(r->renderer, &occluder);
     return status < 0 ? status : OK;
 }
 
-static enum status open_run(struct run *r)
+static enum status open_run(struct render_run *r)
 {
-    const struct arguments *a = r->arguments;
+    const struct render_arguments *a = r->arguments;
     enum status status = recording_open(&r->recording, a->file);
     if (status == OK)
         status = take_open(&r->take, r->recording, a->take);
@@ -169,7 +169,7 @@ static enum status open_run(struct run *r)
     if (status == OK)
         status = gpu_open(&r->gpu);
     if (status == OK)
-        status = open_painter(r);
+        status = open_renderer(r);
     if (status == OK)
         status = folder_make(a->out);
     if (status != OK)
@@ -189,15 +189,15 @@ static enum status open_run(struct run *r)
     return OK;
 }
 
-static void close_run(struct run *r)
+static void close_run(struct render_run *r)
 {
     if (r->trajectory)
         fclose(r->trajectory);
     free(r->rgb);
     free(r->rgba);
-    painter_close(&r->painter);
+    renderer_close(&r->renderer);
     gpu_close(&r->gpu);
-    camera_track_close(&r->track);
+    camera_tracker_close(&r->track);
     place_free(&r->place);
     source_close(&r->camera);
     take_close(&r->take);
@@ -211,8 +211,8 @@ static void write_pose(FILE *to, int64_t time_ns, struct pose p)
             p.rotation.z, p.rotation.w);
 }
 
-static enum status write_picture(struct run *r, const char *name, const char *ending, enum png_kind kind,
-                                 const uint8_t *pixels)
+static enum status write_image(struct render_run *r, const char *name, const char *ending, enum png_kind kind,
+                               const uint8_t *pixels)
 {
     char path[4096];
     snprintf(path, sizeof path, "%s/%s%s.png", r->arguments->out, name, ending);
@@ -227,29 +227,29 @@ static enum status write_picture(struct run *r, const char *name, const char *en
     return status;
 }
 
-static enum status draw(struct run *r, const struct frame *frame)
+static enum status draw(struct render_run *r, const struct frame *frame)
 {
     struct location location;
     struct camera_motion motion;
-    enum status found = camera_track_look(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
+    enum status found = camera_tracker_process(r->track, frame->color, NULL, frame->time_ns, &location, &motion);
     lap(r, STAGE_LOCATE);
     if (found < 0 && found != ERR_SOLVER) // a solver that gave up has not placed this image, no more
         return found;
     if (found != OK && found != AMBIGUOUS)
-        return painter_draw_nobody(r->painter, frame->color);
+        return renderer_draw_background(r->renderer, frame->color);
     r->placed++;
     r->ambiguous += found == AMBIGUOUS;
     write_pose(r->trajectory, frame->time_ns, location.world_from_camera);
-    const struct part_map viewer_from_room = part_map_of(pose_inverse(location.world_from_camera));
-    enum status status = painter_set_lens(r->painter, camera_track_lens(r->track));
+    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(location.world_from_camera));
+    enum status status = renderer_set_lens(r->renderer, camera_tracker_lens(r->track));
     if (status != OK)
         return status;
-    struct painter_view view = {.world_from_camera = location.world_from_camera,
-                                .viewer_from_room = &viewer_from_room,
-                                .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
-                                .color = frame->color};
-    struct painter_result result;
-    status = painter_draw(r->painter, &view, &result);
+    struct renderer_view view = {.world_from_camera = location.world_from_camera,
+                                 .viewer_from_room = &viewer_from_room,
+                                 .time_ns = frame->time_ns - r->first_ns + llround(r->arguments->start_s * 1e9),
+                                 .color = frame->color};
+    struct renderer_result result;
+    status = renderer_draw(r->renderer, &view, &result);
     if (status != OK)
         return status;
     r->with_actor += result.parts > 0;
@@ -260,32 +260,32 @@ static enum status draw(struct run *r, const struct frame *frame)
     return OK;
 }
 
-static enum status one_picture(struct run *r, const struct frame *frame)
+static enum status render_image(struct render_run *r, const struct frame *frame)
 {
     if (!r->started)
         r->first_ns = frame->time_ns;
     r->started = true;
-    r->pictures++;
+    r->images++;
     enum status status = draw(r, frame);
     lap(r, STAGE_DRAW);
     if (status == OK)
-        status = painter_read(r->painter, r->rgb);
+        status = renderer_read(r->renderer, r->rgb);
     if (status == OK && r->arguments->layers)
-        status = painter_read_actor(r->painter, r->rgba);
+        status = renderer_read_actor(r->renderer, r->rgba);
     lap(r, STAGE_READ);
     if (status == OK)
-        status = write_picture(r, frame->name, "", PNG_RGB8, r->rgb);
+        status = write_image(r, frame->name, "", PNG_RGB8, r->rgb);
     if (status == OK && r->arguments->layers)
-        status = write_picture(r, frame->name, "_actor", PNG_RGBA8, r->rgba);
+        status = write_image(r, frame->name, "_actor", PNG_RGBA8, r->rgba);
     if (status == OK && r->arguments->layers)
-        status = painter_read_source(r->painter, r->rgb);
+        status = renderer_read_source(r->renderer, r->rgb);
     if (status == OK && r->arguments->layers)
-        status = write_picture(r, frame->name, "_source", PNG_RGB8, r->rgb);
+        status = write_image(r, frame->name, "_source", PNG_RGB8, r->rgb);
     lap(r, STAGE_WRITE);
     return status;
 }
 
-static enum status all_pictures(struct run *r)
+static enum status render_images(struct render_run *r)
 {
     struct progress_bar progress;
     progress_bar_start(&progress, "drawing", source_remaining(r->camera));
@@ -297,12 +297,12 @@ static enum status all_pictures(struct run *r)
         lap(r, STAGE_CAMERA);
         if (status == ERR_INPUT) { // one damaged picture; the next call goes on behind it
             progress_bar_end(&progress);
-            fprintf(stderr, "reenact render: %s; left out\n", status_sentence());
+            fprintf(stderr, "reenact render: %s; left out\n", status_message());
             r->damaged++;
             continue;
         }
         if (status == OK && frame.color)
-            status = one_picture(r, &frame);
+            status = render_image(r, &frame);
         if (status != OK)
             break;
         progress_bar_step(&progress);
@@ -310,20 +310,20 @@ static enum status all_pictures(struct run *r)
     progress_bar_end(&progress);
     if (status < 0)
         return status;
-    if (!r->pictures)
+    if (!r->images)
         return fail(ERR_INPUT, "%s gave no picture", r->arguments->camera);
     return OK;
 }
 
-static enum status write_stats(struct run *r)
+static enum status write_stats(struct render_run *r)
 {
     struct json *root = json_new_object();
     json_add_string(root, "take", r->arguments->take);
     json_add_string(root, "detail", detail_names[r->arguments->detail]);
-    json_add_number(root, "pictures", (double)r->pictures);
+    json_add_number(root, "pictures", (double)r->images);
     json_add_number(root, "placed", (double)r->placed);
     json_add_number(root, "ambiguous", (double)r->ambiguous);
-    json_add_number(root, "not_placed", (double)(r->pictures - r->placed));
+    json_add_number(root, "not_placed", (double)(r->images - r->placed));
     json_add_number(root, "with_actor", (double)r->with_actor);
     json_add_number(root, "damaged", (double)r->damaged);
     struct json *levels = json_add_object(root, "pictures_at_level");
@@ -333,7 +333,7 @@ static enum status write_stats(struct run *r)
     json_add_number(root, "predicted_error_px", r->with_actor ? r->error_px / (double)r->with_actor : 0);
     struct json *times = json_add_object(root, "ms_per_picture");
     for (int s = 0; s < STAGE_COUNT; s++)
-        json_add_number(times, stage_names[s], (double)r->spent_ns[s] * 1e-6 / (double)r->pictures);
+        json_add_number(times, stage_names[s], (double)r->spent_ns[s] * 1e-6 / (double)r->images);
     json_add_string(root, "renderer", gpu_renderer(r->gpu));
     char *text = json_print(root);
     json_free(&root);
@@ -350,8 +350,8 @@ static enum status write_stats(struct run *r)
 
 int reenact_render(int argc, char **argv)
 {
-    struct arguments arguments = {.detail = painter_default_options().detail,
-                                  .error_px = painter_default_options().error_px};
+    struct render_arguments arguments = {.detail = renderer_default_options().detail,
+                                         .error_px = renderer_default_options().error_px};
     static const struct argp argp = {
         options,
         parse,
@@ -363,24 +363,24 @@ int reenact_render(int argc, char **argv)
         NULL,
         NULL};
     argp_parse(&argp, argc, argv, 0, NULL, &arguments);
-    command_catch_stop();
-    struct run run = {.arguments = &arguments};
+    command_catch_signals();
+    struct render_run run = {.arguments = &arguments};
     enum status status = open_run(&run);
     if (status == OK)
-        status = all_pictures(&run);
+        status = render_images(&run);
     if (status == OK && (fflush(run.trajectory) || ferror(run.trajectory)))
         status = fail(ERR_IO, "%s/trajectory.txt cannot be written; is the disk full?", arguments.out);
     if (status == OK)
         status = write_stats(&run);
     if (status == OK) {
-        const enum status kept = source_keep_lens(run.camera, camera_track_lens(run.track));
+        const enum status kept = source_save_lens(run.camera, camera_tracker_lens(run.track));
         status = kept < 0 ? kept : OK;
     }
     if (status == OK && !arguments.json)
-        printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.pictures, run.placed,
+        printf("%" PRId64 " pictures, %" PRId64 " placed, %" PRId64 " with the actor\n", run.images, run.placed,
                run.with_actor);
     if (status == OK) {
-        int32_t first_moved, tags_moved = camera_track_moved_tags(run.track, &first_moved);
+        int32_t first_moved, tags_moved = camera_tracker_moved_tags(run.track, &first_moved);
         command_warn_moved_tags(argv[0], tags_moved, first_moved);
     }
     close_run(&run);

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct arguments {
+struct watch_arguments {
     const char *file, *take, *camera, *photos;
     bool fullscreen, light, stats;
     int rotate, width, height;
@@ -48,7 +48,7 @@ static const struct argp_option options[] = {
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *a = state->input;
+    struct watch_arguments *a = state->input;
     switch (key) {
     case KEY_TAKE: a->take = value; return 0;
     case KEY_CAMERA: a->camera = value; return 0;
@@ -56,10 +56,10 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_FULLSCREEN: a->fullscreen = true; return 0;
     case KEY_LIGHT: a->light = true; return 0;
     case KEY_STATS: a->stats = true; return 0;
-    case KEY_DPI: a->dpi = command_number(state, "--dpi", value, 50, 1000); return 0;
-    case KEY_SECONDS: a->seconds = command_number(state, "--seconds", value, 0.1, 1e6); return 0;
+    case KEY_DPI: a->dpi = command_parse_number(state, "--dpi", value, 50, 1000); return 0;
+    case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
     case KEY_ROTATE:
-        a->rotate = (int)command_number(state, "--rotate", value, 0, 270);
+        a->rotate = (int)command_parse_number(state, "--rotate", value, 0, 270);
         if (a->rotate % 90)
             argp_error(state, "--rotate takes 0, 90, 180 or 270, not '%s'", value);
         return 0;
@@ -73,7 +73,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
             argp_error(state, "one FILE, not two");
         a->file = value;
         return 0;
-    case ARGP_KEY_END: command_need(state, a->file, "FILE"); return 0;
+    case ARGP_KEY_END: command_require(state, a->file, "FILE"); return 0;
     }
     return ARGP_ERR_UNKNOWN;
 }
@@ -91,140 +91,140 @@ static const char *find_camera(void)
     return "";
 }
 
-enum { LASTING_PICTURES = 5 };
+enum { MIN_DRAWN_FRAMES = 5 };
 
 struct watch {
-    const struct arguments *arguments;
-    struct screen *screen;
+    const struct watch_arguments *arguments;
+    struct window *screen;
     struct gpu *gpu;
-    struct tablet tablet;
+    struct viewer viewer;
     bool fullscreen, hidden;
     int64_t shown_ns, until_ns;
-    char said[512];        // the sentence that the screen shows
+    char status_text[512]; // the sentence that the screen shows
     int64_t placed_before; // pictures with the actor in his place when it began to show that
 };
 
-static void wake(void *self) { screen_wake(((struct watch *)self)->screen); }
+static void wake(void *self) { window_wake(((struct watch *)self)->screen); }
 
 static enum status watch_open(struct watch *w)
 {
-    const struct arguments *a = w->arguments;
-    const struct screen_options screen = {"Reenact", a->width, a->height, a->fullscreen, a->rotate / 90, a->dpi};
+    const struct watch_arguments *a = w->arguments;
+    const struct window_options screen = {"Reenact", a->width, a->height, a->fullscreen, a->rotate / 90, a->dpi};
     const char *camera = a->camera ? a->camera : find_camera();
-    enum status status = screen_open(&w->screen, &screen);
+    enum status status = window_open(&w->screen, &screen);
     if (status == OK)
         status = gpu_adopt(&w->gpu);
     if (status != OK)
         return status;
-    const struct tablet_options how = {.file = a->file,
+    const struct viewer_options how = {.file = a->file,
                                        .take = a->take,
                                        .camera = *camera && strcmp(camera, "none") ? camera : NULL,
                                        .photos = a->photos,
                                        .light = a->light,
-                                       .refresh_hz = screen_refresh_hz(w->screen),
+                                       .refresh_hz = window_refresh_hz(w->screen),
                                        .wake = wake,
                                        .wake_self = w};
-    w->fullscreen = w->tablet.show.fullscreen = a->fullscreen;
-    return tablet_open(&w->tablet, w->gpu, &how);
+    w->fullscreen = w->viewer.state.fullscreen = a->fullscreen;
+    return viewer_open(&w->viewer, w->gpu, &how);
 }
 
 static void watch_close(struct watch *w)
 {
-    tablet_close(&w->tablet);
+    viewer_close(&w->viewer);
     gpu_close(&w->gpu);
-    screen_close(&w->screen);
+    window_close(&w->screen);
 }
 
 // The graphics were lost: a driver was reset, a card slept. What lived in them is made anew, and the take begins again.
 static enum status watch_reopen(struct watch *w)
 {
-    const struct tablet *t = &w->tablet;
-    struct arguments again = *w->arguments;
-    char *take = t->stage ? strdup(t->library.cards[t->show.take].name) : NULL;
+    const struct viewer *t = &w->viewer;
+    struct watch_arguments again = *w->arguments;
+    char *take = t->take_view ? strdup(t->takes.cards[t->state.take].name) : NULL;
     again.take = take ? take : again.take;
-    again.light = !t->show.dark;
+    again.light = !t->state.dark;
     again.fullscreen = w->fullscreen;
     watch_close(w);
-    w->said[0] = 0;
+    w->status_text[0] = 0;
     w->placed_before = 0;
     w->hidden = false;
-    const struct arguments *given = w->arguments;
+    const struct watch_arguments *given = w->arguments;
     w->arguments = &again;
     enum status status = watch_open(w);
     w->arguments = given;
-    w->tablet.options.take = given->take; // chosen by now
+    w->viewer.options.take = given->take; // chosen by now
     free(take);
     return status;
 }
 
 // ---------------------------------------------------------------- the loop
 
-static double px_per_dp(const struct watch *w) { return tablet_px_per_dp(screen_dpi(w->screen)); }
+static double px_per_dp(const struct watch *w) { return viewer_px_per_dp(window_dpi(w->screen)); }
 
 // Hears what happened, until there is something that has to be drawn first.
-static void hear(struct watch *w, int wait_ms)
+static void handle_events(struct watch *w, int wait_ms)
 {
     for (;;) {
-        struct screen_event event = screen_wait(w->screen, wait_ms);
+        struct window_event event = window_wait(w->screen, wait_ms);
         wait_ms = 0;
-        if (event.kind == SCREEN_NOTHING)
+        if (event.kind == WINDOW_NO_EVENT)
             return;
-        if (event.kind == SCREEN_HIDDEN || event.kind == SCREEN_SHOWN)
-            tablet_rest(&w->tablet, w->hidden = event.kind == SCREEN_HIDDEN, clock_now_ns());
-        if (hands_hear(&w->tablet.hands, &w->tablet.show, &event, px_per_dp(w), clock_now_ns()))
+        if (event.kind == WINDOW_HIDDEN || event.kind == WINDOW_SHOWN)
+            viewer_suspend(&w->viewer, w->hidden = event.kind == WINDOW_HIDDEN, clock_now_ns());
+        if (input_map_event(&w->viewer.input, &w->viewer.state, &event, px_per_dp(w), clock_now_ns()))
             return;
     }
 }
 
 // What is new on the screen, in words, for who cannot see it.
-static void say_news(struct watch *w)
+static void print_status_change(struct watch *w)
 {
-    const struct tablet *t = &w->tablet;
-    const char *hint = show_hint(&t->show), *shown = hint                           ? hint
-                                                     : t->placed > w->placed_before ? "the actor in his place"
-                                                                                    : w->said;
-    if (strcmp(shown, w->said))
+    const struct viewer *t = &w->viewer;
+    const char *hint = view_state_hint(&t->state), *shown = hint                           ? hint
+                                                            : t->placed > w->placed_before ? "the actor in his place"
+                                                                                           : w->status_text;
+    if (strcmp(shown, w->status_text))
         printf("shows     %s\n", shown);
     fflush(stdout);
-    snprintf(w->said, sizeof w->said, "%s", shown);
+    snprintf(w->status_text, sizeof w->status_text, "%s", shown);
     if (hint)
         w->placed_before = t->placed;
 }
 
 static enum status draw(struct watch *w, int64_t now_ns)
 {
-    struct tablet_glass glass = {.quarter_turns = screen_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
-    screen_size(w->screen, &glass.width, &glass.height);
-    if (w->fullscreen != w->tablet.show.fullscreen)
-        screen_fullscreen(w->screen, w->fullscreen = w->tablet.show.fullscreen);
-    enum status status = tablet_draw(&w->tablet, &glass, now_ns);
+    struct viewer_surface glass = {.quarter_turns = window_quarter_turns(w->screen), .px_per_dp = px_per_dp(w)};
+    window_size(w->screen, &glass.width, &glass.height);
+    if (w->fullscreen != w->viewer.state.fullscreen)
+        window_fullscreen(w->screen, w->fullscreen = w->viewer.state.fullscreen);
+    enum status status = viewer_draw(&w->viewer, &glass, now_ns);
     if (status != OK)
         return status;
-    screen_show(w->screen);
+    window_present(w->screen);
     w->shown_ns = clock_now_ns();
-    tablet_shown(&w->tablet, w->shown_ns);
+    viewer_presented(&w->viewer, w->shown_ns);
     if (w->arguments->stats)
-        say_news(w);
+        print_status_change(w);
     return OK;
 }
 
 static enum status watch_loop(struct watch *w)
 {
-    struct show *s = &w->tablet.show;
-    const int64_t frame_ns = (int64_t)(1e9 / screen_refresh_hz(w->screen));
+    struct view_state *s = &w->viewer.state;
+    const int64_t frame_ns = (int64_t)(1e9 / window_refresh_hz(w->screen));
     int64_t due_ns = 0;
     while (!command_stopped() && !s->quit) {
         int64_t now_ns = clock_now_ns();
         int64_t wait_ns = w->hidden ? 500000000 : due_ns - now_ns;
         if (w->until_ns && w->until_ns - now_ns < wait_ns)
             wait_ns = w->until_ns - now_ns;
-        hear(w, wait_ns > 500000000 ? 500 : wait_ns > 0 ? (int)((wait_ns + 999999) / 1000000) : 0);
+        handle_events(w, wait_ns > 500000000 ? 500 : wait_ns > 0 ? (int)((wait_ns + 999999) / 1000000) : 0);
         now_ns = clock_now_ns();
         if (w->until_ns && now_ns >= w->until_ns)
             return OK;
         if (w->hidden)
             continue;
-        due_ns = tablet_update(&w->tablet, now_ns);
+        due_ns = viewer_update(&w->viewer, now_ns);
         if (s->changed) {
             enum status status = draw(w, now_ns);
             if (status != OK)
@@ -237,16 +237,16 @@ static enum status watch_loop(struct watch *w)
     return OK;
 }
 
-static void say_stats(const struct watch *w)
+static void print_stats(const struct watch *w)
 {
-    const struct frame_times *t = &w->tablet.times;
-    struct eyes_state eyes = w->tablet.eyes ? eyes_state(w->tablet.eyes) : (struct eyes_state){0};
-    printf("screen    %s, %s\n", screen_driver(w->screen), gpu_renderer(w->gpu));
+    const struct frame_times *t = &w->viewer.times;
+    struct camera_feed_state feed = w->viewer.feed ? camera_feed_query(w->viewer.feed) : (struct camera_feed_state){0};
+    printf("screen    %s, %s\n", window_driver(w->screen), gpu_renderer(w->gpu));
     printf("pictures  %lld from the camera, %lld let go by, %lld drawn, %lld with the actor in his place\n",
-           (long long)eyes.came, (long long)eyes.let_go, (long long)t->frames, (long long)w->tablet.placed);
-    if (w->tablet.viewfinder) {
-        struct viewfinder_counts c = viewfinder_counts(w->tablet.viewfinder);
-        printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.borrowed,
+           (long long)feed.came, (long long)feed.dropped, (long long)t->frames, (long long)w->viewer.placed);
+    if (w->viewer.camera_texture) {
+        struct camera_texture_counts c = camera_texture_count(w->viewer.camera_texture);
+        printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.imported,
                (long long)c.uploaded, *c.why ? ": " : "", c.why);
     }
     for (int i = 0; i < FRAME_STAGES && t->frames > 0; i++)
@@ -270,23 +270,23 @@ int reenact_watch(int argc, char **argv)
         0,
         0,
         0};
-    struct arguments given = {.width = 1280, .height = 800};
+    struct watch_arguments given = {.width = 1280, .height = 800};
     argp_parse(&argp, argc, argv, 0, NULL, &given);
     struct watch watch = {.arguments = &given};
-    command_catch_stop();
+    command_catch_signals();
     enum status status = watch_open(&watch);
     if (given.seconds > 0)
         watch.until_ns = clock_now_ns() + (int64_t)(given.seconds * 1e9);
     if (status == OK)
         status = watch_loop(&watch);
     // Graphics that do not even last for a few pictures are not worth trying again.
-    while (status == ERR_DEVICE && watch.tablet.times.frames >= LASTING_PICTURES) {
+    while (status == ERR_DEVICE && watch.viewer.times.frames >= MIN_DRAWN_FRAMES) {
         status = watch_reopen(&watch);
         if (status == OK)
             status = watch_loop(&watch);
     }
     if (status == OK && given.stats)
-        say_stats(&watch);
+        print_stats(&watch);
     watch_close(&watch);
     return status == OK ? 0 : command_failed(argv[0]);
 }

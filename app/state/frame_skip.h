@@ -3,11 +3,11 @@
 #pragma once
 #include "base/status.h"
 
-struct pace {
+struct frame_skip {
     double typical_ms; // of locating, smoothed; 0 before the first
-    bool passed_over;  // the picture before was
+    bool skipped_last; // the picture before was
 };
 
 // One more picture was located (placed: its place was found) in that time; newer: another waits already.
 // True: it is to be passed over for that one. Never two in a row.
-bool pace_passes_over(struct pace *p, double took_ms, bool placed, bool newer);
+bool frame_skip_update(struct frame_skip *p, double took_ms, bool placed, bool newer);

@@ -39,8 +39,8 @@ static void move_two(struct gesture *g, int moved, double x, double y)
     g->push_y += (cy + dy - ay - by) / 2;
     if (before > 0 && after > 0) {
         g->spread *= after / before;
-        double turn = atan2(dy - cy, dx - cx) - atan2(by - ay, bx - ax);
-        g->twist += remainder(turn, 2 * acos(-1));
+        double angle = atan2(dy - cy, dx - cx) - atan2(by - ay, bx - ax);
+        g->twist += remainder(angle, 2 * acos(-1));
     }
 }
 

@@ -23,7 +23,7 @@ static void draw_bars(const struct brush *b, const struct frame_times *times, do
     ui_line(b->ui, (struct ui_point){box.x, line}, (struct ui_point){box.x + box.w, line}, 1, b->theme->quiet);
 }
 
-void strip_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box)
+void frame_graph_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box)
 {
     const struct theme *t = b->theme;
     char text[64];

@@ -3,7 +3,7 @@
 #include <math.h>
 
 // The grid of one icon: 24 units a side, strokes 2 wide.
-struct grid {
+struct icon_grid {
     struct ui *ui;
     double x, y, unit;
     uint32_t color;
@@ -11,13 +11,13 @@ struct grid {
 
 static const double PI = 3.14159265358979323846, STROKE = 2;
 
-static struct ui_point on(const struct grid *g, double x, double y)
+static struct ui_point on(const struct icon_grid *g, double x, double y)
 {
     return (struct ui_point){g->x + x * g->unit, g->y + y * g->unit};
 }
 
 // x0 y0 x1 y1 …
-static void stroke(const struct grid *g, const double *xy, int count, bool closed)
+static void stroke(const struct icon_grid *g, const double *xy, int count, bool closed)
 {
     struct ui_point points[16];
     assert(count <= (int)COUNT_OF(points));
@@ -28,7 +28,7 @@ static void stroke(const struct grid *g, const double *xy, int count, bool close
 #define STROKES(g, closed, ...)                                                                                        \
     stroke(g, (const double[]){__VA_ARGS__}, (int)COUNT_OF(((const double[]){__VA_ARGS__})) / 2, closed)
 
-static void solid(const struct grid *g, const double *xy, int count)
+static void solid(const struct icon_grid *g, const double *xy, int count)
 {
     struct ui_point points[8];
     assert(count <= (int)COUNT_OF(points));
@@ -39,25 +39,25 @@ static void solid(const struct grid *g, const double *xy, int count)
 }
 #define SOLID(g, ...) solid(g, (const double[]){__VA_ARGS__}, (int)COUNT_OF(((const double[]){__VA_ARGS__})) / 2)
 
-static void dot(const struct grid *g, double x, double y, double r)
+static void dot(const struct icon_grid *g, double x, double y, double r)
 {
     ui_disc(g->ui, on(g, x, y), r * g->unit, g->color);
 }
 
-static void box(const struct grid *g, double x, double y, double w, double h, double round)
+static void box(const struct icon_grid *g, double x, double y, double w, double h, double round)
 {
     struct ui_point at = on(g, x, y);
-    ui_outline(g->ui, (struct ui_box){at.x, at.y, w * g->unit, h * g->unit}, round * g->unit, STROKE * g->unit,
-               g->color);
+    ui_border(g->ui, (struct ui_box){at.x, at.y, w * g->unit, h * g->unit}, round * g->unit, STROKE * g->unit,
+              g->color);
 }
 
-static void bar(const struct grid *g, double x, double y, double w, double h)
+static void bar(const struct icon_grid *g, double x, double y, double w, double h)
 {
     struct ui_point at = on(g, x, y);
     ui_fill(g->ui, (struct ui_box){at.x, at.y, w * g->unit, h * g->unit}, g->unit, g->color);
 }
 
-static void draw_sun(const struct grid *g)
+static void draw_sun(const struct icon_grid *g)
 {
     dot(g, 12, 12, 4.2);
     for (int i = 0; i < 8; i++) {
@@ -67,7 +67,7 @@ static void draw_sun(const struct grid *g)
 }
 
 // A disc of 8.5 round (12, 12), less one of 6.5 round (15.5, 8.5); they meet at these angles.
-static void draw_moon(const struct grid *g)
+static void draw_moon(const struct icon_grid *g)
 {
     enum { OUTER = 28, INNER = 14 };
     struct ui_point rim[OUTER + INNER];
@@ -82,7 +82,7 @@ static void draw_moon(const struct grid *g)
     ui_stroke(g->ui, rim, OUTER + INNER, true, STROKE * g->unit, g->color);
 }
 
-static void draw_bones(const struct grid *g)
+static void draw_bones(const struct icon_grid *g)
 {
     ui_ring(g->ui, on(g, 12, 4.5), 2.2 * g->unit, STROKE * g->unit, g->color);
     STROKES(g, false, 12, 7.5, 12, 14);
@@ -90,14 +90,14 @@ static void draw_bones(const struct grid *g)
     STROKES(g, false, 8, 21.5, 12, 14, 16, 21.5);
 }
 
-static void draw_layers(const struct grid *g)
+static void draw_layers(const struct icon_grid *g)
 {
     STROKES(g, true, 12, 3.5, 21, 8.5, 12, 13.5, 3, 8.5);
     STROKES(g, false, 3, 12.5, 12, 17.5, 21, 12.5);
     STROKES(g, false, 3, 16.5, 12, 21.5, 21, 16.5);
 }
 
-static void draw_move(const struct grid *g)
+static void draw_move(const struct icon_grid *g)
 {
     STROKES(g, false, 12, 3, 12, 21);
     STROKES(g, false, 3, 12, 21, 12);
@@ -107,7 +107,7 @@ static void draw_move(const struct grid *g)
     STROKES(g, false, 18.5, 9.5, 21, 12, 18.5, 14.5);
 }
 
-static void draw_orbit(const struct grid *g)
+static void draw_orbit(const struct icon_grid *g)
 {
     struct ui_point ellipse[28];
     for (int i = 0; i < 28; i++) {
@@ -120,19 +120,19 @@ static void draw_orbit(const struct grid *g)
     STROKES(g, false, 12, 9, 12, 18.5);
 }
 
-static void draw_camera(const struct grid *g)
+static void draw_camera(const struct icon_grid *g)
 {
     box(g, 2.5, 6.5, 13.5, 11, 2.5);
     STROKES(g, true, 16, 11, 21.5, 8, 21.5, 16, 16, 13);
 }
 
-static void draw_photo(const struct grid *g)
+static void draw_photo(const struct icon_grid *g)
 {
     STROKES(g, true, 3, 7.5, 7.2, 7.5, 9, 4.5, 15, 4.5, 16.8, 7.5, 21, 7.5, 21, 19, 3, 19);
     ui_ring(g->ui, on(g, 12, 13), 3.6 * g->unit, STROKE * g->unit, g->color);
 }
 
-static void draw_more(const struct grid *g, enum icon icon)
+static void draw_more(const struct icon_grid *g, enum icon icon)
 {
     switch (icon) {
     case ICON_BACK: STROKES(g, false, 14.5, 5, 7.5, 12, 14.5, 19); break;
@@ -166,7 +166,7 @@ static void draw_more(const struct grid *g, enum icon icon)
 
 void icon_draw(struct ui *ui, enum icon icon, struct ui_point centre, double size, uint32_t color)
 {
-    const struct grid grid = {ui, centre.x - size / 2, centre.y - size / 2, size / 24, color}, *g = &grid;
+    const struct icon_grid grid = {ui, centre.x - size / 2, centre.y - size / 2, size / 24, color}, *g = &grid;
     switch (icon) {
     case ICON_PLAY: SOLID(g, 8, 5, 19, 12, 8, 19); break;
     case ICON_PAUSE: bar(g, 6.5, 5, 4, 14), bar(g, 13.5, 5, 4, 14); break;

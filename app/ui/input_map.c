@@ -2,20 +2,20 @@
 
 static const double TAP_DP = 16;
 
-enum show_action hands_key(int key, bool shift)
+enum view_action input_map_key(int key, bool shift)
 {
     switch (key) {
-    case SCREEN_KEY_SPACE: return DO_PLAY_PAUSE;
-    case SCREEN_KEY_ENTER: return DO_CHOOSE;
-    case SCREEN_KEY_LEFT: return shift ? DO_TO_START : DO_STEP_BACK;
-    case SCREEN_KEY_RIGHT: return shift ? DO_TO_END : DO_STEP_ON;
-    case SCREEN_KEY_UP: return DO_PREVIOUS;
-    case SCREEN_KEY_DOWN: return DO_NEXT;
-    case SCREEN_KEY_HOME: return DO_TO_START;
-    case SCREEN_KEY_END: return DO_TO_END;
-    case SCREEN_KEY_ESCAPE:
-    case SCREEN_KEY_BACK: return DO_BACK;
-    case SCREEN_KEY_F11:
+    case WINDOW_KEY_SPACE: return DO_PLAY_PAUSE;
+    case WINDOW_KEY_ENTER: return DO_CHOOSE;
+    case WINDOW_KEY_LEFT: return shift ? DO_TO_START : DO_STEP_BACK;
+    case WINDOW_KEY_RIGHT: return shift ? DO_TO_END : DO_STEP_ON;
+    case WINDOW_KEY_UP: return DO_PREVIOUS;
+    case WINDOW_KEY_DOWN: return DO_NEXT;
+    case WINDOW_KEY_HOME: return DO_TO_START;
+    case WINDOW_KEY_END: return DO_TO_END;
+    case WINDOW_KEY_ESCAPE:
+    case WINDOW_KEY_BACK: return DO_BACK;
+    case WINDOW_KEY_F11:
     case 'f': return DO_FULLSCREEN;
     case '-':
     case '[': return DO_SLOWER;
@@ -28,22 +28,22 @@ enum show_action hands_key(int key, bool shift)
     case 'b': return DO_SKELETON;
     case 'x': return DO_SOURCES;
     case 'i': return DO_INSET;
-    case 't': return DO_STRIP;
+    case 't': return DO_FRAME_GRAPH;
     case 'd': return DO_THEME;
     case 'g': return DO_MOVE;
-    case 'r': return DO_PUT_BACK;
-    case 'p': return DO_PHOTOGRAPH;
+    case 'r': return DO_RESET_PLACEMENT;
+    case 'p': return DO_SCREENSHOT;
     case 'q': return DO_QUIT;
     default: return DO_NOTHING;
     }
 }
 
-enum show_action hands_button(enum screen_button button)
+enum view_action input_map_button(enum pad_button button)
 {
-    static const enum show_action actions[PAD_BUTTONS] = {
+    static const enum view_action actions[PAD_BUTTONS] = {
         [PAD_A] = DO_CHOOSE,
         [PAD_B] = DO_BACK,
-        [PAD_X] = DO_PHOTOGRAPH,
+        [PAD_X] = DO_SCREENSHOT,
         [PAD_Y] = DO_MOVE,
         [PAD_BACK] = DO_TAKES,
         [PAD_START] = DO_PLAY_PAUSE,
@@ -57,7 +57,7 @@ enum show_action hands_button(enum screen_button button)
     return button < PAD_BUTTONS ? actions[button] : DO_NOTHING;
 }
 
-static void point(struct hands *h, const struct screen_event *e, double px_per_dp)
+static void point(struct input_map *h, const struct window_event *e, double px_per_dp)
 {
     h->pointer_x = e->x / px_per_dp;
     h->pointer_y = e->y / px_per_dp;
@@ -65,13 +65,13 @@ static void point(struct hands *h, const struct screen_event *e, double px_per_d
     h->leaving = false;
 }
 
-static bool hear_pointer(struct hands *h, struct show *show, const struct screen_event *e, double px_per_dp,
-                         int64_t now_ns)
+static bool on_pointer(struct input_map *h, struct view_state *show, const struct window_event *e, double px_per_dp,
+                       int64_t now_ns)
 {
     const double x = e->x / px_per_dp, y = e->y / px_per_dp;
     const bool first = h->pointer_down && h->pointer == e->pointer, mouse = e->pointer < 0;
     switch (e->kind) {
-    case SCREEN_POINTER_DOWN:
+    case WINDOW_POINTER_DOWN:
         gesture_down(&h->gesture, e->pointer, x, y, now_ns);
         if (h->pointer_down)
             return false;
@@ -79,7 +79,7 @@ static bool hear_pointer(struct hands *h, struct show *show, const struct screen
         h->pointer_down = true;
         h->pointer = e->pointer;
         break;
-    case SCREEN_POINTER_UP:
+    case WINDOW_POINTER_UP:
         gesture_up(&h->gesture, e->pointer, TAP_DP, now_ns);
         if (!first)
             return false;
@@ -98,48 +98,48 @@ static bool hear_pointer(struct hands *h, struct show *show, const struct screen
     return true;
 }
 
-bool hands_hear(struct hands *h, struct show *show, const struct screen_event *e, double px_per_dp, int64_t now_ns)
+bool input_map_event(struct input_map *h, struct view_state *show, const struct window_event *e, double px_per_dp,
+                     int64_t now_ns)
 {
     switch (e->kind) {
-    case SCREEN_POINTER_DOWN:
-    case SCREEN_POINTER_MOVE:
-    case SCREEN_POINTER_UP: return hear_pointer(h, show, e, px_per_dp, now_ns);
-    case SCREEN_WHEEL: h->wheel += e->amount; break;
-    case SCREEN_KEY: show_do(show, hands_key(e->key, e->shift), now_ns); break;
-    case SCREEN_PAD_BUTTON: show_do(show, hands_button(e->button), now_ns); break;
-    case SCREEN_PAD_AXIS: h->pad[e->axis] = e->amount; break;
-    case SCREEN_RESIZED: show->changed = true; break;
-    case SCREEN_QUIT: show_do(show, DO_QUIT, now_ns); break;
+    case WINDOW_POINTER_DOWN:
+    case WINDOW_POINTER_MOVE:
+    case WINDOW_POINTER_UP: return on_pointer(h, show, e, px_per_dp, now_ns);
+    case WINDOW_WHEEL: h->wheel += e->amount; break;
+    case WINDOW_KEY: view_state_do(show, input_map_key(e->key, e->shift), now_ns); break;
+    case WINDOW_PAD_BUTTON: view_state_do(show, input_map_button(e->button), now_ns); break;
+    case WINDOW_PAD_AXIS: h->pad[e->axis] = e->amount; break;
+    case WINDOW_RESIZED: show->changed = true; break;
+    case WINDOW_QUIT: view_state_do(show, DO_QUIT, now_ns); break;
     default: break;
     }
     return false;
 }
 
-void hands_drawn(struct hands *h)
+void input_map_frame_done(struct input_map *h)
 {
     if (h->leaving)
         h->pointer_there = h->leaving = false;
 }
 
-bool hands_pad(const struct hands *h, struct show *show, double passed_s, int64_t now_ns)
+bool input_map_pad(const struct input_map *h, struct view_state *show, double passed_s, int64_t now_ns)
 {
-    const double x = h->pad[PAD_LEFT_X], y = h->pad[PAD_LEFT_Y], turn = h->pad[PAD_RIGHT_X],
-                 near = -h->pad[PAD_RIGHT_Y];
+    const double x = h->pad[PAD_LEFT_X], y = h->pad[PAD_LEFT_Y], yaw = h->pad[PAD_RIGHT_X], zoom = -h->pad[PAD_RIGHT_Y];
     const double wind = h->pad[PAD_RIGHT_TRIGGER] - h->pad[PAD_LEFT_TRIGGER];
-    if (show->page != PAGE_WATCH || (x == 0 && y == 0 && turn == 0 && near == 0 && wind == 0))
+    if (show->page != PAGE_WATCH || (x == 0 && y == 0 && yaw == 0 && zoom == 0 && wind == 0))
         return false;
     if (show->moving) { // a metre a second, as seen from where the orbit looks
         double a = show->orbit.angle_rad;
         show->placement.x_m += passed_s * (x * cos(a) + y * sin(a));
         show->placement.y_m += passed_s * (x * sin(a) - y * cos(a));
-        show_set_turn(show, show->placement.turn_rad + 1.5 * passed_s * turn);
+        view_state_set_yaw(show, show->placement.yaw_rad + 1.5 * passed_s * yaw);
     } else if (show->orbiting) {
-        orbit_move(&show->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * near);
+        orbit_move(&show->orbit, -0.6 * passed_s * x, 0.6 * passed_s * y, 8 * passed_s * zoom);
     }
     if (wind != 0) {
-        int64_t at = player_at(&show->player, now_ns);
-        player_seek(&show->player, now_ns, at + (int64_t)(3e9 * passed_s * wind));
+        int64_t at = playback_at(&show->playback, now_ns);
+        playback_seek(&show->playback, now_ns, at + (int64_t)(3e9 * passed_s * wind));
     }
-    show_stir(show, now_ns);
+    view_state_on_input(show, now_ns);
     return true;
 }

@@ -4,7 +4,7 @@
 #include "app/state/view_state.h"
 #include "platform/window.h"
 
-struct hands {
+struct input_map {
     double pointer_x, pointer_y; // dp
     bool pointer_down, pointer_there;
     int64_t pointer;        // which finger it is; valid while pointer_down
@@ -16,13 +16,14 @@ struct hands {
 
 // px_per_dp: of the screen. True: a control may have been pressed or let go, which
 // has to be drawn before the next event is heard.
-bool hands_hear(struct hands *h, struct show *show, const struct screen_event *event, double px_per_dp, int64_t now_ns);
+bool input_map_event(struct input_map *h, struct view_state *show, const struct window_event *event, double px_per_dp,
+                     int64_t now_ns);
 
 // A frame was drawn with the pointer as it is.
-void hands_drawn(struct hands *h);
+void input_map_frame_done(struct input_map *h);
 
 // Sticks held for `passed_s`. True: they move something.
-bool hands_pad(const struct hands *h, struct show *show, double passed_s, int64_t now_ns);
+bool input_map_pad(const struct input_map *h, struct view_state *show, double passed_s, int64_t now_ns);
 
-enum show_action hands_key(int key, bool shift);
-enum show_action hands_button(enum screen_button button);
+enum view_action input_map_key(int key, bool shift);
+enum view_action input_map_button(enum pad_button button);

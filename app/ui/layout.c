@@ -4,18 +4,18 @@
 
 #include <math.h>
 
-static const double PLAY = 74, SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, STRIP_W = 380, STRIP_H = 140;
+static const double PLAY = 74, SHUTTER = 78, PANEL_W = 720, SHEET_W = 400, CARD_W = 262, GRAPH_W = 380, GRAPH_H = 140;
 
 double layout_sources_height(void) { return 4 * 28 + 24; }
 
-static double sheet_height(enum show_sheet sheet)
+static double sheet_height(enum view_sheet sheet)
 {
     const double frame = HEADING + 2 * 12 + 4;
     return sheet == SHEET_LAYERS ? frame + LAYER_ROWS * SWITCH : sheet == SHEET_SPEED ? frame + 2 * SWITCH + GAP : 0;
 }
 
 // Above the panel, at the screen's right edge where that is far from the middle.
-static struct ui_box sheet_box(const struct layout *l, const struct show *s, double width)
+static struct ui_box sheet_box(const struct layout *l, const struct view_state *s, double width)
 {
     const double w = fmin(SHEET_W, l->panel.w), h = sheet_height(s->sheet);
     const double right = l->wide ? width - MARGIN : l->panel.x + l->panel.w;
@@ -23,18 +23,18 @@ static struct ui_box sheet_box(const struct layout *l, const struct show *s, dou
 }
 
 // In the corner below, or above the panel where that reaches there, and not under a sheet.
-static struct ui_box strip_box(const struct layout *l, const struct show *s, double width, double height)
+static struct ui_box frame_graph_box(const struct layout *l, const struct view_state *s, double width, double height)
 {
-    const bool beside = l->wide && l->panel.x > STRIP_W + 2 * MARGIN;
+    const bool beside = l->wide && l->panel.x > GRAPH_W + 2 * MARGIN;
     const double bottom = beside ? height - MARGIN : l->panel.y - GAP;
     const double most = s->sheet != SHEET_NONE ? l->sheet.x - GAP - MARGIN : width - 2 * MARGIN;
-    return (struct ui_box){MARGIN, bottom - STRIP_H, fmin(STRIP_W, most), STRIP_H};
+    return (struct ui_box){MARGIN, bottom - GRAPH_H, fmin(GRAPH_W, most), GRAPH_H};
 }
 
 // How high the cards are together; 0: there are none.
-static double cards_height(const struct layout *l, const struct show *s, const struct stage_picture *shown)
+static double cards_height(const struct layout *l, const struct view_state *s, const struct take_view_image *shown)
 {
-    double h = s->inset && shown->inset ? l->cards.w / shown->inset_shape + GAP : 0;
+    double h = s->inset && shown->inset ? l->cards.w / shown->inset_aspect + GAP : 0;
     return h + (s->sources && shown->sources ? layout_sources_height() + GAP : 0);
 }
 
@@ -46,25 +46,25 @@ static struct ui_box box_between(double left, double right, double top, double b
 }
 
 // On a wide screen the upper corners are beside him, and so is all else but the panel.
-static struct ui_box free_when_wide(const struct layout *l, const struct show *s, double cards, double width)
+static struct ui_box free_when_wide(const struct layout *l, const struct view_state *s, double cards, double width)
 {
     const double bottom = l->panel.y - GAP;
     double left = cards > 0 ? l->cards.x + l->cards.w + GAP : MARGIN;
-    left = s->strip && l->strip.y < bottom ? fmax(left, l->strip.x + l->strip.w + GAP) : left;
+    left = s->frame_graph && l->frame_graph.y < bottom ? fmax(left, l->frame_graph.x + l->frame_graph.w + GAP) : left;
     return box_between(left, (s->sheet != SHEET_NONE ? l->sheet.x : l->shutter.x) - GAP, MARGIN, bottom, width);
 }
 
 // On an upright one he stands between what is above and what is below; the cards are above him or beside him.
-static struct ui_box free_when_upright(const struct layout *l, const struct show *s, double cards, double width)
+static struct ui_box free_when_upright(const struct layout *l, const struct view_state *s, double cards, double width)
 {
     const double low = (s->sheet != SHEET_NONE ? l->sheet.y : l->shutter.y) - GAP, right = width - MARGIN;
-    const double bottom = s->strip ? fmin(low, l->strip.y - GAP) : low;
+    const double bottom = s->frame_graph ? fmin(low, l->frame_graph.y - GAP) : low;
     const struct ui_box below = box_between(MARGIN, right, l->cards.y + cards, bottom, width);
     const struct ui_box beside = box_between(l->cards.x + l->cards.w + GAP, right, l->cards.y, bottom, width);
     return cards > 0 && beside.w > below.w ? beside : below;
 }
 
-struct layout layout_of(double width, double height, const struct show *s, const struct stage_picture *shown)
+struct layout layout_of(double width, double height, const struct view_state *s, const struct take_view_image *shown)
 {
     struct layout l = {.wide = width >= height};
     struct ui_box within = inner((struct ui_box){0, 0, width, height}, MARGIN);
@@ -76,7 +76,7 @@ struct layout layout_of(double width, double height, const struct show *s, const
     l.shutter = (struct ui_box){width - MARGIN - SHUTTER,
                                 l.wide ? (height - SHUTTER) / 2 : l.panel.y - SHUTTER - 2 * GAP, SHUTTER, SHUTTER};
     l.sheet = sheet_box(&l, s, width);
-    l.strip = strip_box(&l, s, width, height);
+    l.frame_graph = frame_graph_box(&l, s, width, height);
     const double cards = cards_height(&l, s, shown);
     l.free = l.wide ? free_when_wide(&l, s, cards, width) : free_when_upright(&l, s, cards, width);
     return l;

@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 // By how many pixels the actor may be wrong where that is quicker to draw.
-static void error_row(const struct brush *b, struct show *s, struct ui_box row)
+static void error_row(const struct brush *b, struct view_state *s, struct ui_box row)
 {
     static const double errors_px[] = {0.5, 1, 2, 4};
     char text[16], name[24];
@@ -13,24 +13,24 @@ static void error_row(const struct brush *b, struct show *s, struct ui_box row)
         snprintf(name, sizeof name, "error-%d", i);
         bool on = fabs(s->error_px - errors_px[i]) < 0.01;
         if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, cut_right(&row, TARGET)))
-            show_set_error(s, errors_px[i]);
+            view_state_set_error(s, errors_px[i]);
     }
     label(b, FACE_BODY, (struct ui_box){row.x + 8, row.y + (row.h - 24) / 2, row.w - 8, 24}, b->theme->text,
           "Error, px");
 }
 
-static void layers_sheet(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
+static void layers_sheet(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
     const struct {
         const char *name, *text;
         enum icon icon;
         bool on;
-        enum show_action action;
+        enum view_action action;
     } rows[] = {
         {"sheet-skeleton", "Skeleton", ICON_BONES, s->skeleton, DO_SKELETON},
         {"sheet-sources", "Where pixels come from", ICON_DROPS, s->sources, DO_SOURCES},
         {"sheet-inset", "The sensor's picture", ICON_INSET, s->inset, DO_INSET},
-        {"sheet-strip", "Time of each picture", ICON_BARS, s->strip, DO_STRIP},
+        {"sheet-strip", "Time of each picture", ICON_BARS, s->frame_graph, DO_FRAME_GRAPH},
         {"sheet-mirror", "Mirrored", ICON_MIRROR, s->placement.mirrored, DO_MIRROR},
         {"sheet-theme", "Dark", ICON_MOON, s->dark, DO_THEME},
     };
@@ -42,12 +42,12 @@ static void layers_sheet(const struct brush *b, struct show *s, struct ui_box bo
     for (int i = 0; i < count; i++)
         if (switch_row(b, rows[i].name, rows[i].icon, rows[i].text, rows[i].on,
                        (struct ui_box){in.x, in.y + HEADING + i * SWITCH, in.w, SWITCH}))
-            show_do(s, rows[i].action, now_ns);
+            view_state_do(s, rows[i].action, now_ns);
     error_row(b, s, (struct ui_box){in.x, in.y + HEADING + count * SWITCH, in.w, SWITCH});
     (void)ui_area(b->ui, "sheet", box); // what lies beneath is out of reach
 }
 
-static void speed_sheet(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
+static void speed_sheet(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
     static const double speeds[] = {0.1, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2};
     panel(b, box, false);
@@ -58,15 +58,15 @@ static void speed_sheet(const struct brush *b, struct show *s, struct ui_box box
         char text[16], name[24];
         snprintf(text, sizeof text, "%g×", speeds[i]);
         snprintf(name, sizeof name, "speed-%d", i);
-        bool on = fabs(s->player.speed - speeds[i]) < 0.01;
+        bool on = fabs(s->playback.speed - speeds[i]) < 0.01;
         struct ui_box key = {in.x + (i % 4) * (w + GAP), in.y + HEADING + (i / 4) * (SWITCH + GAP), w, SWITCH};
         if (text_button(b, name, text, on ? BUTTON_MAIN : BUTTON_RAISED, key))
-            show_set_speed(s, speeds[i], now_ns);
+            view_state_set_speed(s, speeds[i], now_ns);
     }
     (void)ui_area(b->ui, "sheet", box);
 }
 
-void sheets_draw(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
+void panels_draw(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
     if (s->sheet == SHEET_LAYERS)
         layers_sheet(b, s, box, now_ns);

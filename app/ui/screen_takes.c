@@ -5,8 +5,8 @@
 
 static const double CARD = 320, WIDEST = 520, WORDS = 84, BORDER = 28, HEAD = 148;
 
-static void take_card(const struct brush *b, struct show *s, struct screens *screens, const struct take_card *card,
-                      int number, struct ui_box box)
+static void take_card(const struct brush *b, struct view_state *s, struct screens *screens,
+                      const struct take_card *card, int number, struct ui_box box)
 {
     const struct theme *t = b->theme;
     char name[32], text[64];
@@ -24,21 +24,21 @@ static void take_card(const struct brush *b, struct show *s, struct screens *scr
             screens->scroll = screens->scrolled_from - by;
     }
     if (touch.tapped && !screens->scrolling)
-        show_choose(s, number);
+        view_state_choose_take(s, number);
     struct ui_box picture = {box.x, box.y, box.w, box.h - WORDS};
     ui_shadow(b->ui, box, ROUND, 12, faint(t->shadow, 0.7));
     ui_fill(b->ui, box, ROUND, t->surface);
-    if (card->picture) { // the picture's upper corners are round, the lower ones are not
-        double shape = picture.w / picture.h, part = fmin(1, card->picture_shape / shape);
-        struct ui_part shown = {0, (1 - part) / 2, 1, (1 + part) / 2};
-        ui_picture(b->ui, card->picture, picture, shown, ROUND, 0xffffffff);
-        ui_picture(b->ui, card->picture, (struct ui_box){picture.x, picture.y + picture.h - ROUND, picture.w, ROUND},
-                   (struct ui_part){0, shown.v1 - (shown.v1 - shown.v0) * ROUND / picture.h, 1, shown.v1}, 0,
-                   0xffffffff);
+    if (card->image) { // the picture's upper corners are round, the lower ones are not
+        double shape = picture.w / picture.h, part = fmin(1, card->image_aspect / shape);
+        struct ui_uv_rect shown = {0, (1 - part) / 2, 1, (1 + part) / 2};
+        ui_image(b->ui, card->image, picture, shown, ROUND, 0xffffffff);
+        ui_image(b->ui, card->image, (struct ui_box){picture.x, picture.y + picture.h - ROUND, picture.w, ROUND},
+                 (struct ui_uv_rect){0, shown.v1 - (shown.v1 - shown.v0) * ROUND / picture.h, 1, shown.v1}, 0,
+                 0xffffffff);
     }
     ui_disc(b->ui, (struct ui_point){picture.x + picture.w - 40, picture.y + picture.h}, 27, t->accent);
     icon_draw(b->ui, ICON_PLAY, (struct ui_point){picture.x + picture.w - 39, picture.y + picture.h}, 26, t->on_accent);
-    ui_outline(b->ui, box, ROUND, number == s->take ? 3 : 1, number == s->take ? t->accent : t->hairline);
+    ui_border(b->ui, box, ROUND, number == s->take ? 3 : 1, number == s->take ? t->accent : t->hairline);
     label(b, FACE_STRONG, (struct ui_box){box.x + 18, picture.y + picture.h + 12, box.w - 100, 28}, t->text,
           card->name);
     snprintf(text, sizeof text, "%.1f s%s", (double)card->length_ns * 1e-9,
@@ -50,8 +50,8 @@ static void take_card(const struct brush *b, struct show *s, struct screens *scr
         ui_fill(b->ui, box, ROUND, faint(t->text, 0.08));
 }
 
-static void draw_cards(const struct brush *b, struct screens *screens, struct show *s, const struct takes_page *page,
-                       struct ui_box in)
+static void draw_cards(const struct brush *b, struct screens *screens, struct view_state *s,
+                       const struct takes_page *page, struct ui_box in)
 {
     // As many in a row as there is room for, and as large as these can be.
     int columns = (int)fmax(1, fmin(page->count, floor((in.w + MARGIN) / (CARD + MARGIN))));
@@ -70,7 +70,7 @@ static void draw_cards(const struct brush *b, struct screens *screens, struct sh
     ui_unclip(b->ui);
 }
 
-void screen_takes(const struct brush *b, struct screens *screens, struct show *s, const struct takes_page *page,
+void screen_takes(const struct brush *b, struct screens *screens, struct view_state *s, const struct takes_page *page,
                   int64_t now_ns)
 {
     const struct theme *t = b->theme;
@@ -79,9 +79,9 @@ void screen_takes(const struct brush *b, struct screens *screens, struct show *s
     ui_fill(b->ui, all, 0, t->ground);
     struct ui_box head = cut_top(&in, HEAD - BORDER), buttons = {head.x, head.y, head.w, TARGET};
     if (icon_button(b, "takes-close", ICON_CLOSE, BUTTON_RAISED, cut_right(&buttons, TARGET)))
-        show_do(s, DO_QUIT, now_ns);
+        view_state_do(s, DO_QUIT, now_ns);
     if (icon_button(b, "takes-theme", s->dark ? ICON_SUN : ICON_MOON, BUTTON_RAISED, cut_right(&buttons, TARGET)))
-        show_do(s, DO_THEME, now_ns);
+        view_state_do(s, DO_THEME, now_ns);
     label(b, FACE_TITLE, (struct ui_box){head.x, head.y, buttons.w, 54}, t->text, "Choose a take");
     snprintf(text, sizeof text, page->count == 1 ? "%s · one take" : "%s · %d takes", page->file, page->count);
     label(b, FACE_BODY, (struct ui_box){head.x, head.y + 58, head.w, 28}, t->quiet, text);

@@ -7,81 +7,81 @@ static const double PLAY = 74, PI = 3.14159265358979323846;
 
 // ---------------------------------------------------------------- the panel below
 
-static void time_row(const struct brush *b, struct show *s, struct ui_box row, int64_t now_ns)
+static void time_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
 {
     const struct theme *t = b->theme;
-    int64_t at = player_at(&s->player, now_ns), length = s->player.length_ns;
+    int64_t at = playback_at(&s->playback, now_ns), length = s->playback.length_ns;
     double label_w = label_time_width(b, length), y = row.y + row.h / 2 - 9;
     struct ui_box before = cut_left(&row, label_w), behind = cut_right(&row, label_w);
     label_time(b, (struct ui_point){before.x, y}, t->text, at);
     label_time(b, (struct ui_point){behind.x, y}, t->quiet, length);
     struct slide slide = slider(b, "timeline", length > 0 ? (double)at / (double)length : 0, row);
-    show_scrub(s, slide.held, slide.share, now_ns);
+    view_state_scrub(s, slide.held, slide.share, now_ns);
 }
 
-static void button_row(const struct brush *b, struct show *s, struct ui_box row, int64_t now_ns)
+static void button_row(const struct brush *b, struct view_state *s, struct ui_box row, int64_t now_ns)
 {
     char speed[16];
-    const struct player *p = &s->player;
+    const struct playback_clock *p = &s->playback;
     double y = row.y + (row.h - TARGET) / 2;
     struct ui_box left = {row.x, y, row.w, TARGET}, right = left;
     if (icon_button(b, "loop", ICON_LOOP, p->loop ? BUTTON_ON : BUTTON_PLAIN, cut_left(&left, TARGET)))
-        show_do(s, DO_LOOP, now_ns);
+        view_state_do(s, DO_LOOP, now_ns);
     if (icon_button(b, "mirror", ICON_MIRROR, s->placement.mirrored ? BUTTON_ON : BUTTON_PLAIN,
                     cut_left(&left, TARGET)))
-        show_do(s, DO_MIRROR, now_ns);
+        view_state_do(s, DO_MIRROR, now_ns);
     if (icon_button(b, "layers", ICON_LAYERS, s->sheet == SHEET_LAYERS ? BUTTON_ON : BUTTON_PLAIN,
                     cut_right(&right, TARGET)))
-        show_do(s, DO_LAYERS, now_ns);
+        view_state_do(s, DO_LAYERS, now_ns);
     snprintf(speed, sizeof speed, "%g×", p->speed);
     if (text_button(b, "speed", speed, s->sheet == SHEET_SPEED ? BUTTON_ON : BUTTON_PLAIN,
                     cut_right(&right, fmax(TARGET, 64))))
-        show_do(s, DO_SPEED, now_ns);
+        view_state_do(s, DO_SPEED, now_ns);
     double x = row.x + row.w / 2;
     if (icon_button(b, "step-back", ICON_STEP_BACK, BUTTON_PLAIN,
                     (struct ui_box){x - PLAY / 2 - GAP - TARGET, y, TARGET, TARGET}))
-        show_do(s, DO_STEP_BACK, now_ns);
+        view_state_do(s, DO_STEP_BACK, now_ns);
     if (icon_button(b, "play", p->playing ? ICON_PAUSE : ICON_PLAY, BUTTON_MAIN,
                     (struct ui_box){x - PLAY / 2, row.y + (row.h - PLAY) / 2, PLAY, PLAY}))
-        show_do(s, DO_PLAY_PAUSE, now_ns);
+        view_state_do(s, DO_PLAY_PAUSE, now_ns);
     if (icon_button(b, "step-on", ICON_STEP_ON, BUTTON_PLAIN, (struct ui_box){x + PLAY / 2 + GAP, y, TARGET, TARGET}))
-        show_do(s, DO_STEP_ON, now_ns);
+        view_state_do(s, DO_STEP_ON, now_ns);
 }
 
-static void moving_panel(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
+static void moving_panel(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
     const struct theme *t = b->theme;
     char text[32];
     struct ui_box in = inner(box, 14), top = cut_top(&in, TARGET), words = top;
     if (text_button(b, "move-done", "Done", BUTTON_MAIN, cut_right(&words, 96)))
-        show_do(s, DO_MOVE, now_ns);
+        view_state_do(s, DO_MOVE, now_ns);
     if (text_button(b, "move-back", "Put back", BUTTON_RAISED, cut_right(&words, 124)))
-        show_do(s, DO_PUT_BACK, now_ns);
+        view_state_do(s, DO_RESET_PLACEMENT, now_ns);
     struct ui_box first = {words.x + 4, words.y + 2, words.w, 30}, second = {words.x + 4, words.y + 31, words.w, 24};
     label(b, FACE_STRONG, first, t->text, "Move the actor");
     label(b, FACE_SMALL, second, t->quiet, "Drag over the floor");
-    snprintf(text, sizeof text, "%+.0f°", s->placement.turn_rad * 180 / PI);
+    snprintf(text, sizeof text, "%+.0f°", s->placement.yaw_rad * 180 / PI);
     struct ui_box icon = cut_left(&in, 34), degrees = cut_right(&in, 60);
     icon_draw(b->ui, ICON_ORBIT, middle(icon), 26, t->quiet);
     label_centred(b, FACE_STRONG, degrees, t->text, text);
-    struct slide slide = slider(b, "turn", s->placement.turn_rad / (2 * PI) + 0.5, in);
+    struct slide slide = slider(b, "turn", s->placement.yaw_rad / (2 * PI) + 0.5, in);
     if (slide.held)
-        show_set_turn(s, (slide.share - 0.5) * 2 * PI * 0.9999);
+        view_state_set_yaw(s, (slide.share - 0.5) * 2 * PI * 0.9999);
 }
 
 // ---------------------------------------------------------------- around the picture
 
-static void top_row(const struct brush *b, struct show *s, const struct watch_page *page, struct ui_box row,
+static void top_row(const struct brush *b, struct view_state *s, const struct watch_page *page, struct ui_box row,
                     int64_t now_ns)
 {
     const struct theme *t = b->theme;
     if (icon_button(b, "back", s->take_count > 1 ? ICON_BACK : ICON_CLOSE, BUTTON_GLASS, cut_left(&row, TARGET)))
-        show_do(s, DO_BACK, now_ns);
+        view_state_do(s, DO_BACK, now_ns);
     if (s->camera.there &&
         icon_button(b, "orbit", s->orbiting ? ICON_CAMERA : ICON_ORBIT, BUTTON_GLASS, cut_right(&row, TARGET)))
-        show_do(s, DO_ORBIT, now_ns);
+        view_state_do(s, DO_ORBIT, now_ns);
     if (icon_button(b, "move", ICON_MOVE, s->moving ? BUTTON_MAIN : BUTTON_GLASS, cut_right(&row, TARGET)))
-        show_do(s, DO_MOVE, now_ns);
+        view_state_do(s, DO_MOVE, now_ns);
     double width = fmax(ui_text_width(b->ui, FACE_STRONG, page->take), ui_text_width(b->ui, FACE_SMALL, page->file));
     struct ui_box name = {row.x, row.y, fmin(width + 44, row.w), row.h};
     ui_shadow(b->ui, name, TARGET / 2, 8, t->shadow);
@@ -90,7 +90,7 @@ static void top_row(const struct brush *b, struct show *s, const struct watch_pa
     label(b, FACE_SMALL, (struct ui_box){name.x + 22, name.y + 31, name.w - 40, 20}, t->quiet, page->file);
 }
 
-static void shutter(const struct brush *b, struct show *s, struct ui_box box, int64_t now_ns)
+static void shutter(const struct brush *b, struct view_state *s, struct ui_box box, int64_t now_ns)
 {
     struct ui_touch touch = ui_area(b->ui, "photograph", box);
     struct ui_point m = middle(box);
@@ -99,15 +99,15 @@ static void shutter(const struct brush *b, struct show *s, struct ui_box box, in
     ui_disc(b->ui, m, box.w / 2 - (touch.held ? 11 : 8), b->theme->accent);
     icon_draw(b->ui, ICON_PHOTO, m, 32, b->theme->on_accent);
     if (touch.tapped)
-        show_do(s, DO_PHOTOGRAPH, now_ns);
+        view_state_do(s, DO_SCREENSHOT, now_ns);
 }
 
-static void inset_card(const struct brush *b, const struct stage_picture *p, struct ui_box box)
+static void inset_card(const struct brush *b, const struct take_view_image *p, struct ui_box box)
 {
-    const struct ui_part whole = {0, 0, 1, 1};
+    const struct ui_uv_rect whole = {0, 0, 1, 1};
     ui_shadow(b->ui, box, 14, 12, b->theme->shadow);
-    ui_picture(b->ui, p->inset, box, whole, 14, 0xffffffff);
-    ui_outline(b->ui, box, 14, 2, b->theme->glass);
+    ui_image(b->ui, p->inset, box, whole, 14, 0xffffffff);
+    ui_border(b->ui, box, 14, 2, b->theme->glass);
     double width = ui_text_width(b->ui, FACE_SMALL, "Sensor") + 22;
     struct ui_box name = {box.x + 8, box.y + box.h - 34, width, 26};
     ui_fill(b->ui, name, 13, b->theme->glass);
@@ -134,30 +134,30 @@ static void sources_card(const struct brush *b, struct ui_box at)
 }
 
 // Cards that only show something, down the left side.
-static void cards(const struct brush *b, const struct show *s, const struct watch_page *page, struct ui_box column,
-                  struct ui_box strip)
+static void cards(const struct brush *b, const struct view_state *s, const struct watch_page *page,
+                  struct ui_box column, struct ui_box frame_graph)
 {
-    if (s->inset && page->picture->inset)
-        inset_card(b, page->picture, cut_top(&column, column.w / page->picture->inset_shape));
-    if (s->sources && page->picture->sources)
+    if (s->inset && page->image->inset)
+        inset_card(b, page->image, cut_top(&column, column.w / page->image->inset_aspect));
+    if (s->sources && page->image->sources)
         sources_card(b, column);
-    if (s->strip)
-        strip_draw(b, page->times, page->budget_ms, strip);
+    if (s->frame_graph)
+        frame_graph_draw(b, page->times, page->budget_ms, frame_graph);
 }
 
 // What fingers do to the picture itself; asked last, so that every control comes first.
-static void feel_picture(const struct brush *b, struct screens *screens, struct ui_box all)
+static void sense_image_touch(const struct brush *b, struct screens *screens, struct ui_box all)
 {
-    screens->picture_held = ui_area(b->ui, "picture", all).held;
+    screens->image_held = ui_area(b->ui, "picture", all).held;
 }
 
-static void controls(const struct brush *b, struct show *s, const struct watch_page *page, const struct layout *l,
+static void controls(const struct brush *b, struct view_state *s, const struct watch_page *page, const struct layout *l,
                      int64_t now_ns)
 {
     const struct ui_box low = l->panel;
     if (s->sheet != SHEET_NONE && !s->moving) {
         ui_layer(b->ui, 2);
-        sheets_draw(b, s, l->sheet, now_ns);
+        panels_draw(b, s, l->sheet, now_ns);
     }
     ui_layer(b->ui, 1);
     panel(b, low, true);
@@ -171,31 +171,32 @@ static void controls(const struct brush *b, struct show *s, const struct watch_p
             shutter(b, s, l->shutter, now_ns);
     }
     top_row(b, s, page, l->top, now_ns);
-    cards(b, s, page, l->cards, l->strip);
+    cards(b, s, page, l->cards, l->frame_graph);
     (void)ui_area(b->ui, "panel", low);
     ui_layer(b->ui, 0);
 }
 
-void screen_watch(const struct brush *b, struct screens *screens, struct show *s, const struct watch_page *page,
+void screen_watch(const struct brush *b, struct screens *screens, struct view_state *s, const struct watch_page *page,
                   int64_t now_ns)
 {
     struct ui_box all = {0, 0, ui_width(b->ui), ui_height(b->ui)};
-    const struct layout l = layout_of(all.w, all.h, s, page->picture);
-    scene_draw(b, all, page->picture, s);
-    if (show_controls(s)) {
+    const struct layout l = layout_of(all.w, all.h, s, page->image);
+    compositor_draw(b, all, page->image, s);
+    if (view_state_controls_shown(s)) {
         controls(b, s, page, &l, now_ns);
-    } else if (s->strip || s->inset || s->sources) {
+    } else if (s->frame_graph || s->inset || s->sources) {
         const struct ui_box column = {l.cards.x, MARGIN, l.cards.w, l.cards.h};
-        const struct ui_box strip = {l.strip.x, all.h - MARGIN - l.strip.h, l.strip.w, l.strip.h};
+        const struct ui_box frame_graph = {l.frame_graph.x, all.h - MARGIN - l.frame_graph.h, l.frame_graph.w,
+                                           l.frame_graph.h};
         ui_layer(b->ui, 1);
-        cards(b, s, page, column, strip);
+        cards(b, s, page, column, frame_graph);
         ui_layer(b->ui, 0);
     }
-    feel_picture(b, screens, all);
+    sense_image_touch(b, screens, all);
 }
 
 // How far the take's preparing is.
-static void preparing(const struct brush *b, const struct show *s)
+static void preparing(const struct brush *b, const struct view_state *s)
 {
     const struct theme *t = b->theme;
     double w = fmin(360, ui_width(b->ui) - 2 * MARGIN);
@@ -210,18 +211,18 @@ static void preparing(const struct brush *b, const struct show *s)
     ui_layer(b->ui, 0);
 }
 
-void screen_words(const struct brush *b, const struct show *s)
+void screen_message(const struct brush *b, const struct view_state *s)
 {
     const struct theme *t = b->theme;
-    const char *hint = show_hint(s), *text = s->notice[0] ? s->notice : hint;
+    const char *hint = view_state_hint(s), *text = s->notice[0] ? s->notice : hint;
     if (!text && s->page == PAGE_WATCH && s->prepared < 1)
         preparing(b, s);
     if (!text)
         return;
-    const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->ailing && !s->frozen;
-    double most = fmin(ui_width(b->ui) - 2 * MARGIN, 640), room = most - 72;
-    double width = fmin(ui_text_width(b->ui, FACE_STRONG, text), room);
-    double height = ui_text_height(b->ui, FACE_STRONG, text, room);
+    const bool is_notice = text == s->notice, tag = !is_notice && s->camera.seeing && !s->problem && !s->frozen;
+    double most = fmin(ui_width(b->ui) - 2 * MARGIN, 640), text_w = most - 72;
+    double width = fmin(ui_text_width(b->ui, FACE_STRONG, text), text_w);
+    double height = ui_text_height(b->ui, FACE_STRONG, text, text_w);
     double w = width + 78, h = fmax(height + 28, TARGET);
     struct ui_box box = {(ui_width(b->ui) - w) / 2, MARGIN + TARGET + 2 * GAP, w, h};
     ui_layer(b->ui, 2);
@@ -231,11 +232,12 @@ void screen_words(const struct brush *b, const struct show *s)
     const uint32_t color = done || tag ? t->accent : t->warn;
     const enum icon icon = done ? ICON_CHECK : tag ? ICON_TAG : ICON_WARNING;
     icon_draw(b->ui, icon, (struct ui_point){box.x + 34, box.y + h / 2}, 28, color);
-    ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, room + 1, t->text, text);
+    ui_text_lines(b->ui, FACE_STRONG, (struct ui_point){box.x + 58, box.y + (h - height) / 2}, text_w + 1, t->text,
+                  text);
     ui_layer(b->ui, 0);
 }
 
-void screen_trouble(const struct brush *b, struct show *s, int64_t now_ns)
+void screen_trouble(const struct brush *b, struct view_state *s, int64_t now_ns)
 {
     const struct theme *t = b->theme;
     double w = ui_width(b->ui), h = ui_height(b->ui), column = fmin(w - 4 * MARGIN, 560), x = (w - column) / 2;
@@ -248,5 +250,5 @@ void screen_trouble(const struct brush *b, struct show *s, int64_t now_ns)
     ui_text_lines(b->ui, FACE_BODY, (struct ui_point){(w - width) / 2, h / 2 - 32}, column + 1, t->quiet, s->trouble);
     struct ui_box close = {(w - 160) / 2, h / 2 - 32 + height + 32, 160, TARGET};
     if (text_button(b, "close", s->take_count > 1 ? "Other takes" : "Close", BUTTON_MAIN, close))
-        show_do(s, DO_BACK, now_ns);
+        view_state_do(s, DO_BACK, now_ns);
 }

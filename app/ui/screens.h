@@ -9,40 +9,40 @@
 struct screens {
     double scroll, grabbed_y, scrolled_from; // the page of takes, dp
     bool scrolling;
-    bool picture_held; // fingers are on the picture, not on a control
+    bool image_held; // fingers are on the picture, not on a control
 };
 
 struct take_card {
     const char *name;
     int64_t length_ns;
     bool complete, watchable;
-    const struct gpu_texture *picture; // NULL: none
-    double picture_shape;              // width over height
+    const struct gpu_texture *image; // NULL: none
+    double image_aspect;             // width over height
 };
 struct takes_page {
     const char *file;
     const struct take_card *cards;
     int count;
 };
-void screen_takes(const struct brush *b, struct screens *screens, struct show *show, const struct takes_page *page,
-                  int64_t now_ns);
+void screen_takes(const struct brush *b, struct screens *screens, struct view_state *show,
+                  const struct takes_page *page, int64_t now_ns);
 
 struct watch_page {
     const char *file, *take;
-    const struct stage_picture *picture;
+    const struct take_view_image *image;
     const struct frame_times *times;
     double budget_ms; // of a picture, at the display's rate
 };
-void screen_watch(const struct brush *b, struct screens *screens, struct show *show, const struct watch_page *page,
-                  int64_t now_ns);
+void screen_watch(const struct brush *b, struct screens *screens, struct view_state *show,
+                  const struct watch_page *page, int64_t now_ns);
 
-void screen_trouble(const struct brush *b, struct show *show, int64_t now_ns);
+void screen_trouble(const struct brush *b, struct view_state *show, int64_t now_ns);
 
 // The notice or the hint, over whatever screen there is.
-void screen_words(const struct brush *b, const struct show *show);
+void screen_message(const struct brush *b, const struct view_state *show);
 
 // How long the last pictures took, and what of it was spent on what.
-void strip_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box);
+void frame_graph_draw(const struct brush *b, const struct frame_times *times, double budget_ms, struct ui_box box);
 
 // What is laid over the page of watching.
-void sheets_draw(const struct brush *b, struct show *show, struct ui_box box, int64_t now_ns);
+void panels_draw(const struct brush *b, struct view_state *show, struct ui_box box, int64_t now_ns);

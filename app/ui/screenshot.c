@@ -10,7 +10,7 @@
 
 enum { QUALITY = 94 };
 
-enum status photograph_path(const char *folder, char *path, size_t room)
+enum status screenshot_path(const char *folder, char *path, size_t capacity)
 {
     char own[400], name[64];
     const char *home = getenv("HOME"), *pictures = getenv("XDG_PICTURES_DIR");
@@ -29,7 +29,7 @@ enum status photograph_path(const char *folder, char *path, size_t room)
         char number[16] = "";
         if (n > 1)
             snprintf(number, sizeof number, "-%d", n);
-        if (snprintf(path, room, "%s/%s%s.jpg", folder, name, number) >= (int)room)
+        if (snprintf(path, capacity, "%s/%s%s.jpg", folder, name, number) >= (int)capacity)
             return fail(ERR_INPUT, "the name of the folder for photographs is too long");
         if (!file_exists(path))
             return OK;
@@ -54,10 +54,10 @@ static enum status write_jpeg(const uint8_t *rgba, int width, int height, const 
     return status;
 }
 
-enum status photograph_take(const struct brush *b, struct gpu *gpu, const struct stage_picture *picture,
-                            const struct show *show, const char *path)
+enum status screenshot_take(const struct brush *b, struct gpu *gpu, const struct take_view_image *image,
+                            const struct view_state *show, const char *path)
 {
-    const int width = picture->lens.width, height = picture->lens.height;
+    const int width = image->lens.width, height = image->lens.height;
     struct gpu_target *target;
     uint8_t *rgba = malloc((size_t)width * (size_t)height * 4);
     if (!rgba)
@@ -67,9 +67,9 @@ enum status photograph_take(const struct brush *b, struct gpu *gpu, const struct
     if (status == OK)
         status = ui_begin(b->ui, &input);
     if (status == OK) {
-        struct show without_ring = *show;
+        struct view_state without_ring = *show;
         without_ring.moving = false;
-        scene_draw(b, (struct ui_box){0, 0, ui_width(b->ui), ui_height(b->ui)}, picture, &without_ring);
+        compositor_draw(b, (struct ui_box){0, 0, ui_width(b->ui), ui_height(b->ui)}, image, &without_ring);
         ui_end(b->ui);
         status = ui_draw(b->ui, target, 0);
     }

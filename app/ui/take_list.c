@@ -5,7 +5,7 @@
 #include <string.h>
 
 // The frame that shows a take best: two fifths in, where there is a person.
-static int64_t face_of(const struct take *t)
+static int64_t cover_frame(const struct take *t)
 {
     int64_t count = take_frame_count(t), wanted = count * 2 / 5;
     for (int64_t away = 0; away < count; away++)
@@ -17,7 +17,7 @@ static int64_t face_of(const struct take *t)
     return -1;
 }
 
-static enum status make_card(struct library *l, struct gpu *gpu, struct recording *recording, int number)
+static enum status make_card(struct take_list *l, struct gpu *gpu, struct recording *recording, int number)
 {
     struct take_card *card = &l->cards[number];
     struct take *take;
@@ -27,44 +27,44 @@ static enum status make_card(struct library *l, struct gpu *gpu, struct recordin
         return status;
     if (status != OK)
         return OK; // it says why when it is chosen
-    int64_t frames = take_frame_count(take), face = face_of(take);
+    int64_t frames = take_frame_count(take), face = cover_frame(take);
     card->complete = take_is_complete(take);
     card->watchable = face >= 0 && take_body(take)->representative_frame >= 0;
     if (frames > 1)
         card->length_ns = take_entry(take, frames - 1)->time_ns - take_entry(take, 0)->time_ns;
     const struct lens *lens = &take_calibration(take)->color;
-    struct take_pictures pictures = {0};
+    struct take_images pictures = {0};
     if (face >= 0 && take_read(take, face, TAKE_COLOR, &pictures) == OK && pictures.color) {
-        status = gpu_texture_open(&l->pictures[number], gpu, GPU_RGB8, lens->width, lens->height, GPU_LINEAR,
-                                  pictures.color);
-        card->picture = l->pictures[number];
-        card->picture_shape = (double)lens->width / lens->height;
+        status =
+            gpu_texture_open(&l->images[number], gpu, GPU_RGB8, lens->width, lens->height, GPU_LINEAR, pictures.color);
+        card->image = l->images[number];
+        card->image_aspect = (double)lens->width / lens->height;
     }
     take_close(&take);
     return status;
 }
 
-enum status library_open(struct library *l, struct gpu *gpu, struct recording *recording, const char *path)
+enum status take_list_open(struct take_list *l, struct gpu *gpu, struct recording *recording, const char *path)
 {
-    *l = (struct library){.count = recording_take_count(recording)};
+    *l = (struct take_list){.count = recording_take_count(recording)};
     const char *slash = strrchr(path, '/');
     snprintf(l->file, sizeof l->file, "%s", slash ? slash + 1 : path);
-    size_t room = l->count > 0 ? (size_t)l->count : 1;
-    l->cards = calloc(room, sizeof *l->cards);
-    l->pictures = calloc(room, sizeof(struct gpu_texture *));
-    enum status status = l->cards && l->pictures ? OK : fail(ERR_MEMORY, "out of memory");
+    size_t capacity = l->count > 0 ? (size_t)l->count : 1;
+    l->cards = calloc(capacity, sizeof *l->cards);
+    l->images = calloc(capacity, sizeof(struct gpu_texture *));
+    enum status status = l->cards && l->images ? OK : fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < l->count && status == OK; i++)
         status = make_card(l, gpu, recording, i);
     if (status != OK)
-        library_close(l);
+        take_list_close(l);
     return status;
 }
 
-void library_close(struct library *l)
+void take_list_close(struct take_list *l)
 {
-    for (int i = 0; i < l->count && l->pictures; i++)
-        gpu_texture_close(&l->pictures[i]);
+    for (int i = 0; i < l->count && l->images; i++)
+        gpu_texture_close(&l->images[i]);
     free(l->cards);
-    free(l->pictures);
-    *l = (struct library){0};
+    free(l->images);
+    *l = (struct take_list){0};
 }

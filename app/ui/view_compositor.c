@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-static const double PI = 3.14159265358979323846, NEAR_M = 0.1;
+static const double PI = 3.14159265358979323846, MIN_DEPTH_M = 0.1;
 // Of his joints: how far his hands, head and clothes reach, and how far his shadow on the floor can be seen.
 static const double BODY_M = 0.5, SHADOW_M = 0.7;
 static const double SOFT_DP = 8;
@@ -14,17 +14,17 @@ struct cover cover_of(const struct lens *lens, struct ui_box box)
 }
 
 // False: it lies behind the camera.
-static bool on_screen(const struct stage_picture *p, struct cover cover, struct vec3 world, struct ui_point *out)
+static bool on_screen(const struct take_view_image *p, struct cover cover, struct vec3 world, struct ui_point *out)
 {
     struct vec3 c = pose_apply(pose_inverse(p->world_from_camera), world);
-    if (!(c.z > NEAR_M))
+    if (!(c.z > MIN_DEPTH_M))
         return false;
     struct pixel px = lens_project(&p->lens, c);
     *out = (struct ui_point){cover.x + (px.x + 0.5) * cover.scale, cover.y + (px.y + 0.5) * cover.scale};
     return isfinite(out->x) && isfinite(out->y) && fabs(out->x) < 1e5 && fabs(out->y) < 1e5;
 }
 
-bool cover_floor(const struct stage_picture *p, struct cover cover, struct ui_point at, struct vec3 *floor)
+bool cover_floor(const struct take_view_image *p, struct cover cover, struct ui_point at, struct vec3 *floor)
 {
     struct pixel px = {(at.x - cover.x) / cover.scale - 0.5, (at.y - cover.y) / cover.scale - 0.5};
     struct vec3 ray = quat_rotate(p->world_from_camera.rotation, lens_ray(&p->lens, px));
@@ -39,7 +39,7 @@ bool cover_floor(const struct stage_picture *p, struct cover cover, struct ui_po
 // ---------------------------------------------------------------- a studio
 
 // Where the horizon lies, dp; the camera is never rolled.
-static double horizon(const struct stage_picture *p, struct cover cover)
+static double horizon(const struct take_view_image *p, struct cover cover)
 {
     struct vec3 ahead = quat_rotate(p->world_from_camera.rotation, v3(0, 0, 1));
     struct vec3 level = v3_unit(v3(ahead.x, ahead.y, 0));
@@ -47,12 +47,12 @@ static double horizon(const struct stage_picture *p, struct cover cover)
     return on_screen(p, cover, v3_add(p->world_from_camera.translation, v3_scale(level, 1000)), &at) ? at.y : cover.y;
 }
 
-static void draw_grid_line(const struct brush *b, const struct stage_picture *p, struct cover cover, struct vec3 from,
+static void draw_grid_line(const struct brush *b, const struct take_view_image *p, struct cover cover, struct vec3 from,
                            struct vec3 to)
 {
     enum { PIECES = 20 };
     const double reach_m = 4;
-    struct vec3 middle_of = p->standing;
+    struct vec3 middle_of = p->floor_point;
     struct ui_point before = {0, 0};
     bool had = false;
     for (int i = 0; i <= PIECES; i++) {
@@ -67,7 +67,7 @@ static void draw_grid_line(const struct brush *b, const struct stage_picture *p,
     }
 }
 
-static void draw_studio(const struct brush *b, const struct stage_picture *p, struct cover cover, struct ui_box box)
+static void draw_studio(const struct brush *b, const struct take_view_image *p, struct cover cover, struct ui_box box)
 {
     const struct theme *t = b->theme;
     double y = fmin(fmax(horizon(p, cover), box.y), box.y + box.h);
@@ -75,7 +75,7 @@ static void draw_studio(const struct brush *b, const struct stage_picture *p, st
     // Just under the horizon the floor is as the wall is; nearer it grows lighter.
     ui_fade(b->ui, (struct ui_box){box.x, y, box.w, box.y + box.h - y}, t->floor, t->sky);
     const double step = 0.5;
-    double x0 = floor(p->standing.x / step) * step, y0 = floor(p->standing.y / step) * step;
+    double x0 = floor(p->floor_point.x / step) * step, y0 = floor(p->floor_point.y / step) * step;
     for (int i = -8; i <= 8; i++) {
         draw_grid_line(b, p, cover, v3(x0 + i * step, y0 - 4, 0), v3(x0 + i * step, y0 + 4, 0));
         draw_grid_line(b, p, cover, v3(x0 - 4, y0 + i * step, 0), v3(x0 + 4, y0 + i * step, 0));
@@ -86,18 +86,18 @@ static void draw_studio(const struct brush *b, const struct stage_picture *p, st
 
 enum { ROUND_POINTS = 40 };
 
-static bool floor_circle(const struct stage_picture *p, struct cover cover, double radius_m, struct ui_point *out)
+static bool floor_circle(const struct take_view_image *p, struct cover cover, double radius_m, struct ui_point *out)
 {
     for (int i = 0; i < ROUND_POINTS; i++) {
         double a = 2 * PI * i / ROUND_POINTS;
-        struct vec3 at = v3_add(p->standing, v3(radius_m * cos(a), radius_m * sin(a), 0));
+        struct vec3 at = v3_add(p->floor_point, v3(radius_m * cos(a), radius_m * sin(a), 0));
         if (!on_screen(p, cover, at, &out[i]))
             return false;
     }
     return true;
 }
 
-static void draw_ring(const struct brush *b, const struct stage_picture *p, struct cover cover)
+static void draw_ring(const struct brush *b, const struct take_view_image *p, struct cover cover)
 {
     struct ui_point points[ROUND_POINTS];
     if (!floor_circle(p, cover, 0.55, points))
@@ -106,7 +106,7 @@ static void draw_ring(const struct brush *b, const struct stage_picture *p, stru
     ui_stroke(b->ui, points, ROUND_POINTS, true, 3, b->theme->accent);
 }
 
-static void draw_skeleton(const struct brush *b, const struct stage_picture *p, struct cover cover, double presence)
+static void draw_skeleton(const struct brush *b, const struct take_view_image *p, struct cover cover, double presence)
 {
     struct ui_point at[JOINT_COUNT];
     bool seen[JOINT_COUNT];
@@ -134,7 +134,7 @@ static void draw_skeleton(const struct brush *b, const struct stage_picture *p, 
 }
 
 // What his joints take up.
-static void extent_of(const struct stage_picture *p, struct vec3 *low, struct vec3 *high)
+static void extent_of(const struct take_view_image *p, struct vec3 *low, struct vec3 *high)
 {
     *low = v3(INFINITY, INFINITY, 0), *high = v3(-INFINITY, -INFINITY, 0);
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -147,7 +147,7 @@ static void extent_of(const struct stage_picture *p, struct vec3 *low, struct ve
 }
 
 // All of the box where one of them lies behind the camera.
-static struct ui_box box_around(const struct stage_picture *p, struct cover cover, struct ui_box box,
+static struct ui_box box_around(const struct take_view_image *p, struct cover cover, struct ui_box box,
                                 const struct vec3 *points, int count)
 {
     double left = INFINITY, top = INFINITY, right = -INFINITY, bottom = -INFINITY;
@@ -164,7 +164,7 @@ static struct ui_box box_around(const struct stage_picture *p, struct cover cove
 }
 
 // Of a block that stands around all joints, square, wider than they are and up to above them.
-static struct ui_box block_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+static struct ui_box block_box(const struct take_view_image *p, struct cover cover, struct ui_box box)
 {
     struct vec3 low, high, points[27];
     extent_of(p, &low, &high);
@@ -184,19 +184,19 @@ static struct ui_box common_box(struct ui_box a, struct ui_box b)
     return (struct ui_box){left, top, fmax(0, right - left), fmax(0, bottom - top)};
 }
 
-struct ui_box scene_actor_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+struct ui_box compositor_actor_box(const struct take_view_image *p, struct cover cover, struct ui_box box)
 {
     const struct ui_box block = block_box(p, cover, box);
     if (p->former)
         return block; // which is drawn otherwise
     const double w = cover.scale * p->lens.width, h = cover.scale * p->lens.height;
-    const struct ui_part *of = &p->actor_part;
+    const struct ui_uv_rect *of = &p->actor_part;
     const struct ui_box part = {cover.x + of->u0 * w - SOFT_DP, cover.y + of->v0 * h - SOFT_DP,
                                 (of->u1 - of->u0) * w + 2 * SOFT_DP, (of->v1 - of->v0) * h + 2 * SOFT_DP};
     return common_box(block, part);
 }
 
-struct ui_box scene_shadow_box(const struct stage_picture *p, struct cover cover, struct ui_box box)
+struct ui_box compositor_shadow_box(const struct take_view_image *p, struct cover cover, struct ui_box box)
 {
     struct vec3 low, high, points[ROUND_POINTS];
     extent_of(p, &low, &high);
@@ -210,41 +210,43 @@ struct ui_box scene_shadow_box(const struct stage_picture *p, struct cover cover
 }
 
 // Where all of the picture lies.
-static struct ui_box whole_of(const struct stage_picture *p, struct cover cover)
+static struct ui_box whole_of(const struct take_view_image *p, struct cover cover)
 {
     return (struct ui_box){cover.x, cover.y, cover.scale * p->lens.width, cover.scale * p->lens.height};
 }
 
 // What was drawn of him, one over the other.
-static void draw_actor(const struct brush *b, struct ui_box box, const struct stage_picture *p, const struct show *show)
+static void draw_actor(const struct brush *b, struct ui_box box, const struct take_view_image *p,
+                       const struct view_state *show)
 {
     const struct cover cover = cover_of(&p->lens, box);
     const struct ui_box all = whole_of(p, cover);
-    const struct ui_part upright = {0, 0, 1, 1}, over = {1, 0, 0, 1}, part = p->turned_over ? over : upright;
+    const struct ui_uv_rect upright = {0, 0, 1, 1}, over = {1, 0, 0, 1}, part = p->flip_x ? over : upright;
     const uint32_t tint = faint(0xffffffff, show->presence);
     if (p->shadow) {
-        ui_clip(b->ui, scene_shadow_box(p, cover, box));
-        ui_picture(b->ui, p->shadow, all, part, 0, tint);
+        ui_clip(b->ui, compositor_shadow_box(p, cover, box));
+        ui_image(b->ui, p->shadow, all, part, 0, tint);
         ui_unclip(b->ui);
     }
-    ui_clip(b->ui, scene_actor_box(p, cover, box));
+    ui_clip(b->ui, compositor_actor_box(p, cover, box));
     // The new one comes in over the old, which then goes: nowhere is he thinner meanwhile.
-    double fresh = p->former ? show->freshness : 1;
+    double fresh = p->former ? show->crossfade : 1;
     if (p->former)
-        ui_picture(b->ui, p->former, all, part, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
+        ui_image(b->ui, p->former, all, part, 0, faint(tint, fmin(1, 2 - 2 * fresh)));
     if (p->actor && fresh > 0)
-        ui_picture(b->ui, p->actor, all, part, 0, faint(tint, fmin(1, 2 * fresh)));
+        ui_image(b->ui, p->actor, all, part, 0, faint(tint, fmin(1, 2 * fresh)));
     if (p->sources)
-        ui_picture(b->ui, p->sources, all, part, 0, tint);
+        ui_image(b->ui, p->sources, all, part, 0, tint);
     ui_unclip(b->ui);
 }
 
-void scene_draw(const struct brush *b, struct ui_box box, const struct stage_picture *p, const struct show *show)
+void compositor_draw(const struct brush *b, struct ui_box box, const struct take_view_image *p,
+                     const struct view_state *show)
 {
     struct cover cover = cover_of(&p->lens, box);
     ui_clip(b->ui, box);
     if (p->camera)
-        ui_picture(b->ui, p->camera, whole_of(p, cover), (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+        ui_image(b->ui, p->camera, whole_of(p, cover), (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
     else
         draw_studio(b, p, cover, box);
     if (show->presence > 0 && p->has_skeleton) {

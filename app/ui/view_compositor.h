@@ -12,11 +12,12 @@ struct cover {
 struct cover cover_of(const struct lens *lens, struct ui_box box);
 
 // The point of the floor, z = 0, under a place of the screen. False: it looks past the floor or too far.
-bool cover_floor(const struct stage_picture *picture, struct cover cover, struct ui_point at, struct vec3 *floor);
+bool cover_floor(const struct take_view_image *image, struct cover cover, struct ui_point at, struct vec3 *floor);
 
 // Where on the screen the actor and where his shadow may be, at most; what lies beyond need not be drawn. No more than
 // `box`.
-struct ui_box scene_actor_box(const struct stage_picture *picture, struct cover cover, struct ui_box box);
-struct ui_box scene_shadow_box(const struct stage_picture *picture, struct cover cover, struct ui_box box);
+struct ui_box compositor_actor_box(const struct take_view_image *image, struct cover cover, struct ui_box box);
+struct ui_box compositor_shadow_box(const struct take_view_image *image, struct cover cover, struct ui_box box);
 
-void scene_draw(const struct brush *b, struct ui_box box, const struct stage_picture *picture, const struct show *show);
+void compositor_draw(const struct brush *b, struct ui_box box, const struct take_view_image *image,
+                     const struct view_state *show);

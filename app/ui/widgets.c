@@ -125,7 +125,7 @@ void panel(const struct brush *b, struct ui_box box, bool glass)
 {
     ui_shadow(b->ui, box, ROUND, 18, b->theme->shadow);
     ui_fill(b->ui, box, ROUND, glass ? b->theme->glass : b->theme->surface);
-    ui_outline(b->ui, box, ROUND, 1, b->theme->hairline);
+    ui_border(b->ui, box, ROUND, 1, b->theme->hairline);
 }
 
 static double line_height(const struct brush *b, enum face face) { return ui_text_height(b->ui, (int)face, "X", 0); }

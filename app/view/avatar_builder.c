@@ -8,69 +8,69 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SHARES = 100 }; // steps in which the share of the work is told
+enum { PROGRESS_STEPS = 100 }; // steps in which the share of the work is told
 
-struct preparation {
+struct avatar_builder {
     char *path, *take;
-    void (*news)(void *self);
-    void *news_self;
+    void (*notify)(void *self);
+    void *notify_self;
     pthread_t thread;
     bool runs;
-    atomic_int done; // of SHARES
-    atomic_bool unwanted, ended;
+    atomic_int done; // of PROGRESS_STEPS
+    atomic_bool cancelled, ended;
     // The threads' until they have ended.
     enum status status;
     char sentence[512];
-    struct likeness likeness;
-    struct room room;
+    struct avatar avatar;
+    struct occluder_mesh occluders;
 };
 
-static void tell(const struct preparation *p)
+static void notify_change(const struct avatar_builder *p)
 {
-    if (p->news)
-        p->news(p->news_self);
+    if (p->notify)
+        p->notify(p->notify_self);
 }
 
-static bool wanted(void *self, double share)
+static bool keep_going(void *self, double share)
 {
-    struct preparation *p = self;
+    struct avatar_builder *p = self;
     (void)share;
-    return !atomic_load(&p->unwanted);
+    return !atomic_load(&p->cancelled);
 }
 
-static bool went_on(void *self, double share)
+static bool report_progress(void *self, double share)
 {
-    struct preparation *p = self;
-    int done = (int)(share * SHARES);
+    struct avatar_builder *p = self;
+    int done = (int)(share * PROGRESS_STEPS);
     if (atomic_exchange(&p->done, done) != done)
-        tell(p);
-    return !atomic_load(&p->unwanted);
+        notify_change(p);
+    return !atomic_load(&p->cancelled);
 }
 
-static enum status open_take(const struct preparation *p, struct recording **recording, struct take **take)
+static enum status open_take(const struct avatar_builder *p, struct recording **recording, struct take **take)
 {
     enum status status = recording_open(recording, p->path);
     return status == OK ? take_open(take, *recording, p->take) : status;
 }
 
 // The room is quickly made, and not worth a sentence where it fails.
-static void make_room(struct preparation *p)
+static void build_occluders(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = wanted, .self = p};
+    const struct progress_watch watch = {.went_on = keep_going, .self = p};
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct place place = {0};
     if (open_take(p, &recording, &take) != OK || recording_read_place(recording, &place) != OK ||
-        room_make(&p->room, &place, take, &watch) != OK)
-        p->room = (struct room){0};
+        occluder_mesh_make(&p->occluders, &place, take, &watch) != OK)
+        p->occluders = (struct occluder_mesh){0};
     place_free(&place);
     take_close(&take);
     recording_free(&recording);
 }
 
-static enum status make_likeness(struct preparation *p)
+static enum status build_avatar(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = went_on, .self = p};
+    const struct progress_watch watch = {.went_on = report_progress, .self = p};
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;
@@ -80,80 +80,84 @@ static enum status make_likeness(struct preparation *p)
     if (status == OK)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK)
-        status = likeness_make(&p->likeness, take, rays, LIKENESS_FRAMES, &watch);
+        status = avatar_make(&p->avatar, take, rays, AVATAR_FRAMES, &watch);
     source_rays_close(&rays);
     take_close(&take);
     recording_free(&recording);
     return status;
 }
 
-enum { LIKENESS, ROOM, TASKS };
+enum { TASK_AVATAR, TASK_OCCLUDERS, TASK_COUNT };
 
 // Side by side, each with a handle on the recording of its own.
 static void do_task(void *self, int task)
 {
-    struct preparation *p = self;
-    if (task == ROOM) {
-        make_room(p);
+    struct avatar_builder *p = self;
+    if (task == TASK_OCCLUDERS) {
+        build_occluders(p);
         return;
     }
-    p->status = make_likeness(p);
+    p->status = build_avatar(p);
     if (p->status < 0)
-        strncpy(p->sentence, status_sentence(), sizeof p->sentence - 1);
+        strncpy(p->sentence, status_message(), sizeof p->sentence - 1);
 }
 
 static void *run(void *self)
 {
-    struct preparation *p = self;
-    parallel(TASKS, TASKS, do_task, p);
-    memory_give_back();
+    struct avatar_builder *p = self;
+    parallel_for(TASK_COUNT, TASK_COUNT, do_task, p);
+    trim_heap();
     atomic_store(&p->ended, true);
-    tell(p);
+    notify_change(p);
     return NULL;
 }
 
-enum status preparation_start(struct preparation **out, const struct preparation_options *options)
+enum status avatar_builder_start(struct avatar_builder **out, const struct avatar_builder_options *options)
 {
-    struct preparation *p = *out = calloc(1, sizeof *p);
+    struct avatar_builder *p = *out = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
-    p->news = options->news;
-    p->news_self = options->news_self;
+    p->notify = options->notify;
+    p->notify_self = options->notify_self;
     p->path = strdup(options->path);
     p->take = strdup(options->take);
     p->runs = p->path && p->take && pthread_create(&p->thread, NULL, run, p) == 0;
     if (p->runs)
         return OK;
-    preparation_close(out);
+    avatar_builder_close(out);
     return fail(ERR_MEMORY, "out of memory");
 }
 
-void preparation_close(struct preparation **out)
+void avatar_builder_close(struct avatar_builder **out)
 {
-    struct preparation *p = *out;
+    struct avatar_builder *p = *out;
     if (!p)
         return;
-    atomic_store(&p->unwanted, true);
+    atomic_store(&p->cancelled, true);
     if (p->runs)
         pthread_join(p->thread, NULL);
-    likeness_free(&p->likeness);
-    room_free(&p->room);
+    avatar_free(&p->avatar);
+    occluder_mesh_free(&p->occluders);
     free(p->path);
     free(p->take);
     free(p);
     *out = NULL;
 }
 
-double preparation_share(const struct preparation *p) { return (double)atomic_load(&p->done) / SHARES; }
+double avatar_builder_progress(const struct avatar_builder *p)
+{
+    return (double)atomic_load(&p->done) / PROGRESS_STEPS;
+}
 
-bool preparation_ended(struct preparation *p, struct likeness *likeness, struct room *room, enum status *status)
+bool avatar_builder_finished(struct avatar_builder *p, struct avatar *avatar, struct occluder_mesh *occluders,
+                             enum status *status)
 {
     if (!atomic_load(&p->ended))
         return false;
     *status = p->status < 0 ? fail(p->status, "%s", p->sentence) : p->status;
-    *likeness = p->likeness;
-    *room = p->room;
-    p->likeness = (struct likeness){0};
-    p->room = (struct room){0};
+    *avatar = p->avatar;
+    *occluders = p->occluders;
+    p->avatar = (struct avatar){0};
+    p->occluders = (struct occluder_mesh){0};
     return true;
 }

@@ -3,28 +3,30 @@
 #pragma once
 #include "reenact/frame/frame_layer.h"
 
-enum { AHEAD_MOST = 6 };              // frames that are ready at a time
-#define AHEAD_BYTES ((size_t)8 << 20) // as loaded_frame_bytes has it; beyond that none is begun
+enum { PREFETCH_MAX = 6 };               // frames that are ready at a time
+#define PREFETCH_BYTES ((size_t)8 << 20) // as frame_layer_bytes has it; beyond that none is begun
 
-struct ahead;
+struct frame_prefetch;
 
-struct ahead_options {
-    const char *path, *take;         // copied
-    const struct likeness *likeness; // must outlive it, and nobody may change it
+struct frame_prefetch_options {
+    const char *path, *take;     // copied
+    const struct avatar *avatar; // must outlive it, and nobody may change it
 };
-MUST_CHECK enum status ahead_start(struct ahead **out, const struct ahead_options *options); // ERR_MEMORY
+MUST_CHECK enum status prefetch_start(struct frame_prefetch **out,
+                                      const struct frame_prefetch_options *options); // ERR_MEMORY
 // Waits for the frame that is being loaded, a small part of a second. NULL is fine.
-void ahead_close(struct ahead **a);
+void prefetch_close(struct frame_prefetch **a);
 
-// Which frames will be shown, the first one first, at most AHEAD_MOST. What is ready and not among them is thrown away.
-void ahead_want(struct ahead *a, const int64_t *frames, int count);
+// Which frames will be shown, the first one first, at most PREFETCH_MAX. What is ready and not among them is thrown
+// away.
+void prefetch_request(struct frame_prefetch *a, const int64_t *frames, int count);
 
 // How long it takes to load one, as it was with the last; 0: none was loaded yet.
-int64_t ahead_takes_ns(struct ahead *a);
+int64_t prefetch_load_ns(struct frame_prefetch *a);
 
-bool ahead_has(struct ahead *a, int64_t frame); // it is ready
+bool prefetch_has(struct frame_prefetch *a, int64_t frame); // it is ready
 
-// True: the frame is the caller's (loaded_frame_free). Where it is just being loaded, waits for that. False: nobody
+// True: the frame is the caller's (frame_layer_free). Where it is just being loaded, waits for that. False: nobody
 // loads it, or it cannot be loaded.
-bool ahead_take(struct ahead *a, int64_t frame, struct loaded_frame *out);
-bool ahead_take_any(struct ahead *a, struct loaded_frame *out); // one that is ready
+bool prefetch_take(struct frame_prefetch *a, int64_t frame, struct frame_layer *out);
+bool prefetch_take_any(struct frame_prefetch *a, struct frame_layer *out); // one that is ready

@@ -8,12 +8,13 @@
 
 // Neighbouring points err together (cloth, shape): those of a patch of this width say no more than one, and a picture
 // no more than this many. Of somebody whom another hides but for an arm the arm says no more than it did before.
-#define PATCH_M      0.035
-#define PATCHES_MOST 150.0
+#define PATCH_M     0.035
+#define PATCHES_MAX 150.0
 // Of the silhouette, a sample of the model: a limb is not as round as its solid is, by this much. Tighter, a limb that
 // is beside its place in the picture would rather stay there than cross the gap.
-#define FREE_SIGMA_M  0.030
-#define BESIDE_RATE   0.4 // of that weight beside the person: the mask ends where readings do, a little short of the rim
+#define FREE_SIGMA_M 0.030
+#define OFF_PERSON_RATE                                                                                                \
+    0.4 // of that weight beside the person: the mask ends where readings do, a little short of the rim
 #define CROWN_RATE    4.0 // of that weight, a crown beside the person: hair and noise take a centimetre or two
 #define CROWN_SLACK_M 0.010
 #define FREE_REACH_M  0.25 // beyond this a sample's pull fades
@@ -28,7 +29,7 @@
 #define BEYOND_M 1e3 // off a tube that a place lies beyond the end of
 
 // How the build changes with each factor of the shape.
-struct shape_slope {
+struct shape_jacobian {
     struct vec3 a[SOLID_COUNT], b[SOLID_COUNT];
     double width_a[SOLID_COUNT], width_b[SOLID_COUNT], radius_a[SOLID_COUNT], radius_b[SOLID_COUNT];
 };
@@ -41,7 +42,7 @@ struct solid_line {
     bool flat; // has a width
 };
 
-static struct solid_line solid_line(const struct body_solid *s)
+static struct solid_line make_solid_line(const struct body_solid *s)
 {
     struct solid_line l = {.axis = v3_sub(s->b, s->a), .flat = s->width_a > 0 || s->width_b > 0};
     double length2 = v3_dot(l.axis, l.axis);
@@ -51,7 +52,7 @@ static struct solid_line solid_line(const struct body_solid *s)
     return l;
 }
 
-struct nearest {
+struct solid_hit {
     int solid;
     double distance, t, side_m;
     struct vec3 on;
@@ -59,7 +60,7 @@ struct nearest {
 
 // The distance alone; `view` is the unit vector to p.
 static void measure_solid(const struct body_solid *s, const struct solid_line *l, struct vec3 p, struct vec3 view,
-                          struct nearest *out)
+                          struct solid_hit *out)
 {
     struct vec3 from_a = v3_sub(p, s->a);
     double along = v3_dot(from_a, l->axis) * l->per_length2;
@@ -67,8 +68,8 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
     double away2 = v3_dot(off, off);
     if (l->flat) {
         double beside = v3_dot(off, s->side),
-               rest = fmax(0, fabs(beside) - s->width_a - (s->width_b - s->width_a) * along);
-        away2 = fmax(0, away2 - beside * beside + rest * rest);
+               overhang = fmax(0, fabs(beside) - s->width_a - (s->width_b - s->width_a) * along);
+        away2 = fmax(0, away2 - beside * beside + overhang * overhang);
     }
     along += l->lean * sqrt(away2);
     if (s->open && along > 1) {
@@ -96,7 +97,8 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
                                             : sqrt(flat2) - radius;
 }
 
-static struct vec3 surface_normal(const struct body_solid *s, const struct nearest *n, struct vec3 p, struct vec3 view)
+static struct vec3 surface_normal(const struct body_solid *s, const struct solid_hit *n, struct vec3 p,
+                                  struct vec3 view)
 {
     double radius = s->radius_a + (s->radius_b - s->radius_a) * n->t;
     struct vec3 out = v3_sub(p, n->on);
@@ -113,8 +115,8 @@ static struct vec3 surface_normal(const struct body_solid *s, const struct neare
 double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *normal, struct vec3 *on, double *t,
                       double *side_m)
 {
-    struct solid_line line = solid_line(s);
-    struct nearest n = {.solid = 0};
+    struct solid_line line = make_solid_line(s);
+    struct solid_hit n = {.solid = 0};
     measure_solid(s, &line, p, v3_unit(p), &n);
     *normal = surface_normal(s, &n, p, v3_unit(p));
     *on = n.on;
@@ -124,28 +126,28 @@ double solid_distance(const struct body_solid *s, struct vec3 p, struct vec3 *no
 }
 
 // How far each factor of the shape moves a place on solid i's surface along n.
-static void shape_row(const struct shape_slope slope[SHAPE_COUNT], const struct body_solid *solid, int i, double t,
+static void shape_row(const struct shape_jacobian slope[SHAPE_COUNT], const struct body_solid *solid, int i, double t,
                       double side_m, struct vec3 n, double row[SHAPE_COUNT])
 {
     double width = solid->width_a + (solid->width_b - solid->width_a) * t;
     double share = width > 1e-9 ? side_m / width : 0;
     for (int k = 0; k < SHAPE_COUNT; k++) {
-        const struct shape_slope *s = &slope[k];
+        const struct shape_jacobian *s = &slope[k];
         double radius = s->radius_a[i] + (s->radius_b[i] - s->radius_a[i]) * t,
                wide = s->width_a[i] + (s->width_b[i] - s->width_a[i]) * t;
         row[k] = v3_dot(n, v3_mix(s->a[i], s->b[i], t)) + radius + share * wide * v3_dot(n, solid->side);
     }
 }
 
-static void find_slopes(const struct body_shape *shape, const struct body_pose *pose, const struct body_build *build,
-                        struct shape_slope slope[SHAPE_COUNT])
+static void find_shape_jacobians(const struct body_shape *shape, const struct body_pose *pose,
+                                 const struct body_build *build, struct shape_jacobian slope[SHAPE_COUNT])
 {
     const double d = 1e-4;
     for (int k = 0; k < SHAPE_COUNT; k++) {
         struct body_shape other = *shape;
         struct body_build moved;
         other.log[k] += d;
-        body_build(&other, pose, &moved);
+        body_forward_kinematics(&other, pose, &moved);
         for (int i = 0; i < build->solids; i++) {
             const struct body_solid *m = &moved.solid[i], *o = &build->solid[i];
             slope[k].a[i] = v3_scale(v3_sub(m->a, o->a), 1 / d);
@@ -160,16 +162,16 @@ static void find_slopes(const struct body_shape *shape, const struct body_pose *
 
 // A sphere around each solid spares most of the distances. Array by array, so
 // that a compiler takes several at once.
-struct bounds {
+struct solid_bounds {
     float x[SOLID_COUNT], y[SOLID_COUNT], z[SOLID_COUNT], radius[SOLID_COUNT];
     struct solid_line line[SOLID_COUNT];
 };
 
-static void find_bounds(const struct body_build *build, struct bounds *bounds)
+static void find_bounds(const struct body_build *build, struct solid_bounds *bounds)
 {
     for (int i = 0; i < build->solids; i++) {
         const struct body_solid *s = &build->solid[i];
-        bounds->line[i] = solid_line(s);
+        bounds->line[i] = make_solid_line(s);
         struct vec3 centre = v3_mix(s->a, s->b, 0.5);
         bounds->x[i] = (float)centre.x, bounds->y[i] = (float)centre.y, bounds->z[i] = (float)centre.z;
         bounds->radius[i] = (float)(0.5 * bounds->line[i].length + fmax(s->width_a, s->width_b) +
@@ -178,19 +180,19 @@ static void find_bounds(const struct body_build *build, struct bounds *bounds)
 }
 
 static void try_solid(const struct body_build *build, const struct solid_line *line, int k, struct vec3 p,
-                      struct vec3 view, struct nearest *best)
+                      struct vec3 view, struct solid_hit *best)
 {
-    struct nearest n = {.solid = k};
+    struct solid_hit n = {.solid = k};
     measure_solid(&build->solid[k], &line[k], p, view, &n);
     if (fabs(n.distance) < fabs(best->distance))
         *best = n;
 }
 
 // `guess`: a solid to try first, -1 none.
-static struct nearest find_nearest(const struct body_build *build, const struct bounds *bounds, struct vec3 p,
-                                   struct vec3 view, int guess)
+static struct solid_hit find_nearest(const struct body_build *build, const struct solid_bounds *bounds, struct vec3 p,
+                                     struct vec3 view, int guess)
 {
-    struct nearest best = {.solid = 0, .distance = 1e9};
+    struct solid_hit best = {.solid = 0, .distance = 1e9};
     if (guess >= 0)
         try_solid(build, bounds->line, guess, p, view, &best);
     float away2[SOLID_COUNT], x = (float)p.x, y = (float)p.y, z = (float)p.z;
@@ -206,34 +208,34 @@ static struct nearest find_nearest(const struct body_build *build, const struct 
     return best;
 }
 
-static double point_share(const struct body_evidence *e)
+static double point_share(const struct depth_evidence *e)
 {
-    double patches = fmin(PATCHES_MOST, e->extent_m2 / (PATCH_M * PATCH_M));
+    double patches = fmin(PATCHES_MAX, e->extent_m2 / (PATCH_M * PATCH_M));
     return fmin(1, patches / fmax(e->count, 1));
 }
 
-// What the tails hide says nothing of the shape beneath: there a surface that is nearest to a point is not the one
+// What the skirt hides says nothing of the shape beneath: there a surface that is nearest to a point is not the one
 // seen.
-static bool is_under_tails(const struct body_build *build, const struct body_solid *s, struct vec3 p)
+static bool is_under_skirt(const struct body_build *build, const struct body_solid *s, struct vec3 p)
 {
-    if (build->solids <= SOLID_TAILS || s->segment < SEG_LEFT_THIGH)
+    if (build->solids <= SOLID_SKIRT || s->segment < SEG_LEFT_THIGH)
         return false;
-    const struct body_solid *tails = &build->solid[SOLID_TAILS + (s->segment >= SEG_RIGHT_THIGH)];
-    struct vec3 axis = v3_sub(tails->b, tails->a);
-    return v3_dot(v3_sub(p, tails->a), axis) < v3_dot(axis, axis);
+    const struct body_solid *skirt = &build->solid[SOLID_SKIRT + (s->segment >= SEG_RIGHT_THIGH)];
+    struct vec3 axis = v3_sub(skirt->b, skirt->a);
+    return v3_dot(v3_sub(p, skirt->a), axis) < v3_dot(axis, axis);
 }
 
 // Points against the nearest surface that the camera can see. With `system` NULL only judges.
-static double add_points(const struct fit_task *task, const struct body_build *build, const struct shape_slope *slope,
-                         struct fit_result *out, struct fit_system *system)
+static double add_points(const struct fit_task *task, const struct body_build *build,
+                         const struct shape_jacobian *slope, struct fit_result *out, struct normal_equations *system)
 {
-    const struct body_evidence *e = task->evidence;
-    struct bounds bounds;
+    const struct depth_evidence *e = task->evidence;
+    struct solid_bounds bounds;
     find_bounds(build, &bounds);
-    double c2 = task->reach_m * task->reach_m, share = point_share(e) * task->every, energy = 0;
-    for (int i = 0; i < e->count; i += task->every) {
+    double c2 = task->kernel_m * task->kernel_m, share = point_share(e) * task->point_stride, energy = 0;
+    for (int i = 0; i < e->count; i += task->point_stride) {
         struct vec3 p = e->point[i].p, view = v3_unit(p);
-        struct nearest best = find_nearest(build, &bounds, p, view, out->solid[i]);
+        struct solid_hit best = find_nearest(build, &bounds, p, view, out->solid[i]);
         out->residual[i] = (float)best.distance;
         out->solid[i] = (int8_t)best.solid;
         double e2 = best.distance * best.distance, fade = c2 / (c2 + e2), weight = e->point[i].weight * share;
@@ -245,32 +247,34 @@ static double add_points(const struct fit_task *task, const struct body_build *b
         const struct body_solid *s = &build->solid[best.solid];
         double radius = s->radius_a + (s->radius_b - s->radius_a) * best.t, row[SHAPE_COUNT];
         struct vec3 normal = surface_normal(s, &best, p, view);
-        bool teaches = slope && !is_under_tails(build, s, p);
-        if (teaches)
+        bool has_shape_row = slope && !is_under_skirt(build, s, p);
+        if (has_shape_row)
             shape_row(slope, s, best.solid, best.t, best.side_m, normal, row);
         struct vec3 at = v3_add(best.on, v3_scale(normal, radius));
         double pull = weight * fade * fade,
-               swing = s->open ? BODY_TAILS_SWING * best.t : 0; // a hem moves with the thighs
+               swing = s->open ? BODY_SKIRT_SWING * best.t : 0; // a hem moves with the thighs
         if (swing > 0)
-            fit_system_pull(system, build, best.solid == SOLID_TAILS ? SEG_LEFT_THIGH : SEG_RIGHT_THIGH, at, normal,
-                            best.distance, swing * pull, NULL);
-        fit_system_pull(system, build, s->segment, at, normal, best.distance, (1 - swing) * pull, teaches ? row : NULL);
+            normal_equations_add(system, build, best.solid == SOLID_SKIRT ? SEG_LEFT_THIGH : SEG_RIGHT_THIGH, at,
+                                 normal, best.distance, swing * pull, NULL);
+        normal_equations_add(system, build, s->segment, at, normal, best.distance, (1 - swing) * pull,
+                             has_shape_row ? row : NULL);
     }
     return energy;
 }
 
-#define ASIDE_RATE 0.75 // of the radius, so far to the side samples lie
-#define ASIDE_DEEP 0.66 // and so far before the middle the round front is there: sqrt(1 - 0.75^2)
+#define LATERAL_RATE  0.75 // of the radius, so far to the side samples lie
+#define LATERAL_DEPTH 0.66 // and so far before the middle the round front is there: sqrt(1 - 0.75^2)
 
 // A sample of the model: c, whose surface is `radius` before it.
 struct free_sample {
     enum segment segment;
     struct vec3 c;
     double radius, rate;
-    const struct shape_slope *slope; // how solid number `solid` moves with the shape; NULL: it teaches nothing of that
+    const struct shape_jacobian
+        *slope; // how solid number `solid` moves with the shape; NULL: it teaches nothing of that
     int solid;
-    double t, deep;    // along it, and of its radius before its middle
-    struct vec3 aside; // from its middle to there, 0 or of length 1
+    double t, deep;      // along it, and of its radius before its middle
+    struct vec3 lateral; // from its middle to there, 0 or of length 1
 };
 
 // How far each factor of the shape moves a place along x, y and z.
@@ -279,11 +283,11 @@ typedef double shape_rows[3][SHAPE_COUNT];
 static void find_rows(const struct free_sample *at, shape_rows out)
 {
     for (int k = 0; k < SHAPE_COUNT; k++) {
-        const struct shape_slope *s = &at->slope[k];
+        const struct shape_jacobian *s = &at->slope[k];
         const int i = at->solid;
         double radius = s->radius_a[i] + (s->radius_b[i] - s->radius_a[i]) * at->t,
                width = s->width_a[i] + (s->width_b[i] - s->width_a[i]) * at->t;
-        struct vec3 by = v3_add(v3_mix(s->a[i], s->b[i], at->t), v3_scale(at->aside, width + ASIDE_RATE * radius));
+        struct vec3 by = v3_add(v3_mix(s->a[i], s->b[i], at->t), v3_scale(at->lateral, width + LATERAL_RATE * radius));
         out[0][k] = by.x;
         out[1][k] = by.y;
         out[2][k] = by.z - at->deep * radius;
@@ -292,12 +296,12 @@ static void find_rows(const struct free_sample *at, shape_rows out)
 
 // It must not stand beside the person, nor in front of what was measured.
 static double add_free_sample(const struct fit_task *task, const struct body_build *build,
-                              const struct free_sample *sample, struct fit_system *system)
+                              const struct free_sample *sample, struct normal_equations *system)
 {
     const struct vec3 c = sample->c;
     const double radius = sample->radius;
     double rate = sample->rate;
-    const struct body_evidence *e = task->evidence;
+    const struct depth_evidence *e = task->evidence;
     if (c.z < 0.2)
         return 0;
     struct vec3 at = c;
@@ -311,12 +315,12 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     double measured, dx, dy, front = c.z - radius;
     enum evidence_kind kind = evidence_at(e, px, c.z, &measured, &dx, &dy);
     double off[3] = {0, 0, 0};
-    if (kind == EVIDENCE_BESIDE) {
-        rate *= BESIDE_RATE;
+    if (kind == EVIDENCE_OFF_PERSON) {
+        rate *= OFF_PERSON_RATE;
         double slack = 0.5 * e->step;
-        double length = hypot(dx, dy), rest = length > slack ? (length - slack) / length : 0;
-        off[0] = dx * rest * c.z / e->lens.fx;
-        off[1] = dy * rest * c.z / e->lens.fy;
+        double length = hypot(dx, dy), overhang = length > slack ? (length - slack) / length : 0;
+        off[0] = dx * overhang * c.z / e->lens.fx;
+        off[1] = dy * overhang * c.z / e->lens.fy;
     } else if (kind == EVIDENCE_PERSON && measured > 0) {
         double excess = measured - front - 0.04 - 2 * depth_sigma_m(measured);
         off[2] = excess > 0 ? excess : 0;
@@ -332,14 +336,14 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
         find_rows(sample, grows); // few samples come so far
     for (int k = 0; k < 3; k++)
         if (off[k] != 0)
-            fit_system_pull(system, build, sample->segment, c, v3(k == 0, k == 1, k == 2), off[k], weight * fade * fade,
-                            sample->slope ? grows[k] : NULL);
+            normal_equations_add(system, build, sample->segment, c, v3(k == 0, k == 1, k == 2), off[k],
+                                 weight * fade * fade, sample->slope ? grows[k] : NULL);
     return 0.5 * weight * e2 * fade;
 }
 
 // Where a body ends at the top: without it a trunk slides up and down in its picture.
 static double add_crown(const struct fit_task *task, const struct body_build *build, const struct body_solid *skull,
-                        struct fit_system *system)
+                        struct normal_equations *system)
 {
     struct vec3 up = v3_unit(v3_sub(skull->b, skull->a));
     struct vec3 c = v3_add(skull->b, v3_scale(up, skull->radius_b - CROWN_SLACK_M));
@@ -349,7 +353,7 @@ static double add_crown(const struct fit_task *task, const struct body_build *bu
 
 // slope: it teaches the shape, or NULL.
 static double add_free_solid(const struct fit_task *task, const struct body_build *build, int i,
-                             const struct shape_slope *slope, struct fit_system *system)
+                             const struct shape_jacobian *slope, struct normal_equations *system)
 {
     const struct body_solid *s = &build->solid[i];
     struct vec3 axis = v3_sub(s->b, s->a), across = v3_unit(v3_cross(axis, s->a));
@@ -361,7 +365,7 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
                width = s->width_a + (s->width_b - s->width_a) * t;
         struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
         for (int side = -1; side <= 1; side++) {
-            double beside = side * (width + ASIDE_RATE * radius), deep = side ? ASIDE_DEEP : 1;
+            double beside = side * (width + LATERAL_RATE * radius), deep = side ? LATERAL_DEPTH : 1;
             const struct free_sample sample = {.segment = s->segment,
                                                .c = v3_add(middle, v3_scale(across, beside)),
                                                .radius = deep * radius,
@@ -370,7 +374,7 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
                                                .solid = i,
                                                .t = t,
                                                .deep = deep,
-                                               .aside = v3_scale(across, side)};
+                                               .lateral = v3_scale(across, side)};
             energy += add_free_sample(task, build, &sample, system);
         }
     }
@@ -380,7 +384,8 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
 }
 
 static double add_free_space(const struct fit_task *task, const struct body_build *build,
-                             const struct shape_slope *slope, struct fit_result *out, struct fit_system *system)
+                             const struct shape_jacobian *slope, struct fit_result *out,
+                             struct normal_equations *system)
 {
     double energy = 0;
     memset(out->limb_energy, 0, sizeof out->limb_energy);
@@ -397,15 +402,16 @@ static void move_pose(struct body_pose *pose, const double *x)
     double far = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]), limit = far > 0.2 ? 0.2 / far : 1;
     pose->root = v3_add(pose->root, v3_scale(v3(x[0], x[1], x[2]), limit));
     for (int s = 0; s < SEG_COUNT; s++) {
-        struct vec3 turn = v3(x[3 + 3 * s], x[4 + 3 * s], x[5 + 3 * s]);
-        double angle = v3_length(turn);
+        struct vec3 rotation = v3(x[3 + 3 * s], x[4 + 3 * s], x[5 + 3 * s]);
+        double angle = v3_length(rotation);
         if (angle > 0.5)
-            turn = v3_scale(turn, 0.5 / angle);
-        pose->turn[s] = quat_unit(quat_multiply(quat_from_rotation_vector(turn), pose->turn[s]));
+            rotation = v3_scale(rotation, 0.5 / angle);
+        pose->rotation[s] = quat_unit(quat_multiply(quat_from_rotation_vector(rotation), pose->rotation[s]));
     }
 }
 
-static double add_shape_belief(const struct fit_task *task, const struct body_shape *shape, struct fit_system *system)
+static double add_shape_prior(const struct fit_task *task, const struct body_shape *shape,
+                              struct normal_equations *system)
 {
     double energy = 0;
     for (int a = 0; a < SHAPE_COUNT; a++)
@@ -421,34 +427,35 @@ static double add_shape_belief(const struct fit_task *task, const struct body_sh
     return energy;
 }
 
-static void judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
-                  struct fit_result *out)
+static void evaluate(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
+                     struct fit_result *out)
 {
     out->pose = *pose;
     out->shape = *shape;
-    body_build(shape, pose, &out->build);
+    body_forward_kinematics(shape, pose, &out->build);
     out->energy = add_points(task, &out->build, NULL, out, NULL) + add_free_space(task, &out->build, NULL, out, NULL) +
-                  body_floor(task, &out->build, NULL) + body_collisions(&out->build, out->limb_energy, NULL) +
-                  body_prior_limits(shape, pose, NULL, NULL);
+                  body_floor_energy(task, &out->build, NULL) +
+                  body_collision_energy(&out->build, out->limb_energy, NULL) +
+                  body_prior_joint_limits(shape, pose, NULL, NULL);
 }
 
-void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
-                struct fit_result *out)
+void body_evaluate(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
+                   struct fit_result *out)
 {
     memset(out->solid, -1, sizeof out->solid);
-    judge(task, pose, shape, out);
+    evaluate(task, pose, shape, out);
 }
 
-double body_judge_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
-                       const struct limb_point *point, int point_count)
+double body_evaluate_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
+                          const struct limb_point *point, int point_count)
 {
-    double c2 = task->reach_m * task->reach_m, energy = 0;
+    double c2 = task->kernel_m * task->kernel_m, energy = 0;
     struct solid_line line[SOLID_COUNT];
     for (int k = first; k < first + count; k++)
-        line[k] = solid_line(&build->solid[k]);
+        line[k] = make_solid_line(&build->solid[k]);
     for (int i = 0; i < point_count; i++) {
         const struct evidence_point *p = &task->evidence->point[point[i].index];
-        struct nearest best = {.distance = point[i].other_m};
+        struct solid_hit best = {.distance = point[i].other_distance_m};
         for (int k = first; k < first + count; k++)
             try_solid(build, line, k, p->p, v3_unit(p->p), &best);
         double e2 = best.distance * best.distance;
@@ -464,25 +471,25 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
 {
     struct body_pose pose = *start;
     struct body_shape shape = task->shape.mean;
-    struct fit_system system;
+    struct normal_equations system;
     memset(out->solid, -1, sizeof out->solid);
-    struct shape_slope slope[SHAPE_COUNT];
-    for (int turn = 0; turn < task->iterations; turn++) {
-        fit_system_start(&system, task->learn_shape);
-        body_build(&shape, &pose, &out->build);
+    struct shape_jacobian slope[SHAPE_COUNT];
+    for (int iteration = 0; iteration < task->iterations; iteration++) {
+        normal_equations_reset(&system, task->learn_shape);
+        body_forward_kinematics(&shape, &pose, &out->build);
         if (task->learn_shape) {
-            find_slopes(&shape, &pose, &out->build, slope);
-            add_shape_belief(task, &shape, &system);
+            find_shape_jacobians(&shape, &pose, &out->build, slope);
+            add_shape_prior(task, &shape, &system);
         }
         add_points(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
         add_free_space(task, &out->build, task->learn_shape ? slope : NULL, out, &system);
-        body_floor(task, &out->build, &system);
-        body_collisions(&out->build, out->limb_energy, &system);
-        fit_system_gather(&system, &out->build);
-        body_prior_limits(&shape, &pose, &system.h[0][0], system.g);
-        body_prior_expected(&pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
+        body_floor_energy(task, &out->build, &system);
+        body_collision_energy(&out->build, out->limb_energy, &system);
+        normal_equations_assemble(&system, &out->build);
+        body_prior_joint_limits(&shape, &pose, &system.h[0][0], system.g);
+        body_prior_motion(&pose, &task->expected, task->expected_sigma, &system.h[0][0], system.g);
         double x[FIT_COUNT] = {0};
-        if (!fit_system_solve(&system, 0.01, x))
+        if (!normal_equations_solve(&system, 0.01, x))
             break;
         move_pose(&pose, x);
         for (int k = 0; task->learn_shape && k < SHAPE_COUNT; k++)
@@ -491,7 +498,7 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
                                                           : x[FIT_POSE_COUNT + k];
     }
     if (task->learn_shape && task->iterations > 0) {
-        fit_system_shape(&system, out->shape_information);
+        normal_equations_shape_information(&system, out->shape_information);
         for (int a = 0; a < SHAPE_COUNT; a++)
             for (int b = 0; b < SHAPE_COUNT; b++) // this picture's alone
                 out->shape_information[a][b] -= task->shape.information[a][b] / task->learn_rate;
@@ -499,18 +506,18 @@ void body_fit(const struct fit_task *task, const struct body_pose *start, struct
     out->pose = pose;
     out->shape = shape;
     if (!task->rough)
-        judge(task, &pose, &shape, out);
+        evaluate(task, &pose, &shape, out);
 }
 
-struct shape_belief shape_belief_start(void)
+struct shape_prior shape_prior_default(void)
 {
     // Standard deviations of an adult population around the proportions (5 to 8 %)
     // and of its height (8 %).
     static const double sigma[SHAPE_COUNT] = {0.12, 0.05, 0.07, 0.07, 0.07, 0.05, 0.04,
                                               0.04, 0.06, 0.08, 0.08, 0.08, 0.07, 0.08};
-    struct shape_belief belief;
-    memset(&belief, 0, sizeof belief);
+    struct shape_prior prior;
+    memset(&prior, 0, sizeof prior);
     for (int k = 0; k < SHAPE_COUNT; k++)
-        belief.information[k][k] = 1 / (sigma[k] * sigma[k]);
-    return belief;
+        prior.information[k][k] = 1 / (sigma[k] * sigma[k]);
+    return prior;
 }

@@ -14,26 +14,26 @@ enum {
 };
 
 // What is known of the shape so far: an expectation and how sure it is.
-struct shape_belief {
+struct shape_prior {
     struct body_shape mean;
     double information[SHAPE_COUNT][SHAPE_COUNT]; // inverse covariance
 };
-struct shape_belief shape_belief_start(void); // an average adult, give or take
+struct shape_prior shape_prior_default(void); // an average adult, give or take
 
 struct fit_task {
-    const struct body_evidence *evidence;
+    const struct depth_evidence *evidence;
     bool have_floor;
     struct vec3 up;
     double floor_m;            // the camera's height over the floor
     struct body_pose expected; // by the motion so far
     double expected_sigma;     // 1: as a body moves between two frames; large: nothing is expected
     int iterations;
-    int every;      // of the points, one in so many is looked at; 1: all
-    double reach_m; // how far a point pulls a surface towards it
-    bool rough;     // of the result, only pose and shape are wanted
+    int point_stride; // of the points, one in so many is looked at; 1: all
+    double kernel_m;  // how far a point pulls a surface towards it
+    bool rough;       // of the result, only pose and shape are wanted
     bool learn_shape;
-    double learn_rate;         // > 0: how much this picture counts beside the belief; 1 = as its points do
-    struct shape_belief shape; // in; with learn_shape its mean is the fit's start
+    double learn_rate;        // > 0: how much this picture counts beside the belief; 1 = as its points do
+    struct shape_prior shape; // in; with learn_shape its mean is the fit's start
 };
 
 struct fit_result {
@@ -51,18 +51,18 @@ struct fit_result {
 void body_fit(const struct fit_task *task, const struct body_pose *start, struct fit_result *out);
 
 // The same without moving anything: energy and residuals of a pose.
-void body_judge(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
-                struct fit_result *out);
+void body_evaluate(const struct fit_task *task, const struct body_pose *pose, const struct body_shape *shape,
+                   struct fit_result *out);
 
 // A point of the evidence and how far off the nearest solid is that is not of the limb in question.
 struct limb_point {
     int index;
-    double other_m;
+    double other_distance_m;
 };
 
 // What these points and the silhouette have against a limb's solids where `build` has them, nothing else moved.
-double body_judge_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
-                       const struct limb_point *point, int point_count);
+double body_evaluate_limb(const struct fit_task *task, const struct body_build *build, int first, int count,
+                          const struct limb_point *point, int point_count);
 
 // Signed distance of `p` from a solid's surface as a camera at the origin sees
 // it: where p is behind the middle, the surface in front counts. *normal points

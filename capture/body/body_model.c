@@ -29,7 +29,7 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
 };
 
 // Thighs that cloth hides are drawn ahead by it, and held back half as far: else legs cross in a turn.
-#define HIPS_AHEAD_IN_TAILS 0.010
+#define HIPS_FORWARD_IN_SKIRT 0.010
 #define HEM_SLACK_M                                                                                                    \
     0.06 // lower than it narrows most: it is not level, and a cone's surface ends before its axis does. What
          // hangs over the end would be taken for legs, and draw knees ahead, inwards and thick
@@ -70,7 +70,7 @@ struct solid_rule {
             SHAPE_LEG_GIRTH                                                                                            \
     }
 
-static const struct solid_rule solid_rule[SOLID_TAILS] = {
+static const struct solid_rule solid_rule[SOLID_SKIRT] = {
     {SEG_PELVIS,
      {0, -0.050, 0.022},
      {0, 0.012, 0.028},
@@ -109,7 +109,7 @@ static const struct solid_rule solid_rule[SOLID_TAILS] = {
     LEG(RIGHT),
 };
 
-#define TRUNK_AHEAD 0.03 // its middle, of body height, before the joints of the spine
+#define TRUNK_FORWARD 0.03 // its middle, of body height, before the joints of the spine
 
 // Of body height, from where the head turns, at the seventh vertebra: the head between the ears, the neck where it
 // meets the shoulders.
@@ -133,7 +133,7 @@ enum segment body_mirror(enum segment s)
     return s;
 }
 
-static struct vec3 turned(double m[3][3], struct vec3 v)
+static struct vec3 rotate(double m[3][3], struct vec3 v)
 {
     return v3(m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
               m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z);
@@ -141,19 +141,19 @@ static struct vec3 turned(double m[3][3], struct vec3 v)
 
 // From the waist down, as wide as the hips there, and below them the further down the more where each thigh takes its
 // half of it. It hangs from the whole trunk, right below the waist joint, not from the hip joints ahead of that.
-static void add_tails(const struct body_shape *shape, double hip_girth, struct body_build *out)
+static void add_skirt(const struct body_shape *shape, double hip_girth, struct body_build *out)
 {
     const struct body_solid *hips = &out->solid[0];
-    struct vec3 down = v3(0, -1, 0), waist = out->origin[SEG_PELVIS], hanging = turned(out->axes[SEG_PELVIS], down),
-                ahead = turned(out->axes[SEG_PELVIS], v3(0, 0, 1)), middle = out->origin[SEG_LEFT_THIGH];
+    struct vec3 down = v3(0, -1, 0), waist = out->origin[SEG_PELVIS], hanging = rotate(out->axes[SEG_PELVIS], down),
+                ahead = rotate(out->axes[SEG_PELVIS], v3(0, 0, 1)), middle = out->origin[SEG_LEFT_THIGH];
     middle = v3_mix(middle, out->origin[SEG_RIGHT_THIGH], 0.5);
     middle = v3_sub(middle, v3_scale(ahead, v3_dot(ahead, v3_sub(middle, waist))));
     for (int side = 0; side < 2; side++) {
-        struct body_solid *s = &out->solid[SOLID_TAILS + side];
+        struct body_solid *s = &out->solid[SOLID_SKIRT + side];
         struct vec3 beside = v3_scale(hips->side, side ? -1 : 1),
-                    thigh = turned(out->axes[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH], down),
-                    along = v3_unit(v3_mix(hanging, thigh, BODY_TAILS_SWING)),
-                    top = v3_add(waist, turned(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth))),
+                    thigh = rotate(out->axes[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH], down),
+                    along = v3_unit(v3_mix(hanging, thigh, BODY_SKIRT_SWING)),
+                    top = v3_add(waist, rotate(out->axes[SEG_PELVIS], v3(0, 0, 0.024 * hip_girth))),
                     low = v3_add(middle, v3_scale(along, shape->hem_m + HEM_SLACK_M - v3_distance(waist, middle)));
         s->segment = SEG_PELVIS;
         s->a = v3_add(top, v3_scale(beside, hips->width_b));
@@ -174,7 +174,7 @@ static void place_segments(const struct body_shape *shape, const struct body_pos
     for (int s = 0; s < SEG_COUNT; s++) {
         const struct segment_rule *rule = &segment_rule[s];
         double own[3][3];
-        quat_to_matrix(pose->turn[s], own);
+        quat_to_matrix(pose->rotation[s], own);
         if (rule->parent < 0) {
             out->origin[s] = pose->root;
             for (int r = 0; r < 3; r++)
@@ -184,11 +184,11 @@ static void place_segments(const struct body_shape *shape, const struct body_pos
                 }
             continue;
         }
-        bool in_tails = shape->hem_m > 0 && (s == SEG_LEFT_THIGH || s == SEG_RIGHT_THIGH);
-        double ahead = in_tails ? HIPS_AHEAD_IN_TAILS : rule->at.z;
+        bool in_skirt = shape->hem_m > 0 && (s == SEG_LEFT_THIGH || s == SEG_RIGHT_THIGH);
+        double ahead = in_skirt ? HIPS_FORWARD_IN_SKIRT : rule->at.z;
         struct vec3 at =
             v3(rule->at.x * factor[rule->wide], rule->at.y * factor[rule->tall], ahead * factor[rule->tall]);
-        out->origin[s] = v3_add(out->origin[rule->parent], turned(out->axes[rule->parent], at));
+        out->origin[s] = v3_add(out->origin[rule->parent], rotate(out->axes[rule->parent], at));
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++) {
                 const double(*p)[3] = (const double(*)[3])out->axes[rule->parent];
@@ -200,23 +200,23 @@ static void place_segments(const struct body_shape *shape, const struct body_pos
 
 static void place_solids(const double factor[SHAPE_COUNT], struct body_build *out)
 {
-    for (int i = 0; i < SOLID_TAILS; i++) {
+    for (int i = 0; i < SOLID_SKIRT; i++) {
         const struct solid_rule *rule = &solid_rule[i];
         double wide = factor[rule->wide], tall = factor[rule->tall], girth = factor[rule->girth];
         struct vec3 a = v3(rule->a.x * wide, rule->a.y * tall, rule->a.z * girth),
                     b = v3(rule->b.x * wide, rule->b.y * tall, rule->b.z * girth);
         struct body_solid *solid = &out->solid[i];
         solid->segment = rule->segment;
-        solid->a = v3_add(out->origin[rule->segment], turned(out->axes[rule->segment], a));
-        solid->b = v3_add(out->origin[rule->segment], turned(out->axes[rule->segment], b));
-        solid->side = turned(out->axes[rule->segment], v3(1, 0, 0));
+        solid->a = v3_add(out->origin[rule->segment], rotate(out->axes[rule->segment], a));
+        solid->b = v3_add(out->origin[rule->segment], rotate(out->axes[rule->segment], b));
+        solid->side = rotate(out->axes[rule->segment], v3(1, 0, 0));
         solid->width_a = rule->width_a * girth;
         solid->width_b = rule->width_b * girth;
         solid->radius_a = rule->radius_a * girth;
         solid->radius_b = rule->radius_b * girth;
         solid->open = false;
     }
-    out->solids = SOLID_TAILS;
+    out->solids = SOLID_SKIRT;
 }
 
 static void place_joints(const double factor[SHAPE_COUNT], struct body_build *out)
@@ -254,10 +254,10 @@ static void place_joints(const double factor[SHAPE_COUNT], struct body_build *ou
     for (size_t i = 0; i < COUNT_OF(within); i++)
         out->joint[within[i].joint] =
             v3_add(out->origin[within[i].segment],
-                   turned(out->axes[within[i].segment], v3_scale(within[i].at, within[i].size)));
+                   rotate(out->axes[within[i].segment], v3_scale(within[i].at, within[i].size)));
 }
 
-void body_build(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out)
+void body_forward_kinematics(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out)
 {
     double factor[SHAPE_COUNT];
     for (int i = 0; i < SHAPE_COUNT; i++)
@@ -265,11 +265,11 @@ void body_build(const struct body_shape *shape, const struct body_pose *pose, st
     place_segments(shape, pose, factor, out);
     place_solids(factor, out);
     if (shape->hem_m > 0)
-        add_tails(shape, factor[SHAPE_HIP_GIRTH], out);
+        add_skirt(shape, factor[SHAPE_HIP_GIRTH], out);
     place_joints(factor, out);
 }
 
-struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)
+struct body_pose body_standing_pose(struct vec3 root, struct vec3 up, double yaw)
 {
     // Facing the camera: left is +x of the picture, ahead is towards it.
     struct vec3 ahead = v3_unit(v3_sub(v3(0, 0, -1), v3_scale(up, v3_dot(up, v3(0, 0, -1)))));
@@ -277,21 +277,21 @@ struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw)
     double m[3][3] = {{left.x, up.x, ahead.x}, {left.y, up.y, ahead.y}, {left.z, up.z, ahead.z}};
     struct body_pose pose = {.root = root};
     for (int s = 0; s < SEG_COUNT; s++)
-        pose.turn[s] = (struct quat){0, 0, 0, 1};
-    pose.turn[SEG_PELVIS] = quat_multiply(quat_from_rotation_vector(v3_scale(up, yaw)), quat_from_matrix(m));
+        pose.rotation[s] = (struct quat){0, 0, 0, 1};
+    pose.rotation[SEG_PELVIS] = quat_multiply(quat_from_rotation_vector(v3_scale(up, yaw)), quat_from_matrix(m));
     return pose;
 }
 
-struct body_pose body_turned_round(const struct body_shape *shape, const struct body_pose *pose)
+struct body_pose body_pose_flip_facing(const struct body_shape *shape, const struct body_pose *pose)
 {
     static const struct quat half_turn = {0, 1, 0, 0}; // about every segment's own y
     // The root lies in the spine, behind the trunk's middle.
-    double ahead_m = TRUNK_AHEAD * exp(shape->log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
-    struct vec3 ahead = quat_rotate(pose->turn[SEG_PELVIS], v3(0, 0, 2 * ahead_m));
+    double ahead_m = TRUNK_FORWARD * exp(shape->log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    struct vec3 ahead = quat_rotate(pose->rotation[SEG_PELVIS], v3(0, 0, 2 * ahead_m));
     struct body_pose out = {.root = v3_add(pose->root, ahead)};
-    out.turn[SEG_PELVIS] = quat_multiply(pose->turn[SEG_PELVIS], half_turn);
+    out.rotation[SEG_PELVIS] = quat_multiply(pose->rotation[SEG_PELVIS], half_turn);
     for (int s = 1; s < SEG_COUNT; s++)
-        out.turn[s] = quat_multiply(quat_conjugate(half_turn),
-                                    quat_multiply(pose->turn[body_mirror((enum segment)s)], half_turn));
+        out.rotation[s] = quat_multiply(quat_conjugate(half_turn),
+                                        quat_multiply(pose->rotation[body_mirror((enum segment)s)], half_turn));
     return out;
 }

@@ -64,11 +64,11 @@ struct body_shape {
 };
 
 #define BODY_AVERAGE_HEIGHT_M 1.72
-#define BODY_TAILS_SWING      0.67 // of a thigh's turn, so much its half of the hem goes along with
+#define BODY_SKIRT_SWING      0.67 // of a thigh's turn, so much its half of the hem goes along with
 
 struct body_pose {
-    struct vec3 root;            // the waist joint
-    struct quat turn[SEG_COUNT]; // parent_from_segment; the pelvis's is camera_from_segment
+    struct vec3 root;                // the waist joint
+    struct quat rotation[SEG_COUNT]; // parent_from_segment; the pelvis's is camera_from_segment
 };
 
 // All points at most `radius` from a flat trapezium: its axis runs from a to b,
@@ -83,7 +83,7 @@ struct body_solid {
 
 enum {
     SOLID_SKULL = 4,
-    SOLID_TAILS = 19,
+    SOLID_SKIRT = 19,
     SOLID_COUNT = 21
 }; // the tails hang about each leg, left and right, and hide them
 
@@ -98,15 +98,15 @@ struct body_build {
 
 int body_parent(enum segment s); // -1 for the pelvis
 
-void body_build(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out);
+void body_forward_kinematics(const struct body_shape *shape, const struct body_pose *pose, struct body_build *out);
 
 // Standing upright at `root`, turned by `yaw` about `up`: 0 faces the camera,
 // positive turns the person to their own left.
-struct body_pose body_rest_pose(struct vec3 root, struct vec3 up, double yaw);
+struct body_pose body_standing_pose(struct vec3 root, struct vec3 up, double yaw);
 
 // The body whose trunk is where this one's is, and that looks the other way: each limb
 // becomes its twin of the other side.
-struct body_pose body_turned_round(const struct body_shape *shape, const struct body_pose *pose);
+struct body_pose body_pose_flip_facing(const struct body_shape *shape, const struct body_pose *pose);
 
 // The left segment's right twin and back; those in the middle are their own.
 enum segment body_mirror(enum segment s);

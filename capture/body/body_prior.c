@@ -1,32 +1,33 @@
 #include "capture/body/body_prior.h"
 
-// Standard deviations in radians. rest: how far a joint is usually turned from
+// Standard deviations in radians. neutral: how far a joint is usually turned from
 // standing, elbows a little bent; step: how far its turn is off what constant speed foretells a frame
 // later; twist: the same about a limb's own axis, which round limbs do not show.
-struct turn_rule {
-    double rest, rest_twist, step, step_twist;
+struct rotation_prior {
+    double neutral, neutral_twist, step, step_twist;
 };
 
-#define ARM_RULES(side)                                                                                                \
+#define ARM_PRIORS(side)                                                                                               \
     [SEG_##side##_CLAVICLE] = {0.16, 0.16, 0.08, 0.08}, [SEG_##side##_UPPER_ARM] = {1.6, 0.8, 0.30, 0.15},             \
     [SEG_##side##_FOREARM] = {1.6, 0.8, 0.35, 0.15}, [SEG_##side##_HAND] = {0.35, 0.35, 0.30, 0.15}
-#define LEG_RULES(side)                                                                                                \
+#define LEG_PRIORS(side)                                                                                               \
     [SEG_##side##_THIGH] = {0.9, 0.35, 0.22, 0.10}, [SEG_##side##_SHIN] = {1.0, 0.25, 0.28, 0.10},                     \
     [SEG_##side##_FOOT] = {0.35, 0.30, 0.20, 0.10}
 
-static const struct turn_rule turn_rule[SEG_COUNT] = {
+static const struct rotation_prior rotation_prior[SEG_COUNT] = {
     [SEG_PELVIS] = {1e3, 1e3, 0.10, 0.10},
     [SEG_ABDOMEN] = {0.22, 0.18, 0.07, 0.07},
     [SEG_CHEST] = {0.22, 0.18, 0.07, 0.07},
     [SEG_HEAD] = {0.35, 0.60, 0.18, 0.15},
-    ARM_RULES(LEFT),
-    ARM_RULES(RIGHT),
-    LEG_RULES(LEFT),
-    LEG_RULES(RIGHT),
+    ARM_PRIORS(LEFT),
+    ARM_PRIORS(RIGHT),
+    LEG_PRIORS(LEFT),
+    LEG_PRIORS(RIGHT),
 };
 
-#define TAILS_HOLD  0.5 // of the rest's sigma, for legs in a skirt or a coat: it lets them go less far, and hides where
-#define ELBOW_BENT  0.6 // as elbows mostly are: a forearm that nobody sees is not stretched out, it is before the trunk
+#define SKIRT_SIGMA_RATE                                                                                               \
+    0.5                 // of the rest's sigma, for legs in a skirt or a coat: it lets them go less far, and hides where
+#define ELBOW_BEND  0.6 // as elbows mostly are: a forearm that nobody sees is not stretched out, it is before the trunk
 #define ROOT_STEP_M 0.03
 
 static void add_block(double *h, int at, double block[3][3])
@@ -38,8 +39,8 @@ static void add_block(double *h, int at, double block[3][3])
 
 // Draws a turn to `wanted`, loosely across the segment's axis and otherwise
 // about it. Everything in the parent's axes, where the unknowns live.
-static double add_turn(int s, struct quat now, struct quat wanted, double sigma, double sigma_twist, double *h,
-                       double *g)
+static double add_rotation_prior(int s, struct quat now, struct quat wanted, double sigma, double sigma_twist,
+                                 double *h, double *g)
 {
     struct vec3 off = quat_to_rotation_vector(quat_multiply(wanted, quat_conjugate(now)));
     struct vec3 axis = quat_rotate(now, v3(0, 1, 0));
@@ -77,40 +78,41 @@ static double add_limit(int s, struct quat now, struct vec3 n, double limit, dou
     return 0.5 * w * over * over;
 }
 
-double body_prior_limits(const struct body_shape *shape, const struct body_pose *pose, double *h, double *g)
+double body_prior_joint_limits(const struct body_shape *shape, const struct body_pose *pose, double *h, double *g)
 {
     double energy = 0;
-    const struct quat rest = {0, 0, 0, 1}, bent = quat_from_rotation_vector(v3(-ELBOW_BENT, 0, 0));
+    const struct quat neutral = {0, 0, 0, 1}, bent = quat_from_rotation_vector(v3(-ELBOW_BEND, 0, 0));
     for (int s = 1; s < SEG_COUNT; s++) {
         bool hides = s == SEG_LEFT_THIGH || s == SEG_LEFT_SHIN || s == SEG_RIGHT_THIGH || s == SEG_RIGHT_SHIN;
-        double held = shape->hem_m > 0 && hides ? TAILS_HOLD : 1;
-        struct quat usual = s == SEG_LEFT_FOREARM || s == SEG_RIGHT_FOREARM ? bent : rest;
-        energy += add_turn(s, pose->turn[s], usual, held * turn_rule[s].rest, held * turn_rule[s].rest_twist, h, g);
+        double held = shape->hem_m > 0 && hides ? SKIRT_SIGMA_RATE : 1;
+        struct quat usual = s == SEG_LEFT_FOREARM || s == SEG_RIGHT_FOREARM ? bent : neutral;
+        energy += add_rotation_prior(s, pose->rotation[s], usual, held * rotation_prior[s].neutral,
+                                     held * rotation_prior[s].neutral_twist, h, g);
     }
     for (int side = 0; side < 2; side++) {
         int shin = side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN, forearm = side ? SEG_RIGHT_FOREARM : SEG_LEFT_FOREARM,
             thigh = side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH, arm = side ? SEG_RIGHT_UPPER_ARM : SEG_LEFT_UPPER_ARM;
         double out = side ? -1 : 1;
         // A knee bends backwards, and hardly to the sides.
-        energy += add_limit(shin, pose->turn[shin], v3(0, 0, 1), 0.02, 0.08, h, g);
-        energy += add_limit(shin, pose->turn[shin], v3(1, 0, 0), 0.05, 0.10, h, g);
-        energy += add_limit(shin, pose->turn[shin], v3(-1, 0, 0), 0.05, 0.10, h, g);
-        energy += add_limit(shin, pose->turn[shin], v3(0, 1, 0), 0.85, 0.10, h, g);
-        energy += add_limit(forearm, pose->turn[forearm], v3(0, 1, 0), 0.85, 0.10, h, g);
+        energy += add_limit(shin, pose->rotation[shin], v3(0, 0, 1), 0.02, 0.08, h, g);
+        energy += add_limit(shin, pose->rotation[shin], v3(1, 0, 0), 0.05, 0.10, h, g);
+        energy += add_limit(shin, pose->rotation[shin], v3(-1, 0, 0), 0.05, 0.10, h, g);
+        energy += add_limit(shin, pose->rotation[shin], v3(0, 1, 0), 0.85, 0.10, h, g);
+        energy += add_limit(forearm, pose->rotation[forearm], v3(0, 1, 0), 0.85, 0.10, h, g);
         // A thigh goes far ahead, little back, little across.
-        energy += add_limit(thigh, pose->turn[thigh], v3(0, 0, -1), 0.40, 0.10, h, g);
+        energy += add_limit(thigh, pose->rotation[thigh], v3(0, 0, -1), 0.40, 0.10, h, g);
         // and within a skirt still less: what it hides may not be taken for legs that cross.
-        bool tails = shape->hem_m > 0;
-        energy += add_limit(thigh, pose->turn[thigh], v3(-out, 0, 0), tails ? 0.10 : 0.35, 0.10, h, g);
+        bool skirt = shape->hem_m > 0;
+        energy += add_limit(thigh, pose->rotation[thigh], v3(-out, 0, 0), skirt ? 0.10 : 0.35, 0.10, h, g);
         // An arm goes across the chest, but not through the back.
-        energy += add_limit(arm, pose->turn[arm], v3_unit(v3(-out, 0, -0.6)), 0.45, 0.15, h, g);
-        energy += add_limit(arm, pose->turn[arm], v3(0, 0, -1), 0.85, 0.15, h, g);
+        energy += add_limit(arm, pose->rotation[arm], v3_unit(v3(-out, 0, -0.6)), 0.45, 0.15, h, g);
+        energy += add_limit(arm, pose->rotation[arm], v3(0, 0, -1), 0.85, 0.15, h, g);
     }
     return energy;
 }
 
-double body_prior_expected(const struct body_pose *pose, const struct body_pose *expected, double sigma, double *h,
-                           double *g)
+double body_prior_motion(const struct body_pose *pose, const struct body_pose *expected, double sigma, double *h,
+                         double *g)
 {
     double energy = 0, w = 1 / (ROOT_STEP_M * sigma * ROOT_STEP_M * sigma);
     struct vec3 off = v3_sub(expected->root, pose->root);
@@ -123,7 +125,7 @@ double body_prior_expected(const struct body_pose *pose, const struct body_pose 
         }
     }
     for (int s = 0; s < SEG_COUNT; s++)
-        energy += add_turn(s, pose->turn[s], expected->turn[s], turn_rule[s].step * sigma,
-                           turn_rule[s].step_twist * sigma, h, g);
+        energy += add_rotation_prior(s, pose->rotation[s], expected->rotation[s], rotation_prior[s].step * sigma,
+                                     rotation_prior[s].step_twist * sigma, h, g);
     return energy;
 }

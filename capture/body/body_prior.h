@@ -5,8 +5,8 @@
 #include "capture/body/body_fit.h"
 
 // Limits and the rest pose. Returns the energy.
-double body_prior_limits(const struct body_shape *shape, const struct body_pose *pose, double *h, double *g);
+double body_prior_joint_limits(const struct body_shape *shape, const struct body_pose *pose, double *h, double *g);
 
 // The pose expected from the motion; sigma widens what is allowed.
-double body_prior_expected(const struct body_pose *pose, const struct body_pose *expected, double sigma, double *h,
-                           double *g);
+double body_prior_motion(const struct body_pose *pose, const struct body_pose *expected, double sigma, double *h,
+                         double *g);

@@ -10,10 +10,10 @@ enum { CELLS_ACROSS = 160, FAR_AWAY = 4000, AREA_MARGIN = 12 };
 // Cloth and the model's own coarseness, metres (standard deviation).
 #define SURFACE_SIGMA_M 0.012
 
-enum status evidence_open(struct body_evidence **out, const struct lens *lens)
+enum status evidence_open(struct depth_evidence **out, const struct lens *lens)
 {
     *out = NULL;
-    struct body_evidence *e = calloc(1, sizeof *e);
+    struct depth_evidence *e = calloc(1, sizeof *e);
     if (e) {
         e->lens = *lens;
         e->step = (lens->width + CELLS_ACROSS - 1) / CELLS_ACROSS;
@@ -32,7 +32,7 @@ enum status evidence_open(struct body_evidence **out, const struct lens *lens)
     return OK;
 }
 
-void evidence_close(struct body_evidence **e)
+void evidence_close(struct depth_evidence **e)
 {
     if (!*e)
         return;
@@ -43,7 +43,7 @@ void evidence_close(struct body_evidence **e)
 }
 
 // Takes a neighbour's nearest cell over when it is nearer.
-static void take_over(struct body_evidence *e, int x, int y, int i, int j)
+static void propagate_nearest(struct depth_evidence *e, int x, int y, int i, int j)
 {
     int16_t *mine = e->nearest[y * e->width + x];
     const int16_t *theirs = e->nearest[(y + j) * e->width + x + i];
@@ -55,7 +55,7 @@ static void take_over(struct body_evidence *e, int x, int y, int i, int j)
 }
 
 // Two sweeps of vectors (Danielsson 1980), within the area; exact to a fraction of a cell.
-static void spread_nearest(struct body_evidence *e)
+static void compute_nearest(struct depth_evidence *e)
 {
     const struct cell_area a = e->area;
     for (int y = a.top; y <= a.bottom; y++)
@@ -66,45 +66,45 @@ static void spread_nearest(struct body_evidence *e)
     for (int y = a.top; y <= a.bottom; y++) {
         for (int x = a.left; x <= a.right; x++) {
             if (y > a.top)
-                take_over(e, x, y, 0, -1);
+                propagate_nearest(e, x, y, 0, -1);
             if (y > a.top && x > a.left)
-                take_over(e, x, y, -1, -1);
+                propagate_nearest(e, x, y, -1, -1);
             if (y > a.top && x < a.right)
-                take_over(e, x, y, 1, -1);
+                propagate_nearest(e, x, y, 1, -1);
             if (x > a.left)
-                take_over(e, x, y, -1, 0);
+                propagate_nearest(e, x, y, -1, 0);
         }
         for (int x = a.right - 1; x >= a.left; x--)
-            take_over(e, x, y, 1, 0);
+            propagate_nearest(e, x, y, 1, 0);
     }
     for (int y = a.bottom; y >= a.top; y--) {
         for (int x = a.right; x >= a.left; x--) {
             if (y < a.bottom)
-                take_over(e, x, y, 0, 1);
+                propagate_nearest(e, x, y, 0, 1);
             if (y < a.bottom && x < a.right)
-                take_over(e, x, y, 1, 1);
+                propagate_nearest(e, x, y, 1, 1);
             if (y < a.bottom && x > a.left)
-                take_over(e, x, y, -1, 1);
+                propagate_nearest(e, x, y, -1, 1);
             if (x < a.right)
-                take_over(e, x, y, 1, 0);
+                propagate_nearest(e, x, y, 1, 0);
         }
         for (int x = a.left + 1; x <= a.right; x++)
-            take_over(e, x, y, -1, 0);
+            propagate_nearest(e, x, y, -1, 0);
     }
 }
 
-static int within(int low, int x, int high) { return x < low ? low : x > high ? high : x; }
+static int clamp_int(int low, int x, int high) { return x < low ? low : x > high ? high : x; }
 
 // The person's cells and some around them.
-static void find_area(struct body_evidence *e)
+static void find_cell_area(struct depth_evidence *e)
 {
-    e->area.left = within(0, e->left / e->step - AREA_MARGIN, e->width - 1);
-    e->area.right = within(0, e->right / e->step + AREA_MARGIN, e->width - 1);
-    e->area.top = within(0, e->top / e->step - AREA_MARGIN, e->height - 1);
-    e->area.bottom = within(0, e->bottom / e->step + AREA_MARGIN, e->height - 1);
+    e->area.left = clamp_int(0, e->left / e->step - AREA_MARGIN, e->width - 1);
+    e->area.right = clamp_int(0, e->right / e->step + AREA_MARGIN, e->width - 1);
+    e->area.top = clamp_int(0, e->top / e->step - AREA_MARGIN, e->height - 1);
+    e->area.bottom = clamp_int(0, e->bottom / e->step + AREA_MARGIN, e->height - 1);
 }
 
-bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted)
+bool evidence_read(struct depth_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted)
 {
     const struct lens *l = &e->lens;
     e->depth = depth;
@@ -128,9 +128,9 @@ bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t
     }
     if (e->pixels < 40)
         return false;
-    e->picture = picture_bounds(depth, l);
-    find_area(e);
-    spread_nearest(e);
+    e->bounds = find_image_bounds(depth, l);
+    find_cell_area(e);
+    compute_nearest(e);
     if (wanted > EVIDENCE_POINTS_MAX)
         wanted = EVIDENCE_POINTS_MAX;
     int stride = (int)ceil(sqrt((double)e->pixels / wanted));
@@ -155,11 +155,11 @@ bool evidence_read(struct body_evidence *e, const uint16_t *depth, const uint8_t
     return e->count >= 30;
 }
 
-enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
+enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
                                double *dy)
 {
     *depth_m = *dx = *dy = 0;
-    if (!(px.x >= e->picture.left && px.y >= e->picture.top && px.x <= e->picture.right && px.y <= e->picture.bottom))
+    if (!(px.x >= e->bounds.left && px.y >= e->bounds.top && px.x <= e->bounds.right && px.y <= e->bounds.bottom))
         return EVIDENCE_OUTSIDE;
     int x = (int)(px.x + 0.5), y = (int)(px.y + 0.5);
     x = x < e->lens.width ? x : e->lens.width - 1;
@@ -170,23 +170,23 @@ enum evidence_kind evidence_at(const struct body_evidence *e, struct pixel px, d
         return EVIDENCE_PERSON;
     }
     if (there > 0 && there < z - 0.15 - 3 * depth_sigma_m(z))
-        return EVIDENCE_HIDDEN;
+        return EVIDENCE_OCCLUDED;
     x /= e->step;
     y /= e->step;
-    int at_x = within(e->area.left, x, e->area.right), at_y = within(e->area.top, y, e->area.bottom);
+    int at_x = clamp_int(e->area.left, x, e->area.right), at_y = clamp_int(e->area.top, y, e->area.bottom);
     const int16_t *way = e->nearest[at_y * e->width + at_x];
     if (way[0] == 0 && way[1] == 0 && x == at_x && y == at_y)
         return EVIDENCE_PERSON;
     *dx = (way[0] + at_x - x) * e->step; // beyond the area: by way of its edge
     *dy = (way[1] + at_y - y) * e->step;
-    return EVIDENCE_BESIDE;
+    return EVIDENCE_OFF_PERSON;
 }
 
-int evidence_shown(const struct body_evidence *e, struct vec3 c, double radius, bool *outside)
+int evidence_visible_count(const struct depth_evidence *e, struct vec3 c, double radius, bool *outside)
 {
     int shown = 0;
     *outside = true;
-    for (int k = 0; k < EVIDENCE_ABOUT; k++) {
+    for (int k = 0; k < EVIDENCE_PROBES; k++) {
         struct vec3 p = v3_add(c, v3((k == 1) * 0.6 * radius - (k == 2) * 0.6 * radius,
                                      (k == 3) * 0.6 * radius - (k == 4) * 0.6 * radius, 0));
         if (p.z < 0.1)

@@ -1,16 +1,16 @@
 #include "capture/body/hem_detector.h"
 
-#define BIN_M   0.02
-#define LOWEST  0.12 // of body height: over the ankles
-#define HIGHEST 0.38 // below hands that hang
-#define NARROW  0.40 // at a hem; trousers have 0.3 and less for long
-#define WIDE    0.18 // and as wide as this, of body height; two legs are hardly
-enum { BINS = 60, NEAR = 1, FAR = 5, MOST = 60 };
+#define BIN_M     0.02
+#define LEVEL_MIN 0.12 // of body height: over the ankles
+#define LEVEL_MAX 0.38 // below hands that hang
+#define NARROW    0.40 // at a hem; trousers have 0.3 and less for long
+#define WIDE      0.18 // and as wide as this, of body height; two legs are hardly
+enum { BINS = 60, GAP_BINS = 1, WINDOW_BINS = 5, HEM_FRAMES_MAX = 60 };
 
 // Of the person, how wide in metres each level over the floor is seen.
 static void find_widths(const struct fit_task *task, double width[BINS])
 {
-    const struct body_evidence *e = task->evidence;
+    const struct depth_evidence *e = task->evidence;
     int stride = e->lens.width / 320 > 1 ? e->lens.width / 320 : 1;
     for (int i = 0; i < BINS; i++)
         width[i] = 0;
@@ -30,9 +30,9 @@ static void find_widths(const struct fit_task *task, double width[BINS])
 // The lowest bin that is all in sight: 0, or over where the picture's lower edge cuts the person off.
 static int lowest_bin(const struct fit_task *task)
 {
-    const struct body_evidence *e = task->evidence;
+    const struct depth_evidence *e = task->evidence;
     double high = 0;
-    for (int y = e->picture.bottom - 2; y <= e->bottom; y++)
+    for (int y = e->bounds.bottom - 2; y <= e->bottom; y++)
         for (int x = e->left; x <= e->right; x++) {
             int at = y * e->lens.width + x, d = e->depth[at];
             if (!e->mask[at] || !d)
@@ -51,20 +51,21 @@ static double mean_of(const double width[BINS], int from, int to)
     return sum;
 }
 
-bool hem_find(const struct fit_task *task, double height_m, struct hem *out)
+bool hem_detect(const struct fit_task *task, double height_m, struct hem *out)
 {
     double width[BINS];
     *out = (struct hem){0};
-    const struct body_evidence *e = task->evidence;
-    if (!task->have_floor || e->left <= e->picture.left + 2 || e->right >= e->picture.right - 2)
+    const struct depth_evidence *e = task->evidence;
+    if (!task->have_floor || e->left <= e->bounds.left + 2 || e->right >= e->bounds.right - 2)
         return false;
     find_widths(task, width);
-    int lowest = lowest_bin(task), first = (int)(LOWEST * height_m / BIN_M);
-    first = lowest && first < lowest + FAR ? lowest + FAR : first;
-    if (first * BIN_M >= HIGHEST * height_m)
+    int lowest = lowest_bin(task), first = (int)(LEVEL_MIN * height_m / BIN_M);
+    first = lowest && first < lowest + WINDOW_BINS ? lowest + WINDOW_BINS : first;
+    if (first * BIN_M >= LEVEL_MAX * height_m)
         return false;
-    for (int i = first; i < BINS - FAR && i * BIN_M < HIGHEST * height_m; i++) {
-        double over = mean_of(width, i + NEAR, i + FAR), under = i > FAR ? mean_of(width, i - FAR, i - NEAR) : over;
+    for (int i = first; i < BINS - WINDOW_BINS && i * BIN_M < LEVEL_MAX * height_m; i++) {
+        double over = mean_of(width, i + GAP_BINS, i + WINDOW_BINS),
+               under = i > WINDOW_BINS ? mean_of(width, i - WINDOW_BINS, i - GAP_BINS) : over;
         double narrow = over > 0.05 ? (over - under) / over : 0;
         if (narrow > out->narrow)
             *out = (struct hem){i * BIN_M, over, narrow};
@@ -72,9 +73,9 @@ bool hem_find(const struct fit_task *task, double height_m, struct hem *out)
     return true;
 }
 
-void hem_learn(struct hem_belief *b, const struct hem *hem, double waist_level_m)
+void hem_update(struct hem_estimate *b, const struct hem *hem, double waist_level_m)
 {
-    b->count += b->count < MOST;
+    b->count += b->count < HEM_FRAMES_MAX;
     double share = 1.0 / b->count;
     b->below_m += share * (waist_level_m - hem->level_m - b->below_m);
     b->wide_m += share * (hem->wide_m - b->wide_m);

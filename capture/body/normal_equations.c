@@ -2,19 +2,20 @@
 
 #include <string.h>
 
-void fit_system_start(struct fit_system *s, bool with_shape)
+void normal_equations_reset(struct normal_equations *s, bool with_shape)
 {
     memset(s, 0, sizeof *s);
     s->count = with_shape ? FIT_COUNT : FIT_POSE_COUNT;
 }
 
-void fit_system_pull(struct fit_system *s, const struct body_build *build, enum segment segment, struct vec3 point,
-                     struct vec3 n, double residual, double weight, const double shape[SHAPE_COUNT])
+void normal_equations_add(struct normal_equations *s, const struct body_build *build, enum segment segment,
+                          struct vec3 point, struct vec3 n, double residual, double weight,
+                          const double shape[SHAPE_COUNT])
 {
     if (!s)
         return;
-    struct vec3 turn = v3_cross(v3_sub(point, build->origin[0]), n);
-    const double j[TWIST_COUNT] = {n.x, n.y, n.z, turn.x, turn.y, turn.z};
+    struct vec3 moment = v3_cross(v3_sub(point, build->origin[0]), n);
+    const double j[TWIST_COUNT] = {n.x, n.y, n.z, moment.x, moment.y, moment.z};
     struct segment_sum *sum = &s->sum[segment];
     for (int a = 0; a < TWIST_COUNT; a++) {
         double w = weight * j[a];
@@ -34,7 +35,7 @@ void fit_system_pull(struct fit_system *s, const struct body_build *build, enum 
     }
 }
 
-static void add_sum(struct segment_sum *to, const struct segment_sum *from, bool shape)
+static void add_segment_sum(struct segment_sum *to, const struct segment_sum *from, bool shape)
 {
     for (int a = 0; a < TWIST_COUNT; a++) {
         to->g[a] += from->g[a];
@@ -52,7 +53,7 @@ static double dot6(const double a[TWIST_COUNT], const double b[TWIST_COUNT])
 }
 
 // How the twist of everything below segment s grows with its turn about axis k of its parent.
-static void twist_of(const struct body_build *build, int s, int k, double out[TWIST_COUNT])
+static void segment_twist(const struct body_build *build, int s, int k, double out[TWIST_COUNT])
 {
     struct vec3 axis = v3(build->parent_axes[s][0][k], build->parent_axes[s][1][k], build->parent_axes[s][2][k]),
                 along = v3_cross(v3_sub(build->origin[s], build->origin[0]), axis);
@@ -61,13 +62,13 @@ static void twist_of(const struct body_build *build, int s, int k, double out[TW
 
 // Segment by segment from the ends inwards, as a composite body's inertia is
 // (Featherstone, Rigid Body Dynamics Algorithms, section 6.2).
-void fit_system_gather(struct fit_system *s, const struct body_build *build)
+void normal_equations_assemble(struct normal_equations *s, const struct body_build *build)
 {
     double twist[SEG_COUNT][3][TWIST_COUNT];
     bool shape = s->count == FIT_COUNT;
     for (int i = 0; i < SEG_COUNT; i++)
         for (int k = 0; k < 3; k++)
-            twist_of(build, i, k, twist[i][k]);
+            segment_twist(build, i, k, twist[i][k]);
     for (int i = SEG_COUNT - 1; i >= 0; i--) {
         struct segment_sum *sum = &s->sum[i];
         for (int k = 0; k < 3; k++) {
@@ -88,7 +89,7 @@ void fit_system_gather(struct fit_system *s, const struct body_build *build)
                 s->h[FIT_POSE_COUNT + a][row] += dot6(sum->shape[a], twist[i][k]);
         }
         if (i > 0)
-            add_sum(&s->sum[body_parent((enum segment)i)], sum, shape);
+            add_segment_sum(&s->sum[body_parent((enum segment)i)], sum, shape);
     }
     for (int m = 0; m < 3; m++) { // the root's way
         s->g[m] += s->sum[0].g[m];
@@ -106,7 +107,7 @@ struct elimination {
     int unknown[FIT_COUNT], first[FIT_COUNT]; // by row
 };
 
-static struct elimination elimination(int count)
+static struct elimination elimination_order(int count)
 {
     struct elimination e;
     int outermost[SEG_COUNT];
@@ -124,10 +125,10 @@ static struct elimination elimination(int count)
     return e;
 }
 
-bool fit_system_solve(const struct fit_system *s, double damping, double x[FIT_COUNT])
+bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT], y[FIT_COUNT];
-    struct elimination e = elimination(s->count);
+    struct elimination e = elimination_order(s->count);
     for (int i = 0; i < s->count; i++) {
         int a = e.unknown[i];
         for (int j = e.first[i]; j <= i; j++) {
@@ -155,7 +156,7 @@ bool fit_system_solve(const struct fit_system *s, double damping, double x[FIT_C
     return true;
 }
 
-void fit_system_shape(const struct fit_system *s, double information[SHAPE_COUNT][SHAPE_COUNT])
+void normal_equations_shape_information(const struct normal_equations *s, double information[SHAPE_COUNT][SHAPE_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT];
     for (int i = 0; i < FIT_COUNT; i++)

@@ -14,7 +14,7 @@ struct segment_sum {                    // of w j j' and w j residual, by the se
     double shape[SHAPE_COUNT][TWIST_COUNT];
 };
 
-struct fit_system {
+struct normal_equations {
     struct segment_sum sum[SEG_COUNT];
     double h[FIT_COUNT][FIT_COUNT]; // lower triangle of sum w j j'
     double g[FIT_COUNT];            // sum w j residual
@@ -22,20 +22,21 @@ struct fit_system {
 };
 
 // Empties it. with_shape: the shape is among the unknowns.
-void fit_system_start(struct fit_system *s, bool with_shape);
+void normal_equations_reset(struct normal_equations *s, bool with_shape);
 // Moves `point` (camera axes) on `segment` along `n` by `residual`, with this
 // weight (1/m^2). s may be NULL. shape: how far each factor moves it along n, or NULL.
-void fit_system_pull(struct fit_system *s, const struct body_build *build, enum segment segment, struct vec3 point,
-                     struct vec3 n, double residual, double weight, const double shape[SHAPE_COUNT]);
+void normal_equations_add(struct normal_equations *s, const struct body_build *build, enum segment segment,
+                          struct vec3 point, struct vec3 n, double residual, double weight,
+                          const double shape[SHAPE_COUNT]);
 // Adds what was pulled at the segments to h and g. Once, after all pulls.
-void fit_system_gather(struct fit_system *s, const struct body_build *build);
+void normal_equations_assemble(struct normal_equations *s, const struct body_build *build);
 // (H + damping diag H) x = g; false when H is not positive.
-bool fit_system_solve(const struct fit_system *s, double damping, double x[FIT_COUNT]);
+bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT]);
 // What is left of H for the shape when the pose is free: its Schur complement.
-void fit_system_shape(const struct fit_system *s, double information[SHAPE_COUNT][SHAPE_COUNT]);
+void normal_equations_shape_information(const struct normal_equations *s, double information[SHAPE_COUNT][SHAPE_COUNT]);
 
 // ---- contacts (body_contact.c); each returns its energy, s may be NULL
 // Feet stay over the floor, and the lower one mostly stands on it.
-double body_floor(const struct fit_task *task, const struct body_build *build, struct fit_system *s);
+double body_floor_energy(const struct fit_task *task, const struct body_build *build, struct normal_equations *s);
 // Arms do not enter the trunk, nor one leg the other. limb_energy gets the arms' share.
-double body_collisions(const struct body_build *build, double limb_energy[SEG_COUNT], struct fit_system *s);
+double body_collision_energy(const struct body_build *build, double limb_energy[SEG_COUNT], struct normal_equations *s);

@@ -4,15 +4,15 @@
 
 #include <string.h>
 
-#define TREMBLE_S       0.5   // over this time the trembling is averaged
-#define TREMBLE_FIRST_M 0.008 // before anything was measured
-#define TREMBLE_LEAST_M 0.002
-#define TREMBLE_MOST_M  0.015 // more is motion
-#define FOLLOW_TREMBLES 12.0  // so many standard deviations off, nothing is held any more
-#define FOLLOW_M_S      0.30  // nor when the fits move as fast as this
-#define SPEED_S         0.25  // over which speed is averaged
-#define HOLD_S          2.0   // a limb that is held comes to the mean of its fits of this time; at first, of all so far
-#define FASTEST_M_S     6.5   // of a thrown punch (McGill et al. 2010 have 6 to 10 m/s)
+#define JITTER_S         0.5   // over this time the trembling is averaged
+#define JITTER_INITIAL_M 0.008 // before anything was measured
+#define JITTER_MIN_M     0.002
+#define JITTER_MAX_M     0.015 // more is motion
+#define FULL_GAIN_SIGMAS 12.0  // so many standard deviations off, nothing is held any more
+#define FULL_GAIN_M_S    0.30  // nor when the fits move as fast as this
+#define SPEED_S          0.25  // over which speed is averaged
+#define STATIC_S         2.0 // a limb that is held comes to the mean of its fits of this time; at first, of all so far
+#define SPEED_MAX_M_S    6.5 // of a thrown punch (McGill et al. 2010 have 6 to 10 m/s)
 
 // What moves together: the trunk and four limbs.
 enum { TRUNK, GROUPS = 5 };
@@ -37,30 +37,29 @@ static const struct {
     {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
 };
 
-void body_steady_start(struct body_steady *s, const struct body_shape *shape, const struct body_pose *pose)
+void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose)
 {
     struct body_build build;
-    body_build(shape, pose, &build);
-    *s = (struct body_steady){.pose = *pose, .fits = 1};
+    body_forward_kinematics(shape, pose, &build);
+    *s = (struct pose_filter){.pose = *pose, .fits = 1};
     memcpy(s->joint, build.joint, sizeof s->joint);
     memcpy(s->fit[0], build.joint, sizeof s->fit[0]);
     for (int j = 0; j < JOINT_COUNT; j++)
-        s->tremble_m2[j] = TREMBLE_FIRST_M * TREMBLE_FIRST_M;
+        s->jitter_m2[j] = JITTER_INITIAL_M * JITTER_INITIAL_M;
 }
 
 // What three fits in a row are off a straight line is trembling, but for what the body
 // speeds up by, which is bounded.
-static void measure_tremble(struct body_steady *s, const struct body_build *is, double passed_s)
+static void measure_jitter(struct pose_filter *s, const struct body_build *is, double dt_s)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = is->joint[j];
         if (s->fits >= 2) {
             struct vec3 bend = v3_add(v3_sub(p, v3_scale(s->fit[0][j], 2)), s->fit[1][j]);
-            double now = fmin(v3_dot(bend, bend) / 6, TREMBLE_MOST_M * TREMBLE_MOST_M); // 1 + 4 + 1 variances
-            s->tremble_m2[j] += (now - s->tremble_m2[j]) * (1 - exp(-passed_s / TREMBLE_S));
+            double now = fmin(v3_dot(bend, bend) / 6, JITTER_MAX_M * JITTER_MAX_M); // 1 + 4 + 1 variances
+            s->jitter_m2[j] += (now - s->jitter_m2[j]) * (1 - exp(-dt_s / JITTER_S));
         }
-        s->speed[j] =
-            v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / passed_s), 1 - exp(-passed_s / SPEED_S));
+        s->speed[j] = v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / dt_s), 1 - exp(-dt_s / SPEED_S));
         s->fit[1][j] = s->fit[0][j];
         s->fit[0][j] = p;
     }
@@ -68,16 +67,16 @@ static void measure_tremble(struct body_steady *s, const struct body_build *is, 
 }
 
 // How much of the way to the fit each group goes.
-static void find_gains(const struct body_steady *s, const struct body_build *is, double passed_s, double gain[GROUPS])
+static void find_gains(const struct pose_filter *s, const struct body_build *is, double dt_s, double gain[GROUPS])
 {
-    double most[GROUPS] = {0}, least = fmax(1 - exp(-passed_s / HOLD_S), 1.0 / s->fits);
+    double most[GROUPS] = {0}, least = fmax(1 - exp(-dt_s / STATIC_S), 1.0 / s->fits);
     int group[JOINT_COUNT] = {0};
     for (int g = 1; g < GROUPS; g++)
         group[limb[g].bend] = group[limb[g].tip] = g;
     for (int j = 0; j < JOINT_COUNT; j++) {
         double off = v3_distance(is->joint[j], s->joint[j]) /
-                     (FOLLOW_TREMBLES * fmax(TREMBLE_LEAST_M, sqrt(s->tremble_m2[j]))),
-               fast = v3_length(s->speed[j]) / FOLLOW_M_S;
+                     (FULL_GAIN_SIGMAS * fmax(JITTER_MIN_M, sqrt(s->jitter_m2[j]))),
+               fast = v3_length(s->speed[j]) / FULL_GAIN_M_S;
         most[group[j]] = fmax(most[group[j]], off * off + fast * fast);
     }
     for (int g = 0; g < GROUPS; g++)
@@ -86,45 +85,45 @@ static void find_gains(const struct body_steady *s, const struct body_build *is,
 
 // Segment by segment as the camera sees them: a trunk that trembles one way and limbs that
 // tremble the other against it cancel out.
-static void mix(const struct body_pose *from, const struct body_pose *to, const double gain[GROUPS],
-                struct body_pose *out)
+static void blend_poses(const struct body_pose *from, const struct body_pose *to, const double gain[GROUPS],
+                        struct body_pose *out)
 {
     struct quat a[SEG_COUNT], b[SEG_COUNT], mixed[SEG_COUNT];
     for (int i = 0; i < SEG_COUNT; i++) {
         int parent = body_parent((enum segment)i);
-        a[i] = parent < 0 ? from->turn[i] : quat_multiply(a[parent], from->turn[i]);
-        b[i] = parent < 0 ? to->turn[i] : quat_multiply(b[parent], to->turn[i]);
+        a[i] = parent < 0 ? from->rotation[i] : quat_multiply(a[parent], from->rotation[i]);
+        b[i] = parent < 0 ? to->rotation[i] : quat_multiply(b[parent], to->rotation[i]);
         mixed[i] = quat_slerp(a[i], b[i], gain[group_of(i)]);
-        out->turn[i] = parent < 0 ? mixed[i] : quat_unit(quat_multiply(quat_conjugate(mixed[parent]), mixed[i]));
+        out->rotation[i] = parent < 0 ? mixed[i] : quat_unit(quat_multiply(quat_conjugate(mixed[parent]), mixed[i]));
     }
     out->root = v3_mix(from->root, to->root, gain[TRUNK]);
 }
 
 // A foot that stands, or a hand, does not move with the trunk: each limb bends towards the places on
 // the way from where it was told to where the fit has it.
-static void keep_ends(const struct body_steady *s, const struct body_shape *shape, const struct body_build *is,
-                      const double gain[GROUPS], struct body_pose *pose)
+static void preserve_limb_ends(const struct pose_filter *s, const struct body_shape *shape, const struct body_build *is,
+                               const double gain[GROUPS], struct body_pose *pose)
 {
     for (int g = 1; g < GROUPS; g++) {
         struct body_build build;
         struct vec3 tip = v3_mix(s->joint[limb[g].tip], is->joint[limb[g].tip], gain[g]),
                     bend = v3_mix(s->joint[limb[g].bend], is->joint[limb[g].bend], gain[g]);
-        body_build(shape, pose, &build);
-        body_aim(shape, pose, limb[g].first, v3_sub(bend, build.origin[limb[g].first]));
-        body_build(shape, pose, &build);
-        body_aim(shape, pose, limb[g].middle, v3_sub(tip, build.origin[limb[g].middle]));
+        body_forward_kinematics(shape, pose, &build);
+        body_aim_segment(shape, pose, limb[g].first, v3_sub(bend, build.origin[limb[g].first]));
+        body_forward_kinematics(shape, pose, &build);
+        body_aim_segment(shape, pose, limb[g].middle, v3_sub(tip, build.origin[limb[g].middle]));
     }
 }
 
 // A limb found again elsewhere is told on its way there, not faster than a body moves.
-static void keep_speed(const struct body_pose *was_pose, const struct body_build *was, const struct body_shape *shape,
-                       const struct body_pose *wanted, double passed_s, struct body_pose *out)
+static void limit_speed(const struct body_pose *was_pose, const struct body_build *was, const struct body_shape *shape,
+                        const struct body_pose *wanted, double dt_s, struct body_pose *out)
 {
     struct body_build is;
-    double limit = FASTEST_M_S * passed_s, share[GROUPS] = {1, 1, 1, 1, 1};
+    double limit = SPEED_MAX_M_S * dt_s, share[GROUPS] = {1, 1, 1, 1, 1};
     *out = *wanted;
     for (int round = 0; round < 4; round++) { // turns and distances are not quite proportional
-        body_build(shape, out, &is);
+        body_forward_kinematics(shape, out, &is);
         for (int g = 1; g < GROUPS; g++) {
             double far = fmax(v3_distance(was->origin[limb[g].middle], is.origin[limb[g].middle]),
                               v3_distance(was->origin[limb[g].end], is.origin[limb[g].end]));
@@ -132,24 +131,24 @@ static void keep_speed(const struct body_pose *was_pose, const struct body_build
                 continue;
             share[g] *= 0.97 * limit / far;
             for (int i = (int)limb[g].first; i <= (int)limb[g].end; i++)
-                out->turn[i] = quat_slerp(was_pose->turn[i], wanted->turn[i], share[g]);
+                out->rotation[i] = quat_slerp(was_pose->rotation[i], wanted->rotation[i], share[g]);
         }
     }
 }
 
-void body_steady_next(struct body_steady *s, const struct body_shape *shape, const struct body_pose *pose,
-                      double passed_s)
+void pose_filter_update(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose,
+                        double dt_s)
 {
     struct body_build was, is;
     struct body_pose before = s->pose, wanted;
     double gain[GROUPS];
-    body_build(shape, &before, &was);
-    body_build(shape, pose, &is);
-    measure_tremble(s, &is, passed_s);
-    find_gains(s, &is, passed_s, gain);
-    mix(&before, pose, gain, &wanted);
-    keep_ends(s, shape, &is, gain, &wanted);
-    keep_speed(&before, &was, shape, &wanted, passed_s, &s->pose);
-    body_build(shape, &s->pose, &is);
+    body_forward_kinematics(shape, &before, &was);
+    body_forward_kinematics(shape, pose, &is);
+    measure_jitter(s, &is, dt_s);
+    find_gains(s, &is, dt_s, gain);
+    blend_poses(&before, pose, gain, &wanted);
+    preserve_limb_ends(s, shape, &is, gain, &wanted);
+    limit_speed(&before, &was, shape, &wanted, dt_s, &s->pose);
+    body_forward_kinematics(shape, &s->pose, &is);
     memcpy(s->joint, is.joint, sizeof s->joint);
 }

@@ -8,16 +8,16 @@
 #pragma once
 #include "capture/body/body_model.h"
 
-struct body_steady {
+struct pose_filter {
     struct body_pose pose;           // as told last
     struct vec3 joint[JOINT_COUNT];  // the same, metres
     struct vec3 fit[2][JOINT_COUNT]; // of the last frame and the one before
     int fits;                        // so many there were, at most 1000
-    double tremble_m2[JOINT_COUNT];  // of the fits, variance in all three directions together
+    double jitter_m2[JOINT_COUNT];   // of the fits, variance in all three directions together
     struct vec3 speed[JOINT_COUNT];  // of the fits, mean, m/s
 };
 
-void body_steady_start(struct body_steady *s, const struct body_shape *shape, const struct body_pose *pose);
-// The next frame's fit, `passed_s` later; s->pose is then what to tell.
-void body_steady_next(struct body_steady *s, const struct body_shape *shape, const struct body_pose *pose,
-                      double passed_s);
+void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose);
+// The next frame's fit, `dt_s` later; s->pose is then what to tell.
+void pose_filter_update(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose,
+                        double dt_s);

@@ -1,35 +1,35 @@
 #include "capture/body/silhouette_cost.h"
 
-#define PATCH_M  0.02
-#define MARGIN   0.70 // of the radius: what is farther out may be cloth that is not there
-#define RIM_M    0.01 // off the person by this much counts half: a mask ends where readings do
-#define FRONT_M  0.04 // before what was measured, and twice the noise: cloth
-#define DEEP_M   0.03 // beyond that, by this much counts half
-#define UNSEEN_M 0.07 // over the floor, of a shoe: a mask ends there
+#define PATCH_M       0.02
+#define MARGIN        0.70 // of the radius: what is farther out may be cloth that is not there
+#define RIM_M         0.01 // off the person by this much counts half: a mask ends where readings do
+#define FRONT_M       0.04 // before what was measured, and twice the noise: cloth
+#define DEEP_M        0.03 // beyond that, by this much counts half
+#define SHOE_UNSEEN_M 0.07 // over the floor, of a shoe: a mask ends there
 
 enum { ACROSS = 2 }; // patches to each side of a limb's middle line
 
-static double half_at(double off_m, double half_m)
+static double saturate(double off_m, double half_m)
 {
     return off_m > 0 ? off_m * off_m / (off_m * off_m + half_m * half_m) : 0;
 }
 
 // 0: `surface` (camera axes), where it is seen through `c`, is the person's or hidden; 1: it is not there.
-static double outside_at(const struct fit_task *task, struct vec3 c, double surface_m)
+static double outside_share(const struct fit_task *task, struct vec3 c, double surface_m)
 {
-    const struct body_evidence *e = task->evidence;
+    const struct depth_evidence *e = task->evidence;
     double measured, dx, dy;
-    if (c.z < 0.2 || (task->have_floor && v3_dot(task->up, c) + task->floor_m < UNSEEN_M))
+    if (c.z < 0.2 || (task->have_floor && v3_dot(task->up, c) + task->floor_m < SHOE_UNSEEN_M))
         return 0;
     enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, c), c.z, &measured, &dx, &dy);
-    if (kind == EVIDENCE_BESIDE) // pixels to a cell's middle
-        return half_at((hypot(dx, dy) - 0.5 * (e->step + 1)) * c.z / e->lens.fx, RIM_M);
+    if (kind == EVIDENCE_OFF_PERSON) // pixels to a cell's middle
+        return saturate((hypot(dx, dy) - 0.5 * (e->step + 1)) * c.z / e->lens.fx, RIM_M);
     if (kind == EVIDENCE_PERSON && measured > 0)
-        return half_at(measured - surface_m - FRONT_M - 2 * depth_sigma_m(measured), DEEP_M);
+        return saturate(measured - surface_m - FRONT_M - 2 * depth_sigma_m(measured), DEEP_M);
     return 0;
 }
 
-double body_outline_outside(const struct fit_task *task, const struct body_build *build, int first, int count)
+double silhouette_outside_patches(const struct fit_task *task, const struct body_build *build, int first, int count)
 {
     double patches = 0;
     for (int k = first; k < first + count; k++) {
@@ -44,7 +44,7 @@ double body_outline_outside(const struct fit_task *task, const struct body_build
             for (int j = -ACROSS; j <= ACROSS; j++) {
                 double off = MARGIN / ACROSS * j;
                 struct vec3 c = v3_add(middle, v3_scale(across, off * radius));
-                patches += patch * outside_at(task, c, c.z - radius * sqrt(1 - off * off));
+                patches += patch * outside_share(task, c, c.z - radius * sqrt(1 - off * off));
             }
         }
     }

@@ -9,4 +9,4 @@
 // Of `count` solids from `first` on, the part that stands beside the person or before what was
 // measured, in patches of 2 cm x 2 cm as the camera sees them. What is near the floor does not
 // count: there the mask ends.
-double body_outline_outside(const struct fit_task *task, const struct body_build *build, int first, int count);
+double silhouette_outside_patches(const struct fit_task *task, const struct body_build *build, int first, int count);

@@ -8,50 +8,50 @@
 // Beside what the picture's noise explains: print, paper that is not flat, lens.
 static const double PRINT_PX = 0.05;
 // Sensors are off by about so much; by more is no error of scale.
-static const double DEPTH_TIMES_SIGMA = 0.01, DEPTH_TIMES_MOST = 0.05;
+static const double DEPTH_SCALE_SIGMA = 0.01, MAX_DEPTH_SCALE_ERROR = 0.05;
 
 // What is adjusted, and how.
-struct how {
+struct adjust_options {
     int rounds;
-    bool hold_frames;
-    double loose_px;        // points are less sure by this
-    const bool *joins;      // which points; NULL: all
+    bool fix_frames;
+    double extra_sigma_px;  // points are less sure by this
+    const bool *included;   // which points; NULL: all
     double *cost;           // NULL: not asked for
-    double *depth_times;    // NULL: depth is true
+    double *depth_scale;    // NULL: depth is true
     double *tag_covariance; // NULL: not asked for
 };
 
-struct sizes {
-    int32_t corners, depths, sightings;
+struct residual_counts {
+    int32_t corners, depths, observations;
 };
 
-// joins: for each point whether it does; NULL: all do.
-static bool takes_part(const struct map_feature *s, const bool *joins)
+// included: for each point whether it does; NULL: all do.
+static bool is_included(const struct map_feature *s, const bool *included)
 {
-    return s->point >= 0 && (!joins || joins[s->point]);
+    return s->point >= 0 && (!included || included[s->point]);
 }
 
-static struct sizes count_all(const struct map *m, const bool *joins)
+static struct residual_counts count_residuals(const struct map *m, const bool *included)
 {
-    struct sizes n = {0};
+    struct residual_counts n = {0};
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
         if (!f->placed)
             continue;
         for (int32_t k = 0; k < f->seen_count; k++) {
-            if (m->tags[f->which[k]].mapped) {
+            if (m->tags[f->tag_index[k]].mapped) {
                 n.corners++;
                 n.depths += f->depths[k].count;
             }
         }
         for (int32_t k = 0; k < f->feature_count; k++)
-            n.sightings += takes_part(&f->features[k], joins);
+            n.observations += is_included(&f->features[k], included);
     }
     return n;
 }
 
 // The upper factor U of the information, U^T U = information.
-static void whiten(const struct sighting *seen, double out[8][8])
+static void whiten(const struct tag_observation *seen, double out[8][8])
 {
     double covariance[64], information[64];
     memset(out, 0, 64 * sizeof(double));
@@ -69,17 +69,18 @@ static void whiten(const struct sighting *seen, double out[8][8])
         out[i][i] = 2;
 }
 
-static void fill_frame(const struct map *m, int32_t i, const struct how *how, struct adjust_corners *corners,
-                       struct adjust_plane_depth *depths, struct adjust_sighting *sightings, struct sizes *n)
+static void add_frame_residuals(const struct map *m, int32_t i, const struct adjust_options *options,
+                                struct ba_corners *corners, struct ba_plane_depth *depths,
+                                struct ba_observation *observations, struct residual_counts *n)
 {
     const struct map_frame *f = &m->frames[i];
     const struct lens *lens = &m->calibration.color;
     for (int32_t k = 0; k < f->seen_count; k++) {
-        if (!m->tags[f->which[k]].mapped)
+        if (!m->tags[f->tag_index[k]].mapped)
             continue;
-        struct adjust_corners *c = &corners[n->corners++];
+        struct ba_corners *c = &corners[n->corners++];
         c->camera = i;
-        c->square = f->which[k];
+        c->square = f->tag_index[k];
         for (int j = 0; j < 4; j++) {
             c->observed[2 * j] = lens->fx * f->seen[k].ray[j].x;
             c->observed[2 * j + 1] = lens->fy * f->seen[k].ray[j].y;
@@ -87,33 +88,33 @@ static void fill_frame(const struct map *m, int32_t i, const struct how *how, st
         whiten(&f->seen[k], c->whiten);
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
-            depths[n->depths++] = (struct adjust_plane_depth){
-                i, f->which[k], s->x, s->y, s->z, depth_sigma(s->z) / sqrt(f->depths[k].share)};
+            depths[n->depths++] = (struct ba_plane_depth){
+                i, f->tag_index[k], s->x, s->y, s->z, depth_sigma(s->z) / sqrt(f->depths[k].share)};
         }
     }
     for (int32_t k = 0; k < f->feature_count; k++) {
         const struct map_feature *s = &f->features[k];
-        if (!takes_part(s, how->joins))
+        if (!is_included(s, options->included))
             continue;
         struct vec3 ray = lens_ray(lens, s->feature.at);
-        double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), how->loose_px / lens->fx * s->depth) : 1;
-        struct adjust_sighting *seen = &sightings[n->sightings++];
-        *seen = (struct adjust_sighting){i, s->point, ray.x, ray.y, {0}, s->depth, sigma_m};
-        sighting_covariance(&m->points[s->point], &s->feature, seen->covariance);
-        seen->covariance[0] += how->loose_px * how->loose_px;
-        seen->covariance[2] += how->loose_px * how->loose_px;
+        double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), options->extra_sigma_px / lens->fx * s->depth) : 1;
+        struct ba_observation *seen = &observations[n->observations++];
+        *seen = (struct ba_observation){i, s->point, ray.x, ray.y, {0}, s->depth, sigma_m};
+        match_covariance(&m->points[s->point], &s->feature, seen->covariance);
+        seen->covariance[0] += options->extra_sigma_px * options->extra_sigma_px;
+        seen->covariance[2] += options->extra_sigma_px * options->extra_sigma_px;
     }
 }
 
 // A point that did not join goes with the first frame that shows it. moved: room for one of each point, false.
-static void move_others(struct map *m, const struct adjust_problem *p, const bool *joins, bool *moved)
+static void move_excluded_points(struct map *m, const struct ba_problem *p, const bool *included, bool *moved)
 {
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
         struct pose new_from_old = pose_multiply(pose_inverse(p->cameras[i].camera_from_world), f->camera_from_world);
         for (int32_t k = 0; f->placed && k < f->feature_count; k++) {
             int32_t point = f->features[k].point;
-            if (point < m->held_points || joins[point] || moved[point])
+            if (point < m->held_points || included[point] || moved[point])
                 continue;
             p->points[point] = pose_apply(new_from_old, p->points[point]);
             moved[point] = true;
@@ -121,7 +122,7 @@ static void move_others(struct map *m, const struct adjust_problem *p, const boo
     }
 }
 
-static void take_over(struct map *m, const struct adjust_problem *p)
+static void apply_solution(struct map *m, const struct ba_problem *p)
 {
     for (int32_t i = 0; i < m->frame_count; i++)
         m->frames[i].camera_from_world = p->cameras[i].camera_from_world;
@@ -131,30 +132,30 @@ static void take_over(struct map *m, const struct adjust_problem *p)
         m->points[i].world = p->points[i];
 }
 
-static enum status adjust_all(struct map *m, const struct how *how)
+static enum status adjust_all(struct map *m, const struct adjust_options *options)
 {
-    const bool *joins = how->joins;
-    map_unroll(m);
-    struct sizes n = count_all(m, joins), filled = {0};
-    struct adjust_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
-    struct adjust_square *squares = calloc((size_t)m->tag_count + 1, sizeof *squares);
+    const bool *included = options->included;
+    map_undo_rolling_shutter(m);
+    struct residual_counts n = count_residuals(m, included), filled = {0};
+    struct ba_camera *cameras = calloc((size_t)m->frame_count + 1, sizeof *cameras);
+    struct ba_square *squares = calloc((size_t)m->tag_count + 1, sizeof *squares);
     struct vec3 *points = calloc((size_t)m->point_count + 1, sizeof *points);
-    struct adjust_corners *corners = calloc((size_t)n.corners + 1, sizeof *corners);
-    struct adjust_plane_depth *depths = calloc((size_t)n.depths + 1, sizeof *depths);
-    struct adjust_sighting *sightings = calloc((size_t)n.sightings + 1, sizeof *sightings);
+    struct ba_corners *corners = calloc((size_t)n.corners + 1, sizeof *corners);
+    struct ba_plane_depth *depths = calloc((size_t)n.depths + 1, sizeof *depths);
+    struct ba_observation *observations = calloc((size_t)n.observations + 1, sizeof *observations);
     bool *moved = calloc((size_t)m->point_count + 1, sizeof *moved);
     enum status status = ERR_MEMORY;
-    if (cameras && squares && points && corners && depths && sightings && moved) {
+    if (cameras && squares && points && corners && depths && observations && moved) {
         for (int32_t i = 0; i < m->frame_count; i++) {
             cameras[i].camera_from_world = m->frames[i].camera_from_world;
             if (m->frames[i].placed)
-                fill_frame(m, i, how, corners, depths, sightings, &filled);
+                add_frame_residuals(m, i, options, corners, depths, observations, &filled);
         }
         for (int32_t i = 0; i < m->tag_count; i++)
-            squares[i] = (struct adjust_square){m->tags[i].world_from_tag, m->tags[i].side_m, m->tags[i].held};
+            squares[i] = (struct ba_square){m->tags[i].world_from_tag, m->tags[i].side_m, m->tags[i].fixed};
         for (int32_t i = 0; i < m->point_count; i++)
             points[i] = m->points[i].world;
-        struct adjust_problem problem = {
+        struct ba_problem problem = {
             .fx = m->calibration.color.fx,
             .fy = m->calibration.color.fy,
             .cameras = cameras,
@@ -162,27 +163,27 @@ static enum status adjust_all(struct map *m, const struct how *how)
             .points = points,
             .corners = corners,
             .plane_depths = depths,
-            .sightings = sightings,
+            .observations = observations,
             .camera_count = m->frame_count,
             .square_count = m->tag_count,
             .point_count = m->point_count,
             .corner_count = filled.corners,
             .plane_depth_count = filled.depths,
-            .sighting_count = how->hold_frames ? 0 : filled.sightings,
-            .held_camera = m->held_frame,
+            .observation_count = options->fix_frames ? 0 : filled.observations,
+            .held_camera = m->fixed_frame,
             .held_points = m->held_points,
-            .hold_cameras = how->hold_frames,
-            .most_rounds = how->rounds,
-            .cost = how->cost,
-            .depth_times = how->depth_times,
-            .depth_times_sigma = DEPTH_TIMES_SIGMA,
-            .square_covariance = how->tag_covariance,
+            .hold_cameras = options->fix_frames,
+            .max_iterations = options->rounds,
+            .cost = options->cost,
+            .depth_scale = options->depth_scale,
+            .depth_scale_sigma = DEPTH_SCALE_SIGMA,
+            .square_covariance = options->tag_covariance,
         };
-        status = adjust(&problem);
-        if (status == OK && joins)
-            move_others(m, &problem, joins, moved);
+        status = bundle_adjust(&problem);
+        if (status == OK && included)
+            move_excluded_points(m, &problem, included, moved);
         if (status == OK)
-            take_over(m, &problem);
+            apply_solution(m, &problem);
     } else {
         (void)fail(ERR_MEMORY, "no memory to adjust the map");
     }
@@ -191,56 +192,59 @@ static enum status adjust_all(struct map *m, const struct how *how)
     free(points);
     free(corners);
     free(depths);
-    free(sightings);
+    free(observations);
     free(moved);
     return status;
 }
 
-enum status map_adjust(struct map *m, int rounds, bool hold_frames, double *cost)
+enum status map_bundle_adjust(struct map *m, int rounds, bool fix_frames, double *cost)
 {
-    return adjust_all(m, &(struct how){.rounds = rounds, .hold_frames = hold_frames, .cost = cost});
+    return adjust_all(m, &(struct adjust_options){.rounds = rounds, .fix_frames = fix_frames, .cost = cost});
 }
 
-enum status map_adjust_loosely(struct map *m, int rounds, double loose_px)
+enum status map_bundle_adjust_relaxed(struct map *m, int rounds, double extra_sigma_px)
 {
-    return adjust_all(m, &(struct how){.rounds = rounds, .loose_px = loose_px});
+    return adjust_all(m, &(struct adjust_options){.rounds = rounds, .extra_sigma_px = extra_sigma_px});
 }
 
 static void scale_depth(struct map *m, double times)
 {
-    m->depth_times *= times;
+    m->depth_scale *= times;
     for (int32_t i = 0; i < m->frame_count; i++) {
         struct map_frame *f = &m->frames[i];
         for (int32_t k = 0; k < f->feature_count; k++) {
             f->features[k].depth *= times;
-            f->features[k].depth_as_read *= times;
+            f->features[k].raw_depth *= times;
         }
         for (int32_t k = 0; k < f->seen_count; k++)
             for (int32_t d = 0; d < f->depths[k].count; d++) {
                 f->depths[k].sample[d].z *= times;
-                f->depths_as_read[k].sample[d].z *= times;
+                f->raw_depths[k].sample[d].z *= times;
             }
     }
 }
 
-enum status map_adjust_depth(struct map *m, int rounds)
+enum status map_bundle_adjust_depth_scale(struct map *m, int rounds)
 {
     double times = 1;
     bool tags = false;
     for (int32_t i = 0; i < m->tag_count; i++)
         tags = tags || m->tags[i].mapped;
-    enum status status = adjust_all(m, &(struct how){.rounds = rounds, .depth_times = tags ? &times : NULL});
-    if (status == OK && fabs(times - 1) < DEPTH_TIMES_MOST)
+    enum status status = adjust_all(m, &(struct adjust_options){.rounds = rounds, .depth_scale = tags ? &times : NULL});
+    if (status == OK && fabs(times - 1) < MAX_DEPTH_SCALE_ERROR)
         scale_depth(m, times);
     return status;
 }
 
-enum status map_adjust_by(struct map *m, int rounds, const bool *joins)
+enum status map_bundle_adjust_subset(struct map *m, int rounds, const bool *included)
 {
-    return adjust_all(m, &(struct how){.rounds = rounds, .joins = joins});
+    return adjust_all(m, &(struct adjust_options){.rounds = rounds, .included = included});
 }
 
-enum status map_covariance(struct map *m, double *tags) { return adjust_all(m, &(struct how){.tag_covariance = tags}); }
+enum status map_joint_tag_covariance(struct map *m, double *tags)
+{
+    return adjust_all(m, &(struct adjust_options){.tag_covariance = tags});
+}
 
 struct sum {
     double squares;
@@ -259,14 +263,14 @@ static double rms(struct sum sum) { return sum.count ? sqrt(sum.squares / (doubl
 
 static void measure_tag(const struct map *m, const struct map_frame *f, int32_t k, struct sum *px, struct sum *metres)
 {
-    struct map_tag *tag = &m->tags[f->which[k]];
-    struct fit_tag fit = {
+    struct map_tag *tag = &m->tags[f->tag_index[k]];
+    struct pnp_tag fit = {
         .seen = &f->seen[k], .world_from_tag = tag->world_from_tag, .side_m = tag->side_m, .used = true};
-    double error = fit_tag_rms(&fit, NULL, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
+    double error = pnp_tag_rms(&fit, NULL, &f->camera_from_world, m->calibration.color.fx, m->calibration.color.fy);
     if (!tag->mapped || error > 10) // lost its weight in the adjustment
         return;
     tag->rms_px += error * error;
-    tag->sightings++;
+    tag->observations++;
     add(px, error);
     struct pose camera_from_tag = pose_multiply(f->camera_from_world, tag->world_from_tag);
     struct vec3 normal = quat_rotate(camera_from_tag.rotation, v3(0, 0, 1));
@@ -292,12 +296,12 @@ static void measure_points(const struct map *m, const struct map_frame *f, struc
     }
 }
 
-void map_measure(struct map *m)
+void map_compute_residuals(struct map *m)
 {
     struct sum px = {0}, metres = {0};
     for (int32_t i = 0; i < m->tag_count; i++) {
         m->tags[i].rms_px = 0;
-        m->tags[i].sightings = 0;
+        m->tags[i].observations = 0;
     }
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
@@ -309,8 +313,8 @@ void map_measure(struct map *m)
             measure_points(m, f, &px, &metres);
     }
     for (int32_t i = 0; i < m->tag_count; i++)
-        if (m->tags[i].sightings)
-            m->tags[i].rms_px = sqrt(m->tags[i].rms_px / m->tags[i].sightings);
+        if (m->tags[i].observations)
+            m->tags[i].rms_px = sqrt(m->tags[i].rms_px / m->tags[i].observations);
     m->rms_px = rms(px);
     m->rms_m = rms(metres);
 }

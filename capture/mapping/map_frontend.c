@@ -10,26 +10,26 @@
 enum { WORKERS = 2, SLOTS = 2 * WORKERS };
 
 struct slot {
-    struct map_looked looked;
+    struct map_frontend_result result;
     uint8_t *color, *jpeg;
     uint16_t *depth;
-    size_t jpeg_room;
+    size_t jpeg_capacity;
     enum status status;
-    char sentence[512]; // of a worker's failure, which is another thread's
+    char message[512]; // of a worker's failure, which is another thread's
 };
 
 // Every WORKERS-th picture is a worker's, so that nothing depends on who is quicker.
 struct worker {
-    struct map_look *look;
-    struct tag_finder *finder;
-    struct refiner *refiner;
+    struct map_frontend *frontend;
+    struct tag_detector *finder;
+    struct tag_refiner *refiner;
     uint8_t *gray;
     struct queue *todo, *done; // slots
     pthread_t thread;
     bool runs;
 };
 
-struct map_look {
+struct map_frontend {
     const struct map *map;
     bool points;
     struct worker workers[WORKERS];
@@ -41,9 +41,9 @@ void map_frame_free(struct map_frame *f)
 {
     free(f->seen);
     free(f->depths);
-    free(f->seen_as_read);
-    free(f->depths_as_read);
-    free(f->which);
+    free(f->raw_seen);
+    free(f->raw_depths);
+    free(f->tag_index);
     free(f->features);
     free(f->jpeg);
     free(f->depth);
@@ -55,53 +55,53 @@ bool map_depth_usable(const struct calibration *c)
     return c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
 }
 
-static enum status see_tags(struct worker *w, struct map_looked *out)
+static enum status detect_tags(struct worker *w, struct map_frontend_result *out)
 {
-    struct tag_seen seen[FIT_MAX_TAGS];
-    const struct map *map = w->look->map;
+    struct tag_detection seen[PNP_MAX_TAGS];
+    const struct map *map = w->frontend->map;
     const struct lens *lens = &map->calibration.color;
     const uint16_t *depth = map_depth_usable(&map->calibration) ? out->frame.depth : NULL;
-    struct map_frame *f = &out->shown;
+    struct map_frame *f = &out->observed;
     int count;
-    enum status status = tag_finder_find(w->finder, w->gray, lens->width, lens->height, seen, FIT_MAX_TAGS, &count);
+    enum status status = tag_detector_detect(w->finder, w->gray, lens->width, lens->height, seen, PNP_MAX_TAGS, &count);
     if (status != OK)
         return status;
     f->seen = calloc((size_t)count + 1, sizeof *f->seen);
     f->depths = calloc((size_t)count + 1, sizeof *f->depths);
-    f->which = calloc((size_t)count + 1, sizeof *f->which);
-    f->seen_as_read = calloc((size_t)count + 1, sizeof *f->seen_as_read);
-    f->depths_as_read = calloc((size_t)count + 1, sizeof *f->depths_as_read);
-    if (!f->seen || !f->depths || !f->which || !f->seen_as_read || !f->depths_as_read)
+    f->tag_index = calloc((size_t)count + 1, sizeof *f->tag_index);
+    f->raw_seen = calloc((size_t)count + 1, sizeof *f->raw_seen);
+    f->raw_depths = calloc((size_t)count + 1, sizeof *f->raw_depths);
+    if (!f->seen || !f->depths || !f->tag_index || !f->raw_seen || !f->raw_depths)
         return fail(ERR_MEMORY, "no memory for the tags of a picture");
     for (int i = 0; i < count; i++) {
-        bool twin = (i > 0 && seen[i - 1].id == seen[i].id) || (i + 1 < count && seen[i + 1].id == seen[i].id);
+        bool duplicate = (i > 0 && seen[i - 1].id == seen[i].id) || (i + 1 < count && seen[i + 1].id == seen[i].id);
         if (i == 0 || seen[i - 1].id != seen[i].id)
             out->ids[out->id_count++] = seen[i].id;
-        for (int32_t k = 0; k < map->tag_count && !twin; k++) { // of twins nobody knows which is meant
+        for (int32_t k = 0; k < map->tag_count && !duplicate; k++) { // of twins nobody knows which is meant
             if (map->tags[k].id != seen[i].id ||
-                !refine_tag(w->refiner, out->frame.color, seen[i].id, &map->tags[k].pattern, seen[i].corner,
+                !tag_refine(w->refiner, out->frame.color, seen[i].id, &map->tags[k].pattern, seen[i].corner,
                             &f->seen[f->seen_count]))
                 continue;
             if (depth)
                 tag_read_depth(&f->seen[f->seen_count], lens, depth, &f->depths[f->seen_count]);
-            f->seen_as_read[f->seen_count] = f->seen[f->seen_count];
-            f->depths_as_read[f->seen_count] = f->depths[f->seen_count];
-            f->which[f->seen_count++] = k;
+            f->raw_seen[f->seen_count] = f->seen[f->seen_count];
+            f->raw_depths[f->seen_count] = f->depths[f->seen_count];
+            f->tag_index[f->seen_count++] = k;
         }
     }
     return OK;
 }
 
-static enum status see_points(struct worker *w, struct map_looked *out)
+static enum status detect_features(struct worker *w, struct map_frontend_result *out)
 {
-    struct feature found[MAP_FEATURES];
-    const struct map *map = w->look->map;
+    struct feature found[MAP_MAX_FEATURES];
+    const struct map *map = w->frontend->map;
     const struct lens *lens = &map->calibration.color;
     const uint16_t *depth = map_depth_usable(&map->calibration) ? out->frame.depth : NULL;
-    struct map_frame *f = &out->shown;
+    struct map_frame *f = &out->observed;
     int count = 0;
     enum status status =
-        w->look->points ? features_find(w->gray, lens->width, lens->height, found, MAP_FEATURES, &count) : OK;
+        w->frontend->points ? features_detect(w->gray, lens->width, lens->height, found, MAP_MAX_FEATURES, &count) : OK;
     if (status != OK)
         return status;
     f->features = calloc((size_t)count + 1, sizeof *f->features);
@@ -115,37 +115,37 @@ static enum status see_points(struct worker *w, struct map_looked *out)
     return OK;
 }
 
-static void look(struct worker *w, struct slot *s)
+static void process_frame(struct worker *w, struct slot *s)
 {
-    const struct lens *lens = &w->look->map->calibration.color;
-    gray_from_rgb(s->looked.frame.color, (size_t)lens->width * (size_t)lens->height, w->gray);
-    s->status = see_tags(w, &s->looked);
+    const struct lens *lens = &w->frontend->map->calibration.color;
+    gray_from_rgb(s->result.frame.color, (size_t)lens->width * (size_t)lens->height, w->gray);
+    s->status = detect_tags(w, &s->result);
     if (s->status == OK)
-        s->status = see_points(w, &s->looked);
+        s->status = detect_features(w, &s->result);
     if (s->status != OK)
-        snprintf(s->sentence, sizeof s->sentence, "%s", status_sentence());
+        snprintf(s->message, sizeof s->message, "%s", status_message());
 }
 
 static void *run(void *context)
 {
     struct worker *w = context;
     for (struct slot *s; (s = queue_take(w->todo));) {
-        look(w, s);
+        process_frame(w, s);
         queue_put(w->done, s);
     }
     return NULL;
 }
 
-static enum status start(struct map_look *l, struct worker *w, const struct mapper_options *options)
+static enum status start(struct map_frontend *l, struct worker *w, const struct mapper_options *options)
 {
     const struct lens *lens = &l->map->calibration.color;
-    w->look = l;
+    w->frontend = l;
     w->gray = malloc((size_t)lens->width * (size_t)lens->height);
     enum status status = w->gray ? OK : fail(ERR_MEMORY, "no memory to map a place");
     if (status == OK)
-        status = refiner_open(&w->refiner, lens);
+        status = tag_refiner_open(&w->refiner, lens);
     if (status == OK)
-        status = tag_finder_open(&w->finder, options->quad_decimate);
+        status = tag_detector_open(&w->finder, options->quad_decimate);
     if (status == OK)
         status = queue_open(&w->todo, SLOTS);
     if (status == OK)
@@ -155,9 +155,9 @@ static enum status start(struct map_look *l, struct worker *w, const struct mapp
     return status;
 }
 
-enum status map_look_open(struct map_look **out, const struct map *map, const struct mapper_options *options)
+enum status map_frontend_open(struct map_frontend **out, const struct map *map, const struct mapper_options *options)
 {
-    struct map_look *l = calloc(1, sizeof *l);
+    struct map_frontend *l = calloc(1, sizeof *l);
     *out = l;
     if (!l)
         return fail(ERR_MEMORY, "no memory to map a place");
@@ -176,13 +176,13 @@ enum status map_look_open(struct map_look **out, const struct map *map, const st
     for (int i = 0; i < WORKERS && status == OK; i++)
         status = start(l, &l->workers[i], options);
     if (status != OK)
-        map_look_close(out);
+        map_frontend_close(out);
     return status;
 }
 
-void map_look_close(struct map_look **out)
+void map_frontend_close(struct map_frontend **out)
 {
-    struct map_look *l = *out;
+    struct map_frontend *l = *out;
     if (!l)
         return;
     for (int i = 0; i < WORKERS; i++) {
@@ -193,12 +193,12 @@ void map_look_close(struct map_look **out)
         }
         queue_close(&w->todo);
         queue_close(&w->done);
-        refiner_close(&w->refiner);
-        tag_finder_close(&w->finder);
+        tag_refiner_close(&w->refiner);
+        tag_detector_close(&w->finder);
         free(w->gray);
     }
     for (int i = 0; i < SLOTS; i++) {
-        map_frame_free(&l->slots[i].looked.shown);
+        map_frame_free(&l->slots[i].result.observed);
         free(l->slots[i].color);
         free(l->slots[i].depth);
         free(l->slots[i].jpeg);
@@ -207,37 +207,37 @@ void map_look_close(struct map_look **out)
     *out = NULL;
 }
 
-bool map_look_full(const struct map_look *l) { return l->put - l->taken == SLOTS; }
+bool map_frontend_full(const struct map_frontend *l) { return l->put - l->taken == SLOTS; }
 
 static enum status copy(struct slot *s, const struct calibration *c, const struct frame *frame, int32_t number)
 {
-    s->looked = (struct map_looked){.frame = *frame, .number = number};
-    s->looked.shown = (struct map_frame){.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
-    s->looked.frame.loan = NULL;
+    s->result = (struct map_frontend_result){.frame = *frame, .number = number};
+    s->result.observed = (struct map_frame){.time_ns = frame->time_ns, .camera_from_world = POSE_IDENTITY};
+    s->result.frame.dmabuf = NULL;
     memcpy(s->color, frame->color, (size_t)c->color.width * (size_t)c->color.height * 3);
-    s->looked.frame.color = s->color;
+    s->result.frame.color = s->color;
     if (frame->depth) {
         memcpy(s->depth, frame->depth, (size_t)c->depth.width * (size_t)c->depth.height * sizeof *s->depth);
-        s->looked.frame.depth = s->depth;
+        s->result.frame.depth = s->depth;
     }
     if (!frame->jpeg)
         return OK;
-    if (s->jpeg_room < frame->jpeg_bytes) {
+    if (s->jpeg_capacity < frame->jpeg_bytes) {
         free(s->jpeg);
-        s->jpeg_room = 0;
+        s->jpeg_capacity = 0;
         s->jpeg = malloc(frame->jpeg_bytes);
         if (!s->jpeg)
             return fail(ERR_MEMORY, "no memory for a picture of the sweep");
-        s->jpeg_room = frame->jpeg_bytes;
+        s->jpeg_capacity = frame->jpeg_bytes;
     }
     memcpy(s->jpeg, frame->jpeg, frame->jpeg_bytes);
-    s->looked.frame.jpeg = s->jpeg;
+    s->result.frame.jpeg = s->jpeg;
     return OK;
 }
 
-enum status map_look_put(struct map_look *l, const struct frame *frame, int32_t number)
+enum status map_frontend_put(struct map_frontend *l, const struct frame *frame, int32_t number)
 {
-    assert(!map_look_full(l));
+    assert(!map_frontend_full(l));
     struct slot *s = &l->slots[l->put % SLOTS];
     struct worker *w = &l->workers[l->put % WORKERS];
     enum status status = copy(s, &l->map->calibration, frame, number);
@@ -247,11 +247,11 @@ enum status map_look_put(struct map_look *l, const struct frame *frame, int32_t 
     if (w->runs)
         queue_put(w->todo, s);
     else
-        look(w, s); // no thread to be had: do it here
+        process_frame(w, s); // no thread to be had: do it here
     return OK;
 }
 
-enum status map_look_take(struct map_look *l, struct map_looked *out)
+enum status map_frontend_take(struct map_frontend *l, struct map_frontend_result *out)
 {
     if (l->taken == l->put)
         return NOTHING;
@@ -260,10 +260,10 @@ enum status map_look_take(struct map_look *l, struct map_looked *out)
     if (w->runs)
         s = queue_take(w->done); // the same, once it is done
     if (s->status != OK) {
-        map_frame_free(&s->looked.shown);
-        return fail(s->status, "%s", s->sentence);
+        map_frame_free(&s->result.observed);
+        return fail(s->status, "%s", s->message);
     }
-    *out = s->looked;
-    s->looked.shown = (struct map_frame){0}; // the taker's now
+    *out = s->result;
+    s->result.observed = (struct map_frame){0}; // the taker's now
     return OK;
 }

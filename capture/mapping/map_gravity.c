@@ -4,23 +4,23 @@
 
 #include <stdlib.h>
 
-static const double AGREE_COS = 0.985; // 10 degrees: hung by hand
-static const double FLAT_COS = 0.94;   // 20 degrees: a surface that may be floor
-static const double TILT_RAD = 0.14;   // 8 degrees: the floor may correct the tags by this much
-enum { STEP_PX = 8, REACH_PX = 6, BINS = 800, MOST_SURFACE = 200000, MOST_CANDIDATES = 3000 };
-static const double HELD_COS = 0.64;                      // 50 degrees: a camera is seldom held more crooked
+static const double ALIGNED_COS = 0.985; // 10 degrees: hung by hand
+static const double FLAT_COS = 0.94;     // 20 degrees: a surface that may be floor
+static const double TILT_RAD = 0.14;     // 8 degrees: the floor may correct the tags by this much
+enum { STEP_PX = 8, REACH_PX = 6, BINS = 800, MAX_SURFACE_POINTS = 200000, MAX_UP_CANDIDATES = 3000 };
+static const double MAX_CAMERA_TILT_COS = 0.64;           // 50 degrees: a camera is seldom held more crooked
 static const double LEVEL_COS = 0.99, UPRIGHT_COS = 0.14; // 8 degrees
 static const double BIN_M = 0.01;
 
 // A tag's direction that may point up: 0..4 are +y, -y, +x, -x (hanging, however
 // turned; printed by OpenCV 4 it hangs upside down), +z (lying).
-static struct vec3 direction(const struct map_tag *tag, int which)
+static struct vec3 tag_direction(const struct map_tag *tag, int which)
 {
     static const struct vec3 own[5] = {{0, 1, 0}, {0, -1, 0}, {1, 0, 0}, {-1, 0, 0}, {0, 0, 1}};
     return quat_rotate(tag->world_from_tag.rotation, own[which]);
 }
 
-struct surface {
+struct surface_samples {
     struct vec3 *points, *normals; // world
     double *weights, *areas;
     int32_t count;
@@ -31,7 +31,7 @@ static bool depth_point(const struct map *m, const struct map_frame *f, int x, i
     const struct lens *lens = &m->calibration.color;
     if (x < 0 || y < 0 || x >= lens->width || y >= lens->height)
         return false;
-    double z = f->depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3 * m->depth_times;
+    double z = f->depth[(size_t)y * (size_t)lens->width + (size_t)x] * 1e-3 * m->depth_scale;
     if (!(z > 0.3) || z > 6)
         return false;
     *out = v3_scale(lens_ray(lens, (struct pixel){x, y}), z);
@@ -39,14 +39,14 @@ static bool depth_point(const struct map *m, const struct map_frame *f, int x, i
 }
 
 // Points of depth with the direction in which their surroundings face.
-static void collect_surface(const struct map *m, struct surface *s)
+static void collect_surface(const struct map *m, struct surface_samples *s)
 {
     const struct lens *lens = &m->calibration.color;
-    int32_t pictures = 0;
+    int32_t images = 0;
     for (int32_t i = 0; i < m->frame_count; i++)
-        pictures += m->frames[i].placed && m->frames[i].depth;
+        images += m->frames[i].placed && m->frames[i].depth;
     int step = STEP_PX;
-    while ((int64_t)pictures * (lens->width / step) * (lens->height / step) > MOST_SURFACE)
+    while ((int64_t)images * (lens->width / step) * (lens->height / step) > MAX_SURFACE_POINTS)
         step += 2;
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
@@ -56,7 +56,7 @@ static void collect_surface(const struct map *m, struct surface *s)
         for (int y = step; y < lens->height - step; y += step) {
             for (int x = step; x < lens->width - step; x += step) {
                 struct vec3 p, l, r, t, b;
-                if (s->count == MOST_SURFACE || !depth_point(m, f, x, y, &p) ||
+                if (s->count == MAX_SURFACE_POINTS || !depth_point(m, f, x, y, &p) ||
                     !depth_point(m, f, x - REACH_PX, y, &l) || !depth_point(m, f, x + REACH_PX, y, &r) ||
                     !depth_point(m, f, x, y - REACH_PX, &t) || !depth_point(m, f, x, y + REACH_PX, &b))
                     continue;
@@ -74,7 +74,7 @@ static void collect_surface(const struct map *m, struct surface *s)
 }
 
 // Of `all`, what faces up. flat: room for as much.
-static void choose_flat(const struct surface *all, struct vec3 up, struct surface *flat)
+static void select_horizontal(const struct surface_samples *all, struct vec3 up, struct surface_samples *flat)
 {
     flat->count = 0;
     for (int32_t i = 0; i < all->count; i++) {
@@ -87,7 +87,7 @@ static void choose_flat(const struct surface *all, struct vec3 up, struct surfac
 }
 
 // How the camera was held, in the mean.
-static struct vec3 held_up(const struct map *m)
+static struct vec3 mean_camera_up(const struct map *m)
 {
     struct vec3 held = v3(0, 0, 0);
     for (int32_t i = 0; i < m->frame_count; i++)
@@ -98,18 +98,18 @@ static struct vec3 held_up(const struct map *m)
 
 // Up, as most tags have it; where that leaves a choice (all tags on one wall), as
 // the camera was held.
-static struct vec3 up_by_tags(const struct map *m, struct vec3 held)
+static struct vec3 up_from_tags(const struct map *m, struct vec3 held)
 {
     struct vec3 best = v3(0, 0, 0);
     double most = -1e9;
     for (int32_t i = 0; i < m->tag_count; i++) {
         for (int w = 0; w < 5 && m->tags[i].mapped; w++) {
-            struct vec3 d = direction(&m->tags[i], w), sum = v3(0, 0, 0);
+            struct vec3 d = tag_direction(&m->tags[i], w), sum = v3(0, 0, 0);
             double votes = 0;
             for (int32_t k = 0; k < m->tag_count; k++) {
                 for (int v = 0; v < 5 && m->tags[k].mapped; v++) {
-                    struct vec3 other = direction(&m->tags[k], v);
-                    if (v3_dot(other, d) > AGREE_COS) {
+                    struct vec3 other = tag_direction(&m->tags[k], v);
+                    if (v3_dot(other, d) > ALIGNED_COS) {
                         sum = v3_add(sum, other);
                         votes += v < 2 || v == 4 ? 1 : 0.8; // few hang tags sideways
                         break;
@@ -129,15 +129,15 @@ static struct vec3 up_by_tags(const struct map *m, struct vec3 held)
 // Up, as the room has it: much of what is in a room lies level or stands upright. Of
 // the directions in which surfaces face, near the one the camera was held in, that
 // with most surface along it or square to it.
-static struct vec3 up_by_surfaces(const struct surface *s, struct vec3 held)
+static struct vec3 up_from_surfaces(const struct surface_samples *s, struct vec3 held)
 {
     struct vec3 best = held;
     double most = 0;
-    int32_t step = s->count / MOST_CANDIDATES + 1;
+    int32_t step = s->count / MAX_UP_CANDIDATES + 1;
     for (int32_t i = 0; i < s->count; i += step) {
         struct vec3 d = s->normals[i], sum = v3(0, 0, 0);
         double area = 0;
-        if (v3_dot(d, held) < HELD_COS)
+        if (v3_dot(d, held) < MAX_CAMERA_TILT_COS)
             continue;
         for (int32_t k = 0; k < s->count; k += step) {
             double along = v3_dot(s->normals[k], d);
@@ -155,7 +155,7 @@ static struct vec3 up_by_surfaces(const struct surface *s, struct vec3 held)
 }
 
 // The lowest height at which much flat surface lies. False: nowhere.
-static bool lowest_level(const struct surface *s, struct vec3 up, double *height)
+static bool lowest_plane_height(const struct surface_samples *s, struct vec3 up, double *height)
 {
     double area[BINS] = {0}, low = 1e9, most = 0;
     for (int32_t i = 0; i < s->count; i++)
@@ -186,7 +186,7 @@ static bool lowest_level(const struct surface *s, struct vec3 up, double *height
 }
 
 // Fits the plane up . p = height to what lies near it. False: too little, too narrow, too tilted.
-static bool fit_floor(const struct surface *s, struct vec3 *up, double *height)
+static bool fit_floor(const struct surface_samples *s, struct vec3 *up, double *height)
 {
     struct vec3 u = *up, x = v3_perpendicular(u), y = v3_cross(u, x);
     double a = 0, b = 0, c = *height;
@@ -221,7 +221,7 @@ static bool fit_floor(const struct surface *s, struct vec3 *up, double *height)
     return true;
 }
 
-static void surface_free(struct surface *s)
+static void surface_samples_free(struct surface_samples *s)
 {
     free(s->points);
     free(s->normals);
@@ -229,10 +229,11 @@ static void surface_free(struct surface *s)
     free(s->areas);
 }
 
-static bool surface_alloc(struct surface *s)
+static bool surface_samples_alloc(struct surface_samples *s)
 {
-    *s = (struct surface){malloc(MOST_SURFACE * sizeof(struct vec3)), malloc(MOST_SURFACE * sizeof(struct vec3)),
-                          malloc(MOST_SURFACE * sizeof(double)), malloc(MOST_SURFACE * sizeof(double)), 0};
+    *s = (struct surface_samples){
+        malloc(MAX_SURFACE_POINTS * sizeof(struct vec3)), malloc(MAX_SURFACE_POINTS * sizeof(struct vec3)),
+        malloc(MAX_SURFACE_POINTS * sizeof(double)), malloc(MAX_SURFACE_POINTS * sizeof(double)), 0};
     return s->points && s->normals && s->weights && s->areas;
 }
 
@@ -240,29 +241,29 @@ static bool surface_alloc(struct surface *s)
 // it where it was seen in depth: OK, else NOTHING and *height untouched.
 static enum status find_floor(const struct map *m, struct vec3 *up, double *height)
 {
-    struct surface all = {0}, flat = {0};
+    struct surface_samples all = {0}, flat = {0};
     enum status status = NOTHING;
-    bool room = surface_alloc(&all) && surface_alloc(&flat);
-    if (room && m->calibration.registered && m->calibration.depth.width)
+    bool allocated = surface_samples_alloc(&all) && surface_samples_alloc(&flat);
+    if (allocated && m->calibration.registered && m->calibration.depth.width)
         collect_surface(m, &all);
-    *up = m->tag_count ? up_by_tags(m, held_up(m)) : held_up(m);
-    if (room) {
+    *up = m->tag_count ? up_from_tags(m, mean_camera_up(m)) : mean_camera_up(m);
+    if (allocated) {
         if (!m->tag_count)
-            *up = up_by_surfaces(&all, *up);
-        choose_flat(&all, *up, &flat);
+            *up = up_from_surfaces(&all, *up);
+        select_horizontal(&all, *up, &flat);
         // Twice: the first time `up` is only as good as the tags hang.
         for (int round = 0; round < 2; round++)
-            if (lowest_level(&flat, *up, height) && fit_floor(&flat, up, height))
+            if (lowest_plane_height(&flat, *up, height) && fit_floor(&flat, up, height))
                 status = OK;
     } else {
         status = fail(ERR_MEMORY, "no memory to look for the floor");
     }
-    surface_free(&all);
-    surface_free(&flat);
+    surface_samples_free(&all);
+    surface_samples_free(&flat);
     return status;
 }
 
-static void transform(struct map *m, struct pose new_from_old)
+static void transform_map(struct map *m, struct pose new_from_old)
 {
     struct pose old_from_new = pose_inverse(new_from_old);
     for (int32_t i = 0; i < m->frame_count; i++)
@@ -295,7 +296,7 @@ static const struct map_tag *first_tag(const struct map *m, struct vec3 up, doub
 }
 
 // What x is to point along, as well as it can, and where x = y = 0 is.
-static void axes_of_tag(const struct map_tag *tag, struct vec3 up, struct vec3 *x, struct vec3 *origin)
+static void axes_from_tag(const struct map_tag *tag, struct vec3 up, struct vec3 *x, struct vec3 *origin)
 {
     // Its own x; its y where it hangs sideways and x is steep.
     *x = quat_rotate(tag->world_from_tag.rotation, v3(1, 0, 0));
@@ -304,7 +305,7 @@ static void axes_of_tag(const struct map_tag *tag, struct vec3 up, struct vec3 *
     *origin = tag->world_from_tag.translation;
 }
 
-static void axes_of_frame(const struct map *m, struct vec3 up, struct vec3 *x, struct vec3 *origin)
+static void axes_from_frame(const struct map *m, struct vec3 up, struct vec3 *x, struct vec3 *origin)
 {
     int32_t i = 0;
     while (!m->frames[i].placed)
@@ -325,7 +326,7 @@ static double lowest_point(const struct map *m, struct vec3 up)
     return low;
 }
 
-enum status map_level(struct map *m, bool *floor)
+enum status map_align_gravity(struct map *m, bool *floor)
 {
     struct vec3 up, x, origin;
     double height = 1e9, lowest = 1e9;
@@ -335,17 +336,17 @@ enum status map_level(struct map *m, bool *floor)
     *floor = status == OK;
     const struct map_tag *first = first_tag(m, up, &lowest);
     if (first)
-        axes_of_tag(first, up, &x, &origin);
+        axes_from_tag(first, up, &x, &origin);
     else
-        axes_of_frame(m, up, &x, &origin);
+        axes_from_frame(m, up, &x, &origin);
     if (!*floor)
         height = first ? lowest : lowest_point(m, up);
     x = v3_unit(v3_sub(x, v3_scale(up, v3_dot(x, up))));
     struct vec3 y = v3_cross(up, x);
-    double turn[3][3] = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {up.x, up.y, up.z}};
-    struct pose new_from_old = {quat_from_matrix(turn), {0, 0, 0}};
+    double rotation[3][3] = {{x.x, x.y, x.z}, {y.x, y.y, y.z}, {up.x, up.y, up.z}};
+    struct pose new_from_old = {quat_from_matrix(rotation), {0, 0, 0}};
     struct vec3 centre = quat_rotate(new_from_old.rotation, origin);
     new_from_old.translation = v3(-centre.x, -centre.y, -height);
-    transform(m, new_from_old);
+    transform_map(m, new_from_old);
     return OK;
 }

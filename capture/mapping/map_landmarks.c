@@ -3,14 +3,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double AGAIN_PX = 4;  // how near a point is looked for in an adjusted map
-static const double SAME_M = 0.03; // two points this near that look alike are one
-enum { SAME_BITS = 40, ROUNDS = 6, POLISH_ROUNDS = 15 };
+static const double REMATCH_PX = 4;     // how near a point is looked for in an adjusted map
+static const double DUPLICATE_M = 0.03; // two points this near that look alike are one
+enum { DUPLICATE_BITS = 40, ROUNDS = 6, REFINE_ROUNDS = 15 };
 
 // Two pictures agree on where anything on the line of sight lies, so without depth a third one has to.
-static int least_sightings(const struct map *m) { return m->has_depth ? 2 : 3; }
+static int min_observations(const struct map *m) { return m->has_depth ? 2 : 3; }
 
-void map_lay_out(struct map_desk *d, const struct map *m, const struct map_frame *f)
+void map_index_features(struct map_scratch *d, const struct map *m, const struct map_frame *f)
 {
     for (int32_t i = 0; i < f->feature_count; i++) {
         d->features[i] = f->features[i].feature;
@@ -19,7 +19,7 @@ void map_lay_out(struct map_desk *d, const struct map *m, const struct map_frame
     feature_index_build(&d->index, d->features, f->feature_count, &m->calibration.color);
 }
 
-void map_assign(struct map_frame *f, const struct map_desk *d, int count)
+void map_assign_matches(struct map_frame *f, const struct map_scratch *d, int count)
 {
     for (int32_t i = 0; i < f->feature_count; i++)
         f->features[i].point = -1;
@@ -27,14 +27,14 @@ void map_assign(struct map_frame *f, const struct map_desk *d, int count)
         f->features[d->matches[i].feature].point = d->matches[i].point;
 }
 
-void map_add_new_points(struct map *m, struct map_frame *f)
+void map_create_landmarks(struct map *m, struct map_frame *f)
 {
     struct pose world_from_camera = pose_inverse(f->camera_from_world);
     if (!m->has_depth)
-        map_see_in_two(m, f);
+        map_triangulate(m, f);
     for (int32_t i = 0; i < f->feature_count && m->point_count < m->point_capacity; i++) {
         struct map_feature *s = &f->features[i];
-        double depth = m->has_depth ? s->depth : s->guess;
+        double depth = m->has_depth ? s->depth : s->triangulated_depth;
         if (s->point >= 0 || !(depth > 0))
             continue;
         struct vec3 ray = lens_ray(&m->calibration.color, s->feature.at);
@@ -46,84 +46,84 @@ void map_add_new_points(struct map *m, struct map_frame *f)
 }
 
 // Finds the map's points in one frame, sharpens its pose by them, adds new ones.
-static void visit(struct map *m, struct map_desk *d, struct map_frame *f)
+static void add_frame_landmarks(struct map *m, struct map_scratch *d, struct map_frame *f)
 {
-    struct fit_tag tags[FIT_MAX_TAGS];
-    int count = 0, tag_count = map_fit_tags(m, f, tags), with_depth = 0;
+    struct pnp_tag tags[PNP_MAX_TAGS];
+    int count = 0, tag_count = map_tag_correspondences(m, f, tags), with_depth = 0;
     f->visited = true;
-    map_lay_out(d, m, f);
-    bool known = points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
-                               NULL, &f->camera_from_world, d->matches, MAP_FEATURES, &count);
-    map_assign(f, d, known ? count : 0);
+    map_index_features(d, m, f);
+    bool known = landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags,
+                                       tag_count, NULL, &f->camera_from_world, d->matches, MAP_MAX_FEATURES, &count);
+    map_assign_matches(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
         with_depth += !m->has_depth || f->features[i].depth > 0;
     // A frame placed by one tag alone is too crooked to add points beside others'. Where there are none yet, the others
     // follow it, and all are straightened together.
     bool first = m->has_depth && !m->point_count;
     if ((known || tag_count > 1 || first) && 2 * count < with_depth)
-        map_add_new_points(m, f);
+        map_create_landmarks(m, f);
 }
 
 // Points that are near and look alike become one.
-static void merge_twins(struct map *m)
+static void merge_duplicates(struct map *m)
 {
-    int32_t *instead = malloc((size_t)(m->point_count + 1) * sizeof *instead);
-    if (!instead)
+    int32_t *merged_into = malloc((size_t)(m->point_count + 1) * sizeof *merged_into);
+    if (!merged_into)
         return; // twins do no harm
     for (int32_t i = 0; i < m->point_count; i++) {
-        instead[i] = i;
+        merged_into[i] = i;
         for (int32_t k = 0; k < i && i >= m->held_points; k++) {
             struct vec3 d = v3_sub(m->points[i].world, m->points[k].world);
-            if (instead[k] == k && fabs(d.x) < SAME_M && fabs(d.y) < SAME_M && fabs(d.z) < SAME_M &&
-                feature_distance(m->points[i].descriptor, m->points[k].descriptor) < SAME_BITS) {
-                instead[i] = k;
+            if (merged_into[k] == k && fabs(d.x) < DUPLICATE_M && fabs(d.y) < DUPLICATE_M && fabs(d.z) < DUPLICATE_M &&
+                feature_distance(m->points[i].descriptor, m->points[k].descriptor) < DUPLICATE_BITS) {
+                merged_into[i] = k;
                 break;
             }
         }
     }
     int32_t kept = 0;
     for (int32_t i = 0; i < m->point_count; i++) {
-        if (instead[i] == i) {
+        if (merged_into[i] == i) {
             m->points[kept] = m->points[i];
-            instead[i] = kept++;
+            merged_into[i] = kept++;
         } else {
-            instead[i] = instead[instead[i]]; // k < i, so already final
+            merged_into[i] = merged_into[merged_into[i]]; // k < i, so already final
         }
     }
     for (int32_t i = 0; i < m->frame_count; i++)
         for (int32_t k = 0; k < m->frames[i].feature_count; k++)
             if (m->frames[i].features[k].point >= 0)
-                m->frames[i].features[k].point = instead[m->frames[i].features[k].point];
+                m->frames[i].features[k].point = merged_into[m->frames[i].features[k].point];
     m->point_count = kept;
-    free(instead);
+    free(merged_into);
 }
 
 // Looks for every point in every frame again, near where it must be.
-static void look_again(struct map *m, struct map_desk *d)
+static void rematch_all(struct map *m, struct map_scratch *d)
 {
     for (int32_t i = 0; i < m->frame_count; i++) {
         struct map_frame *f = &m->frames[i];
         if (!f->placed)
             continue;
-        map_lay_out(d, m, f);
-        int count = points_match(m->points, m->point_count, &d->index, &m->calibration.color, NULL,
-                                 &f->camera_from_world, AGAIN_PX, false, d->matches, MAP_FEATURES);
-        map_assign(f, d, count);
+        map_index_features(d, m, f);
+        int count = landmarks_match(m->points, m->point_count, &d->index, &m->calibration.color, NULL,
+                                    &f->camera_from_world, REMATCH_PX, false, d->matches, MAP_MAX_FEATURES);
+        map_assign_matches(f, d, count);
     }
 }
 
-static void count_sightings(struct map *m)
+static void count_observations(struct map *m)
 {
-    memset(m->point_sightings, 0, (size_t)m->point_count * sizeof *m->point_sightings);
+    memset(m->point_observations, 0, (size_t)m->point_count * sizeof *m->point_observations);
     for (int32_t i = 0; i < m->frame_count; i++)
         for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
             if (m->frames[i].features[k].point >= 0)
-                m->point_sightings[m->frames[i].features[k].point]++;
+                m->point_observations[m->frames[i].features[k].point]++;
 }
 
 // Sightings far from where the adjusted map has their point say nothing; a point
 // seen too seldom says nothing either.
-static void forget_bad(struct map *m)
+static void cull_outliers(struct map *m)
 {
     const struct lens *lens = &m->calibration.color;
     for (int32_t i = 0; i < m->frame_count; i++) {
@@ -133,26 +133,26 @@ static void forget_bad(struct map *m)
             if (s->point < 0)
                 continue;
             struct vec3 ray = lens_ray(lens, s->feature.at);
-            struct fit_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
-            points_covariance(&m->points[s->point], &s->feature, lens, &f->camera_from_world, p.own);
-            if (!f->placed || fit_point_error(&p, NULL, &f->camera_from_world, lens->fx, lens->fy) > 4)
+            struct pnp_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
+            landmark_covariance(&m->points[s->point], &s->feature, lens, &f->camera_from_world, p.covariance);
+            if (!f->placed || pnp_point_error(&p, NULL, &f->camera_from_world, lens->fx, lens->fy) > 4)
                 s->point = -1;
         }
     }
-    count_sightings(m);
+    count_observations(m);
     for (int32_t i = 0; i < m->frame_count; i++)
         for (int32_t k = 0; k < m->frames[i].feature_count; k++) {
             struct map_feature *s = &m->frames[i].features[k];
-            if (s->point >= m->held_points && m->point_sightings[s->point] < least_sightings(m))
+            if (s->point >= m->held_points && m->point_observations[s->point] < min_observations(m))
                 s->point = -1;
         }
-    count_sightings(m);
+    count_observations(m);
 }
 
 // Without depth nothing but its sightings says how far away a point is. Where they contradict each other by more than
 // chance makes them in one case of a hundred, it is no one thing, as where a near edge crosses a far one, or slides
 // along an edge; and errs more often, and further, than it says.
-static enum status forget_torn(struct map *m)
+static enum status cull_inconsistent(struct map *m)
 {
     static const double ONE_IN_A_HUNDRED = 2.33; // standard deviations
     const struct lens *lens = &m->calibration.color;
@@ -166,17 +166,17 @@ static enum status forget_torn(struct map *m)
                 if (s->point < m->held_points)
                     continue;
                 struct vec3 ray = lens_ray(lens, s->feature.at);
-                struct fit_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
-                sighting_covariance(&m->points[s->point], &s->feature, p.own);
-                double error = fit_point_error(&p, NULL, &m->frames[i].camera_from_world, lens->fx, lens->fy);
-                double spare = 2.0 * m->point_sightings[s->point] - 3;
+                struct pnp_point p = {.world = m->points[s->point].world, .x = ray.x, .y = ray.y};
+                match_covariance(&m->points[s->point], &s->feature, p.covariance);
+                double error = pnp_point_error(&p, NULL, &m->frames[i].camera_from_world, lens->fx, lens->fy);
+                double spare = 2.0 * m->point_observations[s->point] - 3;
                 if (!pass)
                     squares[s->point] += error * error;
                 else if (!(squares[s->point] <= spare + ONE_IN_A_HUNDRED * sqrt(2 * spare)))
                     s->point = -1;
             }
     free(squares);
-    count_sightings(m);
+    count_observations(m);
     return OK;
 }
 
@@ -186,8 +186,8 @@ static int32_t best_frame(const struct map *m)
     int32_t best = -1;
     int most = 0;
     for (int32_t i = 0; i < m->frame_count; i++) {
-        struct fit_tag tags[FIT_MAX_TAGS];
-        int count = m->frames[i].placed ? map_fit_tags(m, &m->frames[i], tags) : 0;
+        struct pnp_tag tags[PNP_MAX_TAGS];
+        int count = m->frames[i].placed ? map_tag_correspondences(m, &m->frames[i], tags) : 0;
         if (count > most) {
             most = count;
             best = i;
@@ -197,105 +197,106 @@ static int32_t best_frame(const struct map *m)
 }
 
 struct ranked {
-    int32_t point, sightings;
+    int32_t point, observations;
 };
 
-static int most_sightings_first(const void *left, const void *right)
+static int by_observations(const void *left, const void *right)
 {
     const struct ranked *a = left, *b = right;
-    if (a->sightings != b->sightings)
-        return a->sightings > b->sightings ? -1 : 1;
+    if (a->observations != b->observations)
+        return a->observations > b->observations ? -1 : 1;
     return (a->point > b->point) - (a->point < b->point);
 }
 
 // So many sightings hold a frame as well as its neighbours need; more of them cost time.
-enum { HOLDING = 80 };
+enum { MIN_FRAME_OBSERVATIONS = 80 };
 
-// Which frames show each point: those of point p are shown_by[start[p]] .. shown_by[start[p + 1] - 1].
-struct showing {
-    int32_t *start, *shown_by;
+// Which frames show each point: those of point p are observers[start[p]] .. observers[start[p + 1] - 1].
+struct covisibility {
+    int32_t *start, *observers;
 };
 
-static void showing_free(struct showing *s)
+static void covisibility_free(struct covisibility *s)
 {
     free(s->start);
-    free(s->shown_by);
+    free(s->observers);
 }
 
-static enum status list_showing(const struct map *m, struct showing *out)
+static enum status list_covisibility(const struct map *m, struct covisibility *out)
 {
-    size_t points = (size_t)m->point_count, sightings = 0;
+    size_t points = (size_t)m->point_count, observations = 0;
     for (size_t p = 0; p < points; p++)
-        sightings += (size_t)m->point_sightings[p];
-    *out = (struct showing){calloc(points + 1, sizeof *out->start), calloc(sightings + 1, sizeof *out->shown_by)};
-    if (!out->start || !out->shown_by) {
-        showing_free(out);
+        observations += (size_t)m->point_observations[p];
+    *out =
+        (struct covisibility){calloc(points + 1, sizeof *out->start), calloc(observations + 1, sizeof *out->observers)};
+    if (!out->start || !out->observers) {
+        covisibility_free(out);
         return fail(ERR_MEMORY, "no memory to adjust the map");
     }
     // Each start is first where the point's list ends; filling it from behind brings it to where it belongs.
     int32_t end = 0;
     for (size_t p = 0; p < points; p++)
-        out->start[p] = end += m->point_sightings[p];
+        out->start[p] = end += m->point_observations[p];
     out->start[points] = end;
     for (int32_t i = m->frame_count - 1; i >= 0; i--)
         for (int32_t k = 0; m->frames[i].placed && k < m->frames[i].feature_count; k++)
             if (m->frames[i].features[k].point >= 0)
-                out->shown_by[--out->start[m->frames[i].features[k].point]] = i;
+                out->observers[--out->start[m->frames[i].features[k].point]] = i;
     return OK;
 }
 
 // Goes through the points, those seen most often first, and has them join as long as a frame that shows one lacks such.
-static void choose_few(const struct map *m, const struct showing *s, struct ranked *order, bool *joins)
+static void select_subset(const struct map *m, const struct covisibility *s, struct ranked *order, bool *included)
 {
-    int32_t held_by[MAP_MOST_FRAMES] = {0};
+    int32_t held_by[MAP_MAX_FRAMES] = {0};
     for (int32_t i = 0; i < m->point_count; i++)
-        order[i] = (struct ranked){i, m->point_sightings[i]};
-    qsort(order, (size_t)m->point_count, sizeof *order, most_sightings_first);
+        order[i] = (struct ranked){i, m->point_observations[i]};
+    qsort(order, (size_t)m->point_count, sizeof *order, by_observations);
     for (int32_t n = 0; n < m->point_count; n++) {
         int32_t point = order[n].point;
         for (int32_t k = s->start[point]; k < s->start[point + 1]; k++)
-            joins[point] = joins[point] || held_by[s->shown_by[k]] < HOLDING;
-        for (int32_t k = s->start[point]; joins[point] && k < s->start[point + 1]; k++)
-            held_by[s->shown_by[k]]++;
+            included[point] = included[point] || held_by[s->observers[k]] < MIN_FRAME_OBSERVATIONS;
+        for (int32_t k = s->start[point]; included[point] && k < s->start[point + 1]; k++)
+            held_by[s->observers[k]]++;
     }
 }
 
 // With as few points as hold the frames: enough while the map grows.
-static enum status adjust_by_few(struct map *m)
+static enum status adjust_subset(struct map *m)
 {
-    struct showing showing;
-    enum status status = list_showing(m, &showing);
+    struct covisibility covisibility;
+    enum status status = list_covisibility(m, &covisibility);
     if (status != OK)
         return status;
     struct ranked *order = calloc((size_t)m->point_count + 1, sizeof *order);
-    bool *joins = calloc((size_t)m->point_count + 1, sizeof *joins);
-    if (order && joins) {
-        choose_few(m, &showing, order, joins);
-        status = map_adjust_by(m, ROUNDS, joins);
+    bool *included = calloc((size_t)m->point_count + 1, sizeof *included);
+    if (order && included) {
+        select_subset(m, &covisibility, order, included);
+        status = map_bundle_adjust_subset(m, ROUNDS, included);
     } else {
         status = fail(ERR_MEMORY, "no memory to adjust the map");
     }
-    showing_free(&showing);
+    covisibility_free(&covisibility);
     free(order);
-    free(joins);
+    free(included);
     return status;
 }
 
-enum status map_add_points(struct map *m)
+enum status map_build_landmarks(struct map *m)
 {
-    struct map_desk *d = malloc(sizeof *d);
+    struct map_scratch *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     int32_t start = best_frame(m);
     for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
         if (m->frames[i].placed && !m->frames[i].visited)
-            visit(m, d, &m->frames[i]);
+            add_frame_landmarks(m, d, &m->frames[i]);
     for (int32_t i = start - 1; i >= 0; i--)
         if (m->frames[i].placed && !m->frames[i].visited)
-            visit(m, d, &m->frames[i]);
-    forget_bad(m);
+            add_frame_landmarks(m, d, &m->frames[i]);
+    cull_outliers(m);
     free(d);
-    return adjust_by_few(m);
+    return adjust_subset(m);
 }
 
 // What is held stays, and of the other points the `most` with most sightings. ERR_MEMORY.
@@ -311,11 +312,11 @@ static enum status keep_best(struct map *m, int32_t most)
         now[i] = i;
     for (int32_t i = held; i < m->point_count && status == OK; i++) {
         now[i] = -1;
-        if (m->point_sightings[i] >= least_sightings(m) && v3_finite(m->points[i].world))
-            order[count++] = (struct ranked){i, m->point_sightings[i]};
+        if (m->point_observations[i] >= min_observations(m) && v3_finite(m->points[i].world))
+            order[count++] = (struct ranked){i, m->point_observations[i]};
     }
     if (status == OK) {
-        qsort(order, (size_t)count, sizeof *order, most_sightings_first);
+        qsort(order, (size_t)count, sizeof *order, by_observations);
         count = count < most ? count : most;
         for (int32_t n = 0; n < count; n++) {
             chosen[n] = m->points[order[n].point];
@@ -327,7 +328,7 @@ static enum status keep_best(struct map *m, int32_t most)
             for (int32_t k = 0; k < m->frames[i].feature_count; k++)
                 if (m->frames[i].features[k].point >= 0)
                     m->frames[i].features[k].point = now[m->frames[i].features[k].point];
-        count_sightings(m);
+        count_observations(m);
     }
     free(order);
     free(now);
@@ -336,7 +337,7 @@ static enum status keep_best(struct map *m, int32_t most)
 }
 
 // Gives each new point the descriptor that differs least from its other sightings'. ERR_MEMORY.
-static enum status typical_descriptors(struct map *m)
+static enum status select_descriptors(struct map *m)
 {
     enum { MOST = 12 };
     const uint8_t **seen = calloc((size_t)m->point_count * MOST + 1, sizeof *seen);
@@ -365,32 +366,33 @@ static enum status typical_descriptors(struct map *m)
     return status;
 }
 
-enum status map_polish_points(struct map *m, int32_t most)
+enum status map_refine_landmarks(struct map *m, int32_t most)
 {
-    struct map_desk *d = malloc(sizeof *d);
+    struct map_scratch *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
-    merge_twins(m);
+    merge_duplicates(m);
     enum status status = OK;
     for (int round = 0; round < 2 && status == OK; round++) {
-        look_again(m, d);
+        rematch_all(m, d);
         if (!m->has_depth)
-            status = map_forget_narrow(m);
-        forget_bad(m);
+            status = map_cull_low_parallax(m);
+        cull_outliers(m);
         if (status == OK)
             status = keep_best(m, most);
         if (status == OK)
-            status = round ? map_adjust(m, POLISH_ROUNDS, false, NULL) : map_adjust_depth(m, POLISH_ROUNDS);
+            status = round ? map_bundle_adjust(m, REFINE_ROUNDS, false, NULL)
+                           : map_bundle_adjust_depth_scale(m, REFINE_ROUNDS);
     }
-    forget_bad(m);
+    cull_outliers(m);
     if (!m->has_depth && status == OK)
-        status = forget_torn(m);
+        status = cull_inconsistent(m);
     if (!m->has_depth && status == OK) // what is left out has no say in where tags and points are, either
-        status = map_adjust(m, POLISH_ROUNDS, false, NULL);
+        status = map_bundle_adjust(m, REFINE_ROUNDS, false, NULL);
     if (status == OK)
         status = keep_best(m, most);
     if (status == OK)
-        status = typical_descriptors(m);
+        status = select_descriptors(m);
     free(d);
     return status;
 }

@@ -9,140 +9,140 @@
 // points beside where he believes them. Then the map holds them twice; here both
 // become one, and the adjustment spreads the error over the way.
 
-enum { LEAST_AGREEING = 20, ROUNDS = 15 };
-static const double AGREE_PX = 4;
-static const double BESIDE = 1.5; // so many pictures wide is searched for old points
+enum { MIN_INLIERS = 20, ROUNDS = 15 };
+static const double INLIER_PX = 4;
+static const double SEARCH_WIDTH = 1.5; // so many pictures wide is searched for old points
 
-struct desk {
-    struct map_desk frame;
-    int32_t *instead;           // of each point: the one that it is the same as
-    bool *near;                 // of each frame: shows points that this one shows
+struct loop_scratch {
+    struct map_scratch frame;
+    int32_t *merged_into;       // of each point: the one that it is the same as
+    bool *covisible;            // of each frame: shows points that this one shows
     bool *known;                // of each point: shown by a near frame
     struct place_point *points; // old ones, beside where they are looked for
-    int32_t *which;             // of each of those: its number
+    int32_t *point_index;       // of each of those: its number
     int32_t count;
 };
 
-static void mark_known(const struct map *m, const struct map_frame *f, struct desk *d)
+static void mark_covisible(const struct map *m, const struct map_frame *f, struct loop_scratch *d)
 {
     memset(d->known, 0, (size_t)m->point_count * sizeof *d->known);
     for (int32_t k = 0; k < f->feature_count; k++)
         if (f->features[k].point >= 0)
             d->known[f->features[k].point] = true;
     for (int32_t i = 0; i < m->frame_count; i++) {
-        d->near[i] = false;
-        for (int32_t k = 0; k < m->frames[i].feature_count && !d->near[i]; k++)
-            d->near[i] = m->frames[i].features[k].point >= 0 && d->known[m->frames[i].features[k].point];
+        d->covisible[i] = false;
+        for (int32_t k = 0; k < m->frames[i].feature_count && !d->covisible[i]; k++)
+            d->covisible[i] = m->frames[i].features[k].point >= 0 && d->known[m->frames[i].features[k].point];
     }
     for (int32_t i = 0; i < m->frame_count; i++)
-        for (int32_t k = 0; k < m->frames[i].feature_count && d->near[i]; k++)
+        for (int32_t k = 0; k < m->frames[i].feature_count && d->covisible[i]; k++)
             if (m->frames[i].features[k].point >= 0)
                 d->known[m->frames[i].features[k].point] = true;
 }
 
-static void choose_old(const struct map *m, const struct map_frame *f, struct desk *d)
+static void select_old_points(const struct map *m, const struct map_frame *f, struct loop_scratch *d)
 {
     const struct lens *lens = &m->calibration.color;
-    double wide = BESIDE * lens->width / lens->fx / 2, high = BESIDE * lens->height / lens->fy / 2;
+    double wide = SEARCH_WIDTH * lens->width / lens->fx / 2, high = SEARCH_WIDTH * lens->height / lens->fy / 2;
     d->count = 0;
     for (int32_t i = 0; i < m->point_count; i++) {
         struct vec3 p = pose_apply(f->camera_from_world, m->points[i].world);
         if (d->known[i] || !(p.z > 0.1) || fabs(p.x) > wide * p.z || fabs(p.y) > high * p.z)
             continue;
         d->points[d->count] = m->points[i];
-        d->which[d->count++] = i;
+        d->point_index[d->count++] = i;
     }
 }
 
-static int32_t root(const int32_t *instead, int32_t i)
+static int32_t root(const int32_t *merged_into, int32_t i)
 {
-    while (instead[i] != i)
-        i = instead[i];
+    while (merged_into[i] != i)
+        i = merged_into[i];
     return i;
 }
 
 // What of the frame's features shows old points. How many features do.
-static int unite(struct map *m, struct map_frame *f, struct desk *d)
+static int match_old_points(struct map *m, struct map_frame *f, struct loop_scratch *d)
 {
     struct pose pose;
-    struct map_desk *frame = &d->frame;
+    struct map_scratch *frame = &d->frame;
     const struct lens *lens = &m->calibration.color;
-    int agree, united = 0;
-    map_lay_out(frame, m, f);
-    int count = relocate_match(d->points, d->count, &frame->index, frame->matches, MAP_FEATURES);
-    if (!relocate(d->points, &frame->index, lens, frame->matches, count, NULL, &pose, &agree) || agree < LEAST_AGREEING)
+    int agree, matched = 0;
+    map_index_features(frame, m, f);
+    int count = relocalize_match(d->points, d->count, &frame->index, frame->matches, MAP_MAX_FEATURES);
+    if (!relocalize(d->points, &frame->index, lens, frame->matches, count, NULL, &pose, &agree) || agree < MIN_INLIERS)
         return 0;
-    count = points_match(d->points, d->count, &frame->index, lens, NULL, &pose, AGREE_PX, false, frame->matches,
-                         MAP_FEATURES);
+    count = landmarks_match(d->points, d->count, &frame->index, lens, NULL, &pose, INLIER_PX, false, frame->matches,
+                            MAP_MAX_FEATURES);
     for (int k = 0; k < count; k++) {
         struct map_feature *s = &f->features[frame->matches[k].feature];
-        int32_t old = d->which[frame->matches[k].point];
+        int32_t old = d->point_index[frame->matches[k].point];
         if (s->point < 0) {
             s->point = old;
         } else {
-            int32_t a = root(d->instead, s->point), b = root(d->instead, old);
+            int32_t a = root(d->merged_into, s->point), b = root(d->merged_into, old);
             if (a >= m->held_points || b >= m->held_points)
-                d->instead[a > b ? a : b] = a > b ? b : a; // the lower number was there first
+                d->merged_into[a > b ? a : b] = a > b ? b : a; // the lower number was there first
         }
-        united++;
+        matched++;
     }
-    return united;
+    return matched;
 }
 
-static void replace(struct map *m, const int32_t *instead)
+static void apply_merges(struct map *m, const int32_t *merged_into)
 {
     for (int32_t i = 0; i < m->frame_count; i++)
         for (int32_t k = 0; k < m->frames[i].feature_count; k++)
             if (m->frames[i].features[k].point >= 0)
-                m->frames[i].features[k].point = root(instead, m->frames[i].features[k].point);
+                m->frames[i].features[k].point = root(merged_into, m->frames[i].features[k].point);
 }
 
-static enum status desk_open(struct desk *d, const struct map *m)
+static enum status loop_scratch_alloc(struct loop_scratch *d, const struct map *m)
 {
     size_t points = (size_t)m->point_count + 1;
-    d->instead = malloc(points * sizeof *d->instead);
+    d->merged_into = malloc(points * sizeof *d->merged_into);
     d->known = malloc(points * sizeof *d->known);
     d->points = malloc(points * sizeof *d->points);
-    d->which = malloc(points * sizeof *d->which);
-    d->near = malloc((size_t)m->frame_count + 1);
-    return d->instead && d->known && d->points && d->which && d->near
+    d->point_index = malloc(points * sizeof *d->point_index);
+    d->covisible = malloc((size_t)m->frame_count + 1);
+    return d->merged_into && d->known && d->points && d->point_index && d->covisible
                ? OK
                : fail(ERR_MEMORY, "no memory to close the way round a place");
 }
 
-static void desk_close(struct desk *d)
+static void loop_scratch_free(struct loop_scratch *d)
 {
-    free(d->instead);
+    free(d->merged_into);
     free(d->known);
     free(d->points);
-    free(d->which);
-    free(d->near);
+    free(d->point_index);
+    free(d->covisible);
     free(d);
 }
 
 enum status map_close_loops(struct map *m)
 {
     // From far apart to near, so that a gap of many pixels is not taken for a wrong match.
-    static const double LOOSE_PX[] = {30, 10, 3, 0};
-    struct desk *d = calloc(1, sizeof *d);
+    static const double EXTRA_SIGMA_PX[] = {30, 10, 3, 0};
+    struct loop_scratch *d = calloc(1, sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to close the way round a place");
-    enum status status = desk_open(d, m);
-    int united = 0;
+    enum status status = loop_scratch_alloc(d, m);
+    int matched = 0;
     for (int32_t i = 0; i < m->point_count && status == OK; i++)
-        d->instead[i] = i;
+        d->merged_into[i] = i;
     for (int32_t i = 0; i < m->frame_count && status == OK; i++) {
         if (!m->frames[i].placed)
             continue;
-        mark_known(m, &m->frames[i], d);
-        choose_old(m, &m->frames[i], d);
-        if (d->count >= LEAST_AGREEING)
-            united += unite(m, &m->frames[i], d);
+        mark_covisible(m, &m->frames[i], d);
+        select_old_points(m, &m->frames[i], d);
+        if (d->count >= MIN_INLIERS)
+            matched += match_old_points(m, &m->frames[i], d);
     }
-    if (united)
-        replace(m, d->instead);
-    desk_close(d);
-    for (size_t i = 0; i < COUNT_OF(LOOSE_PX) && status == OK && united; i++)
-        status = map_adjust_loosely(m, ROUNDS, LOOSE_PX[i]);
+    if (matched)
+        apply_merges(m, d->merged_into);
+    loop_scratch_free(d);
+    for (size_t i = 0; i < COUNT_OF(EXTRA_SIGMA_PX) && status == OK && matched; i++)
+        status = map_bundle_adjust_relaxed(m, ROUNDS, EXTRA_SIGMA_PX[i]);
     return status;
 }

@@ -27,82 +27,82 @@ static enum status add_tag(struct map *m, int32_t id, double side_m)
     return tag_pattern(id, &tag->pattern) ? OK : fail(ERR_MEMORY, "no memory for the pattern of tag %d", (int)id);
 }
 
-enum status map_take_in(struct map *m, const struct place *before, const struct mapper_tag *tags, int32_t tag_count)
+enum status map_load_prior(struct map *m, const struct place *prior, const struct mapper_tag *tags, int32_t tag_count)
 {
-    int32_t old_tags = before ? before->tag_count : 0, old_points = before ? before->point_count : 0;
-    m->extends = before != NULL;
-    m->point_capacity = old_points + MAP_MOST_CANDIDATES;
+    int32_t old_tags = prior ? prior->tag_count : 0, old_points = prior ? prior->point_count : 0;
+    m->has_prior = prior != NULL;
+    m->point_capacity = old_points + MAP_MAX_CANDIDATES;
     m->tags = calloc((size_t)(old_tags + tag_count) + 1, sizeof *m->tags);
     m->points = malloc((size_t)m->point_capacity * sizeof *m->points);
-    m->point_sightings = calloc((size_t)m->point_capacity, sizeof *m->point_sightings);
-    if (!m->tags || !m->points || !m->point_sightings)
+    m->point_observations = calloc((size_t)m->point_capacity, sizeof *m->point_observations);
+    if (!m->tags || !m->points || !m->point_observations)
         return fail(ERR_MEMORY, "no memory to map a place");
     enum status status = OK;
     for (int32_t i = 0; i < old_tags && status == OK; i++) {
-        status = add_tag(m, before->tags[i].id, before->tags[i].side_m);
-        m->tags[i].world_from_tag = before->tags[i].world_from_tag;
-        memcpy(m->tags[i].covariance, before->tags[i].covariance, sizeof m->tags[i].covariance);
-        m->tags[i].mapped = m->tags[i].held = true;
+        status = add_tag(m, prior->tags[i].id, prior->tags[i].side_m);
+        m->tags[i].world_from_tag = prior->tags[i].world_from_tag;
+        memcpy(m->tags[i].covariance, prior->tags[i].covariance, sizeof m->tags[i].covariance);
+        m->tags[i].mapped = m->tags[i].fixed = true;
     }
     for (int32_t i = 0; i < tag_count && status == OK; i++)
         status = add_tag(m, tags[i].id, tags[i].side_m);
     if (old_points)
-        memcpy(m->points, before->points, (size_t)old_points * sizeof *m->points);
+        memcpy(m->points, prior->points, (size_t)old_points * sizeof *m->points);
     m->point_count = m->held_points = old_points;
     return status;
 }
 
-static const double AGREE_RMS_PX = 6; // pictures of a tag that hangs where it was fit better
-enum { LEAST_OTHERS = 2 };            // of two tags that disagree nobody knows which was moved
-enum { LEAST_POINTS = 20 };
+static const double INLIER_RMS_PX = 6; // pictures of a tag that hangs where it was fit better
+enum { MIN_TAGS = 2 };                 // of two tags that disagree nobody knows which was moved
+enum { MIN_POINTS = 20 };
 
 // Where a frame is by more than a single tag: by the place's points, else by tags that agree.
-static bool place_by_many(const struct map *m, struct map_desk *d, const struct map_frame *f, struct fit_tag *tags,
-                          int tag_count, struct pose *camera_from_world)
+static bool register_by_consensus(const struct map *m, struct map_scratch *d, const struct map_frame *f,
+                                  struct pnp_tag *tags, int tag_count, struct pose *camera_from_world)
 {
     const struct lens *lens = &m->calibration.color;
-    struct camera_fit fit;
+    struct pnp_solution fit;
     int agree;
-    map_lay_out(d, m, f);
-    int count = relocate_match(m->points, m->held_points, &d->index, d->matches, MAP_FEATURES);
-    if (relocate(m->points, &d->index, lens, d->matches, count, NULL, camera_from_world, &agree) &&
-        agree >= LEAST_POINTS)
+    map_index_features(d, m, f);
+    int count = relocalize_match(m->points, m->held_points, &d->index, d->matches, MAP_MAX_FEATURES);
+    if (relocalize(m->points, &d->index, lens, d->matches, count, NULL, camera_from_world, &agree) &&
+        agree >= MIN_POINTS)
         return true;
-    if (fit_camera(tags, tag_count, lens->fx, lens->fy, AGREE_RMS_PX, NULL, &fit) != OK || fit.used < LEAST_OTHERS)
+    if (pnp_solve(tags, tag_count, lens->fx, lens->fy, INLIER_RMS_PX, NULL, &fit) != OK || fit.used < MIN_TAGS)
         return false;
     *camera_from_world = fit.camera_from_world;
     return true;
 }
 
-enum status map_release_moved(struct map *m)
+enum status map_release_moved_tags(struct map *m)
 {
     int votes[MAPPER_MAX_TAGS] = {0}; // pictures in which the tag is where it was, less those where it is not
     const struct lens *lens = &m->calibration.color;
-    struct map_desk *d = malloc(sizeof *d);
+    struct map_scratch *d = malloc(sizeof *d);
     if (!d)
         return fail(ERR_MEMORY, "no memory to look for tags that were moved");
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
-        struct fit_tag tags[FIT_MAX_TAGS];
+        struct pnp_tag tags[PNP_MAX_TAGS];
         struct pose pose;
-        int count = map_fit_tags(m, f, tags), at = 0;
-        if (!count || !place_by_many(m, d, f, tags, count, &pose))
+        int count = map_tag_correspondences(m, f, tags), at = 0;
+        if (!count || !register_by_consensus(m, d, f, tags, count, &pose))
             continue;
-        for (int32_t k = 0; k < f->seen_count && at < count; k++) // as map_fit_tags has them
-            if (m->tags[f->which[k]].mapped)
-                votes[m->tags[f->which[k]].id] +=
-                    fit_tag_rms(&tags[at++], NULL, &pose, lens->fx, lens->fy) < AGREE_RMS_PX ? 1 : -1;
+        for (int32_t k = 0; k < f->seen_count && at < count; k++) // as map_tag_correspondences has them
+            if (m->tags[f->tag_index[k]].mapped)
+                votes[m->tags[f->tag_index[k]].id] +=
+                    pnp_tag_rms(&tags[at++], NULL, &pose, lens->fx, lens->fy) < INLIER_RMS_PX ? 1 : -1;
     }
     free(d);
     for (int32_t t = 0; t < m->tag_count; t++)
-        if (m->tags[t].held && votes[m->tags[t].id] < 0) {
+        if (m->tags[t].fixed && votes[m->tags[t].id] < 0) {
             m->tags[t].moved = true;
-            m->tags[t].held = m->tags[t].mapped = false;
+            m->tags[t].fixed = m->tags[t].mapped = false;
         }
     return OK;
 }
 
-enum status map_check_shared(const struct map *m)
+enum status map_check_overlap(const struct map *m)
 {
     for (int32_t i = 0; i < m->frame_count; i++)
         if (m->frames[i].placed)
@@ -118,32 +118,32 @@ static double rms_of_both(double a, double count_a, double b, double count_b)
     return count > 0 ? sqrt((a * a * count_a + b * b * count_b) / count) : 0;
 }
 
-void map_measure_with(struct map *m, const struct place *before)
+void map_merge_residuals(struct map *m, const struct place *prior)
 {
     double earlier = 0, now = 0;
     bool any_tag = false;
     for (int32_t i = 0; i < m->tag_count; i++) {
-        now += m->tags[i].sightings;
+        now += m->tags[i].observations;
         any_tag = any_tag || m->tags[i].mapped;
     }
-    for (int32_t i = 0; i < before->tag_count; i++) {
-        const struct place_tag *old = &before->tags[i];
+    for (int32_t i = 0; i < prior->tag_count; i++) {
+        const struct place_tag *old = &prior->tags[i];
         struct map_tag *tag = &m->tags[i]; // those of the place come first
         if (tag->moved)
             continue;
-        tag->rms_px = rms_of_both(old->rms_px, old->sightings, tag->rms_px, tag->sightings);
-        tag->sightings += old->sightings;
+        tag->rms_px = rms_of_both(old->rms_px, old->sightings, tag->rms_px, tag->observations);
+        tag->observations += old->sightings;
         earlier += old->sightings;
     }
     if (!any_tag) { // then errors are those of points
-        earlier = before->point_count;
+        earlier = prior->point_count;
         now = m->tag_count ? 0 : m->point_count - m->held_points;
     }
-    m->rms_px = rms_of_both(before->rms_px, earlier, m->rms_px, now);
-    m->rms_m = rms_of_both(before->rms_m, before->rms_m > 0 ? earlier : 0, m->rms_m, m->rms_m > 0 ? now : 0);
+    m->rms_px = rms_of_both(prior->rms_px, earlier, m->rms_px, now);
+    m->rms_m = rms_of_both(prior->rms_m, prior->rms_m > 0 ? earlier : 0, m->rms_m, m->rms_m > 0 ? now : 0);
 }
 
-static void *copy_of(const void *bytes, size_t size)
+static void *duplicate_bytes(const void *bytes, size_t size)
 {
     void *copy = malloc(size);
     if (copy)
@@ -151,16 +151,16 @@ static void *copy_of(const void *bytes, size_t size)
     return copy;
 }
 
-enum status map_keep_views(const struct place *before, struct place *out)
+enum status map_copy_prior_views(const struct place *prior, struct place *out)
 {
-    const struct lens *lens = &before->calibration.depth;
+    const struct lens *lens = &prior->calibration.depth;
     size_t depth_bytes = (size_t)lens->width * (size_t)lens->height * sizeof(uint16_t);
-    for (int32_t i = 0; i < before->view_count; i++) {
-        const struct place_view *old = &before->views[i];
+    for (int32_t i = 0; i < prior->view_count; i++) {
+        const struct place_view *old = &prior->views[i];
         struct place_view *view = &out->views[out->view_count++];
         *view = *old;
-        view->jpeg = old->jpeg ? copy_of(old->jpeg, old->jpeg_bytes) : NULL;
-        view->depth = old->depth ? copy_of(old->depth, depth_bytes) : NULL;
+        view->jpeg = old->jpeg ? duplicate_bytes(old->jpeg, old->jpeg_bytes) : NULL;
+        view->depth = old->depth ? duplicate_bytes(old->depth, depth_bytes) : NULL;
         if ((old->jpeg && !view->jpeg) || (old->depth && !view->depth))
             return fail(ERR_MEMORY, "no memory for the pictures of the place");
     }

@@ -4,27 +4,27 @@
 
 #include <stdlib.h>
 
-enum status map_place_by_points(struct map *m, int *placed)
+enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
 {
-    struct map_desk *d = malloc(sizeof *d);
+    struct map_scratch *d = malloc(sizeof *d);
     const struct lens *lens = &m->calibration.color;
     *placed = 0;
     if (!d)
         return fail(ERR_MEMORY, "no memory to map natural points");
     for (int32_t i = 0; i < m->frame_count; i++) {
         struct map_frame *f = &m->frames[i];
-        struct fit_tag tags[FIT_MAX_TAGS];
-        struct camera_fit fit;
+        struct pnp_tag tags[PNP_MAX_TAGS];
+        struct pnp_solution fit;
         if (f->placed)
             continue;
-        int count = map_fit_tags(m, f, tags), agree[2] = {0, 0};
-        if (!count || fit_camera(tags, count, lens->fx, lens->fy, 4, NULL, &fit) != AMBIGUOUS)
+        int count = map_tag_correspondences(m, f, tags), agree[2] = {0, 0};
+        if (!count || pnp_solve(tags, count, lens->fx, lens->fy, 4, NULL, &fit) != AMBIGUOUS)
             continue;
         struct pose pose[2] = {fit.camera_from_world, fit.other};
-        map_lay_out(d, m, f);
+        map_index_features(d, m, f);
         for (int k = 0; k < 2; k++)
-            if (!points_refine(m->points, m->point_count, &d->index, d->depth, lens, tags, count, NULL, &pose[k],
-                               d->matches, MAP_FEATURES, &agree[k]))
+            if (!landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, lens, tags, count, NULL,
+                                       &pose[k], d->matches, MAP_MAX_FEATURES, &agree[k]))
                 agree[k] = 0;
         int best = agree[1] > agree[0];
         // Both may lead to the same pose: the search reaches far.
@@ -39,69 +39,70 @@ enum status map_place_by_points(struct map *m, int *placed)
 }
 
 // So many points must agree for a frame that no tag vouches for.
-enum { LEAST_ALONE = 20 };
+enum { MIN_INLIERS = 20 };
 
 // Sharpens `guess` by the points that d's frame shows. False: too few agree.
-static bool settle(struct map *m, struct map_desk *d, struct map_frame *f, struct pose guess)
+static bool refine_and_register(struct map *m, struct map_scratch *d, struct map_frame *f, struct pose guess)
 {
-    struct fit_tag tags[FIT_MAX_TAGS];
-    int count = 0, tag_count = map_fit_tags(m, f, tags);
-    if (!points_refine(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count, NULL,
-                       &guess, d->matches, MAP_FEATURES, &count) ||
-        count < LEAST_ALONE)
+    struct pnp_tag tags[PNP_MAX_TAGS];
+    int count = 0, tag_count = map_tag_correspondences(m, f, tags);
+    if (!landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
+                               NULL, &guess, d->matches, MAP_MAX_FEATURES, &count) ||
+        count < MIN_INLIERS)
         return false;
     f->camera_from_world = guess;
     f->placed = f->visited = true;
-    map_assign(f, d, count);
-    map_add_new_points(m, f);
+    map_assign_matches(f, d, count);
+    map_create_landmarks(m, f);
     return true;
 }
 
 // From the frame next to it, and as that one came from the one before.
-static bool place_beside(struct map *m, struct map_desk *d, int32_t i, int step)
+static bool register_from_neighbour(struct map *m, struct map_scratch *d, int32_t i, int step)
 {
-    const struct map_frame *near = &m->frames[i - step];
-    struct pose guess = near->camera_from_world;
+    const struct map_frame *neighbour = &m->frames[i - step];
+    struct pose guess = neighbour->camera_from_world;
     int32_t before = i - 2 * step;
     if (before >= 0 && before < m->frame_count && m->frames[before].placed)
         guess = pose_multiply(pose_multiply(guess, pose_inverse(m->frames[before].camera_from_world)), guess);
-    map_lay_out(d, m, &m->frames[i]);
-    return settle(m, d, &m->frames[i], guess) || settle(m, d, &m->frames[i], near->camera_from_world);
+    map_index_features(d, m, &m->frames[i]);
+    return refine_and_register(m, d, &m->frames[i], guess) ||
+           refine_and_register(m, d, &m->frames[i], neighbour->camera_from_world);
 }
 
-static bool place_anywhere(struct map *m, struct map_desk *d, struct map_frame *f)
+static bool relocalize_frame(struct map *m, struct map_scratch *d, struct map_frame *f)
 {
     struct pose guess;
     int agree;
-    map_lay_out(d, m, f);
-    int count = relocate_match(m->points, m->point_count, &d->index, d->matches, MAP_FEATURES);
-    return relocate(m->points, &d->index, &m->calibration.color, d->matches, count, NULL, &guess, &agree) &&
-           settle(m, d, f, guess);
+    map_index_features(d, m, f);
+    int count = relocalize_match(m->points, m->point_count, &d->index, d->matches, MAP_MAX_FEATURES);
+    return relocalize(m->points, &d->index, &m->calibration.color, d->matches, count, NULL, &guess, &agree) &&
+           refine_and_register(m, d, f, guess);
 }
 
 // Errors grow from frame to frame; before they are larger than the search for points
 // reaches, everything is adjusted, so that a way round closes.
 enum { ADJUST_EVERY = 20, ADJUST_ROUNDS = 6 };
 
-static enum status count_in(struct map *m, int *placed)
+static enum status count_placed(struct map *m, int *placed)
 {
-    return ++*placed % ADJUST_EVERY == 0 ? map_adjust(m, ADJUST_ROUNDS, false, NULL) : OK;
+    return ++*placed % ADJUST_EVERY == 0 ? map_bundle_adjust(m, ADJUST_ROUNDS, false, NULL) : OK;
 }
 
-static enum status sweep(struct map *m, struct map_desk *d, int step, int *placed)
+static enum status register_pass(struct map *m, struct map_scratch *d, int step, int *placed)
 {
     enum status status = OK;
     for (int32_t n = 1; n < m->frame_count && status == OK; n++) {
         int32_t i = step > 0 ? n : m->frame_count - 1 - n;
-        if (!m->frames[i].placed && m->frames[i - step].placed && place_beside(m, d, i, step))
-            status = count_in(m, placed);
+        if (!m->frames[i].placed && m->frames[i - step].placed && register_from_neighbour(m, d, i, step))
+            status = count_placed(m, placed);
     }
     return status;
 }
 
-enum status map_follow(struct map *m, int *placed)
+enum status map_register_frames(struct map *m, int *placed)
 {
-    struct map_desk *d = malloc(sizeof *d);
+    struct map_scratch *d = malloc(sizeof *d);
     enum status status = OK;
     int before;
     *placed = 0;
@@ -109,18 +110,18 @@ enum status map_follow(struct map *m, int *placed)
         return fail(ERR_MEMORY, "no memory to map natural points");
     do {
         before = *placed;
-        status = sweep(m, d, 1, placed);
+        status = register_pass(m, d, 1, placed);
         if (status == OK)
-            status = sweep(m, d, -1, placed);
+            status = register_pass(m, d, -1, placed);
         for (int32_t i = 0; i < m->frame_count && status == OK && *placed == before; i++)
-            if (!m->frames[i].placed && place_anywhere(m, d, &m->frames[i]))
-                status = count_in(m, placed);
+            if (!m->frames[i].placed && relocalize_frame(m, d, &m->frames[i]))
+                status = count_placed(m, placed);
     } while (status == OK && *placed > before);
     free(d);
     return status;
 }
 
-enum status map_start_by_points(struct map *m)
+enum status map_init_from_depth(struct map *m)
 {
     int most = 0;
     for (int32_t i = 0; i < m->frame_count; i++) {
@@ -129,15 +130,15 @@ enum status map_start_by_points(struct map *m)
             count += m->frames[i].features[k].depth > 0;
         if (count > most) {
             most = count;
-            m->held_frame = i;
+            m->fixed_frame = i;
         }
     }
-    if (most < LEAST_ALONE)
+    if (most < MIN_INLIERS)
         return fail(ERR_INPUT, "no picture shows enough that can be recognised and has depth; film a place with "
                                "things in it, in good light, or hang tags and list them");
-    struct map_frame *f = &m->frames[m->held_frame];
+    struct map_frame *f = &m->frames[m->fixed_frame];
     f->placed = f->visited = true;
     f->camera_from_world = POSE_IDENTITY;
-    map_add_new_points(m, f);
+    map_create_landmarks(m, f);
     return OK;
 }

@@ -8,13 +8,13 @@
 struct mapper {
     struct map map;
     struct mapper_options options;
-    struct map_look *look;
-    int32_t frames_seen, stride, picture_stride;
-    int32_t seen_in[TAG_NUMBERS]; // frames that show the tag, listed or not
+    struct map_frontend *frontend;
+    int32_t frames_seen, stride, image_stride;
+    int32_t frames_with_tag[TAG_ID_COUNT]; // frames that show the tag, listed or not
 };
 
 // A lens that was learnt in another place is as sure as this; a guess is not.
-static const double MOST_FOCAL_SIGMA = 0.01;
+static const double MAX_FOCAL_SIGMA = 0.01;
 
 struct mapper_options mapper_default_options(void)
 {
@@ -29,22 +29,22 @@ static enum status check(const struct calibration *calibration, const struct map
     enum status status = lens_check(&calibration->color, "color");
     if (status != OK)
         return status;
-    if (calibration->color.focal_sigma > MOST_FOCAL_SIGMA)
+    if (calibration->color.focal_sigma > MAX_FOCAL_SIGMA)
         return fail(ERR_INPUT,
                     "the camera's focal length is known to %.1f %% only, and a place would be no truer; measure "
                     "its lens and write it down (the guide says where)",
                     calibration->color.focal_sigma * 100);
-    if (options->most_points < 0 || options->most_points > MAP_MOST_CANDIDATES || options->most_views < 0)
+    if (options->most_points < 0 || options->most_points > MAP_MAX_CANDIDATES || options->most_views < 0)
         return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
-                    (int)MAP_MOST_CANDIDATES);
+                    (int)MAP_MAX_CANDIDATES);
     if (tag_count < 0 || tag_count > MAPPER_MAX_TAGS)
         return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
-    if (!tag_count && !(options->before && options->before->tag_count) &&
+    if (!tag_count && !(options->prior && options->prior->tag_count) &&
         (!map_depth_usable(calibration) || !options->most_points))
         return fail(ERR_INPUT, "without tags only depth that belongs to the colour's pixels says how large a place "
                                "is, and this sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
-        if (tags[i].id < 0 || tags[i].id >= TAG_NUMBERS || !(tags[i].side_m > 0) || !isfinite(tags[i].side_m))
+        if (tags[i].id < 0 || tags[i].id >= TAG_ID_COUNT || !(tags[i].side_m > 0) || !isfinite(tags[i].side_m))
             return fail(ERR_INPUT, "tag %d with a side of %g m is no tag of tag36h11", (int)tags[i].id, tags[i].side_m);
         for (int32_t k = 0; k < i; k++)
             if (tags[k].id == tags[i].id)
@@ -56,11 +56,11 @@ static enum status check(const struct calibration *calibration, const struct map
 static enum status fill(struct mapper *m, const struct mapper_tag *tags, int32_t tag_count)
 {
     struct map *map = &m->map;
-    map->frames = calloc(MAP_MOST_FRAMES, sizeof *map->frames);
+    map->frames = calloc(MAP_MAX_FRAMES, sizeof *map->frames);
     if (!map->frames)
         return fail(ERR_MEMORY, "no memory to map a place");
-    enum status status = map_take_in(map, m->options.before, tags, tag_count);
-    return status == OK ? map_look_open(&m->look, map, &m->options) : status;
+    enum status status = map_load_prior(map, m->options.prior, tags, tag_count);
+    return status == OK ? map_frontend_open(&m->frontend, map, &m->options) : status;
 }
 
 enum status mapper_open(struct mapper **out, const struct calibration *calibration, const struct mapper_tag *tags,
@@ -75,9 +75,9 @@ enum status mapper_open(struct mapper **out, const struct calibration *calibrati
     if (!m)
         return fail(ERR_MEMORY, "no memory to map a place");
     m->map.calibration = *calibration;
-    m->map.depth_times = 1;
+    m->map.depth_scale = 1;
     m->options = wanted;
-    m->stride = m->picture_stride = 1;
+    m->stride = m->image_stride = 1;
     status = fill(m, tags, tag_count);
     if (status != OK)
         mapper_close(&m);
@@ -85,7 +85,7 @@ enum status mapper_open(struct mapper **out, const struct calibration *calibrati
     return status;
 }
 
-static void drop_picture(struct map_frame *f)
+static void drop_image(struct map_frame *f)
 {
     free(f->jpeg);
     free(f->depth);
@@ -98,22 +98,22 @@ void mapper_close(struct mapper **out)
     struct mapper *m = *out;
     if (!m)
         return;
-    map_look_close(&m->look);
+    map_frontend_close(&m->frontend);
     for (int32_t i = 0; i < m->map.frame_count; i++)
         map_frame_free(&m->map.frames[i]);
     free(m->map.frames);
     free(m->map.tags);
     free(m->map.points);
-    free(m->map.point_sightings);
+    free(m->map.point_observations);
     free(m);
     *out = NULL;
 }
 
 // Every second frame goes when there are too many; every second picture too.
-static void thin_out(struct mapper *m)
+static void decimate_frames(struct mapper *m)
 {
     struct map *map = &m->map;
-    if (map->frame_count == MAP_MOST_FRAMES) {
+    if (map->frame_count == MAP_MAX_FRAMES) {
         int32_t kept = 0;
         for (int32_t i = 0; i < map->frame_count; i++) {
             if (i % 2)
@@ -125,19 +125,19 @@ static void thin_out(struct mapper *m)
         map->frame_count = kept;
         m->stride *= 2;
     }
-    int32_t pictures = 0;
+    int32_t images = 0;
     for (int32_t i = 0; i < map->frame_count; i++)
-        pictures += map->frames[i].jpeg || map->frames[i].depth;
-    if (pictures < MAP_MOST_PICTURES)
+        images += map->frames[i].jpeg || map->frames[i].depth;
+    if (images < MAP_MAX_IMAGES)
         return;
-    pictures = 0;
+    images = 0;
     for (int32_t i = 0; i < map->frame_count; i++)
-        if ((map->frames[i].jpeg || map->frames[i].depth) && pictures++ % 2)
-            drop_picture(&map->frames[i]);
-    m->picture_stride *= 2;
+        if ((map->frames[i].jpeg || map->frames[i].depth) && images++ % 2)
+            drop_image(&map->frames[i]);
+    m->image_stride *= 2;
 }
 
-static enum status copy_picture(const struct mapper *m, const struct frame *frame, struct map_frame *out)
+static enum status copy_image(const struct mapper *m, const struct frame *frame, struct map_frame *out)
 {
     const struct calibration *c = &m->map.calibration;
     if (frame->jpeg) {
@@ -165,24 +165,24 @@ static enum status copy_picture(const struct mapper *m, const struct frame *fram
 // The next picture that was looked at becomes a frame of the map. NOTHING: there is none.
 static enum status take_frame(struct mapper *m)
 {
-    struct map_looked looked;
-    enum status status = map_look_take(m->look, &looked);
+    struct map_frontend_result result;
+    enum status status = map_frontend_take(m->frontend, &result);
     if (status != OK)
         return status;
-    if (looked.number % m->stride) { // which was smaller when it was put
-        map_frame_free(&looked.shown);
+    if (result.number % m->stride) { // which was smaller when it was put
+        map_frame_free(&result.observed);
         return OK;
     }
-    m->map.has_depth |= looked.frame.depth && map_depth_usable(&m->map.calibration);
-    for (int32_t i = 0; i < looked.id_count; i++)
-        m->seen_in[looked.ids[i]]++;
-    thin_out(m);
-    if (m->map.frame_count % m->picture_stride == 0)
-        status = copy_picture(m, &looked.frame, &looked.shown);
+    m->map.has_depth |= result.frame.depth && map_depth_usable(&m->map.calibration);
+    for (int32_t i = 0; i < result.id_count; i++)
+        m->frames_with_tag[result.ids[i]]++;
+    decimate_frames(m);
+    if (m->map.frame_count % m->image_stride == 0)
+        status = copy_image(m, &result.frame, &result.observed);
     if (status == OK)
-        m->map.frames[m->map.frame_count++] = looked.shown;
+        m->map.frames[m->map.frame_count++] = result.observed;
     else
-        map_frame_free(&looked.shown);
+        map_frame_free(&result.observed);
     return status;
 }
 
@@ -193,11 +193,11 @@ enum status mapper_add(struct mapper *m, const struct frame *frame)
     int32_t number = m->frames_seen++;
     if (number % m->stride)
         return OK;
-    enum status status = map_look_full(m->look) ? take_frame(m) : OK;
-    return status == OK ? map_look_put(m->look, frame, number) : status;
+    enum status status = map_frontend_full(m->frontend) ? take_frame(m) : OK;
+    return status == OK ? map_frontend_put(m->frontend, frame, number) : status;
 }
 
-static void report_lost(const struct map *m, struct mapper_report *r)
+static void report_longest_gap(const struct map *m, struct mapper_report *r)
 {
     int64_t longest = 0;
     for (int32_t i = 0; i < m->frame_count; i++) {
@@ -218,23 +218,23 @@ static void report_lost(const struct map *m, struct mapper_report *r)
 
 static void report_tags(const struct mapper *m, struct mapper_report *r)
 {
-    r->first_unseen = r->first_apart = r->first_unlisted = r->first_moved = r->first_astray = -1;
-    for (int32_t id = 0; id < TAG_NUMBERS; id++) {
+    r->first_unseen = r->first_disconnected = r->first_unlisted = r->first_moved = r->first_outlier = -1;
+    for (int32_t id = 0; id < TAG_ID_COUNT; id++) {
         const struct map_tag *tag = NULL;
         for (int32_t i = 0; i < m->map.tag_count; i++)
             if (m->map.tags[i].id == id)
                 tag = &m->map.tags[i];
         if (tag && tag->moved && r->tags_moved++ == 0)
             r->first_moved = id;
-        if (tag && tag->astray && r->tags_astray++ == 0)
-            r->first_astray = id;
+        if (tag && tag->outlier && r->tags_outlier++ == 0)
+            r->first_outlier = id;
         if (tag && tag->mapped)
             r->tags_mapped++;
-        else if (tag && !m->seen_in[id] && r->tags_unseen++ == 0)
+        else if (tag && !m->frames_with_tag[id] && r->tags_unseen++ == 0)
             r->first_unseen = id;
-        else if (tag && m->seen_in[id] && !tag->astray && r->tags_apart++ == 0)
-            r->first_apart = id;
-        else if (!tag && m->seen_in[id] > 1 && r->tags_unlisted++ == 0)
+        else if (tag && m->frames_with_tag[id] && !tag->outlier && r->tags_disconnected++ == 0)
+            r->first_disconnected = id;
+        else if (!tag && m->frames_with_tag[id] > 1 && r->tags_unlisted++ == 0)
             r->first_unlisted = id;
     }
     r->frames_seen = m->frames_seen;
@@ -244,21 +244,21 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
 }
 
 // How much two views differ: metres, with a radian worth two.
-static double apart(struct pose camera_a_from_world, struct pose camera_b_from_world)
+static double view_distance(struct pose camera_a_from_world, struct pose camera_b_from_world)
 {
     struct pose wa = pose_inverse(camera_a_from_world), wb = pose_inverse(camera_b_from_world);
     return v3_distance(wa.translation, wb.translation) + 2 * pose_angle(wa, wb);
 }
 
 // Hands the pictures that lie furthest apart, and from those it has, to the place, one after the other.
-static void hand_over_views(struct map *map, int32_t most, struct place *out)
+static void export_views(struct map *map, int32_t most, struct place *out)
 {
-    double distance[MAP_MOST_FRAMES];
+    double distance[MAP_MAX_FRAMES];
     for (int32_t i = 0; i < map->frame_count; i++) {
         distance[i] = map->frames[i].placed && map->frames[i].jpeg ? 1e9 : -1;
         for (int32_t k = 0; k < out->view_count && distance[i] > 0; k++)
-            distance[i] = fmin(distance[i],
-                               apart(map->frames[i].camera_from_world, pose_inverse(out->views[k].world_from_camera)));
+            distance[i] = fmin(distance[i], view_distance(map->frames[i].camera_from_world,
+                                                          pose_inverse(out->views[k].world_from_camera)));
     }
     for (most += out->view_count; out->view_count < most;) {
         int32_t best = -1;
@@ -279,26 +279,26 @@ static void hand_over_views(struct map *map, int32_t most, struct place *out)
         distance[best] = -1;
         for (int32_t i = 0; i < map->frame_count; i++)
             if (distance[i] > 0)
-                distance[i] = fmin(distance[i], apart(map->frames[i].camera_from_world, f->camera_from_world));
+                distance[i] = fmin(distance[i], view_distance(map->frames[i].camera_from_world, f->camera_from_world));
     }
 }
 
 // Views are read with the calibration of the place.
 static bool same_calibration(const struct calibration *a, const struct calibration *b)
 {
-    return lens_same(&a->color, &b->color) && lens_same(&a->depth, &b->depth) && a->registered == b->registered &&
+    return lens_equal(&a->color, &b->color) && lens_equal(&a->depth, &b->depth) && a->registered == b->registered &&
            (a->registered || !memcmp(&a->color_from_depth, &b->color_from_depth, sizeof a->color_from_depth));
 }
 
-static enum status hand_over(struct mapper *m, struct place *out)
+static enum status export_place(struct mapper *m, struct place *out)
 {
     struct map *map = &m->map;
-    const struct place *before = m->options.before;
-    const struct calibration *calibration = before ? &before->calibration : &map->calibration;
+    const struct place *prior = m->options.prior;
+    const struct calibration *calibration = prior ? &prior->calibration : &map->calibration;
     *out = (struct place){.calibration = *calibration, .rms_px = map->rms_px, .rms_m = map->rms_m};
     out->tags = calloc((size_t)map->tag_count + 1, sizeof *out->tags);
     out->points = calloc((size_t)map->point_count + 1, sizeof *out->points);
-    size_t views = (size_t)(before ? before->view_count : 0) + (size_t)m->options.most_views;
+    size_t views = (size_t)(prior ? prior->view_count : 0) + (size_t)m->options.most_views;
     out->views = calloc(views + 1, sizeof *out->views);
     if (!out->tags || !out->points || !out->views) {
         place_free(out);
@@ -309,16 +309,16 @@ static enum status hand_over(struct mapper *m, struct place *out)
         if (!t->mapped)
             continue;
         struct place_tag *tag = &out->tags[out->tag_count++];
-        *tag = (struct place_tag){t->id, t->side_m, t->world_from_tag, t->rms_px, t->sightings, {0}};
+        *tag = (struct place_tag){t->id, t->side_m, t->world_from_tag, t->rms_px, t->observations, {0}};
         memcpy(tag->covariance, t->covariance, sizeof tag->covariance);
     }
     memcpy(out->points, map->points, (size_t)map->point_count * sizeof *out->points);
     out->point_count = map->point_count;
-    enum status status = before ? map_keep_views(before, out) : OK;
+    enum status status = prior ? map_copy_prior_views(prior, out) : OK;
     if (status != OK)
         place_free(out);
     else if (same_calibration(calibration, &map->calibration))
-        hand_over_views(map, m->options.most_views, out);
+        export_views(map, m->options.most_views, out);
     return status;
 }
 
@@ -334,31 +334,31 @@ enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_rep
         return status;
     if (!m->map.frame_count)
         return fail(ERR_INPUT, "the sweep holds no colour picture; film the place with colour and depth");
-    const struct place *before = m->options.before;
-    status = before ? map_release_moved(&m->map) : OK;
+    const struct place *prior = m->options.prior;
+    status = prior ? map_release_moved_tags(&m->map) : OK;
     if (status == OK)
-        status = map_grow(&m->map, m->options.most_points > 0);
-    if (status == OK && before)
-        status = map_check_shared(&m->map);
+        status = map_bootstrap(&m->map, m->options.most_points > 0);
+    if (status == OK && prior)
+        status = map_check_overlap(&m->map);
     if (status == OK)
-        map_leave_out_astray(&m->map);
+        map_remove_outlier_tags(&m->map);
     if (status == OK && m->options.most_points)
-        status = map_polish_points(&m->map, m->options.most_points);
+        status = map_refine_landmarks(&m->map, m->options.most_points);
     if (status == OK)
-        map_measure(&m->map);
-    if (status == OK && before) {
-        map_measure_with(&m->map, before);
+        map_compute_residuals(&m->map);
+    if (status == OK && prior) {
+        map_merge_residuals(&m->map, prior);
         report->floor_from_depth = true;
     } else if (status == OK) {
-        status = map_level(&m->map, &report->floor_from_depth);
+        status = map_align_gravity(&m->map, &report->floor_from_depth);
     }
     if (status == OK)
-        status = map_weigh_points(&m->map);
+        status = map_landmark_covariances(&m->map);
     if (status == OK)
-        status = map_weigh_tags(&m->map);
+        status = map_tag_covariances(&m->map);
     if (status == OK)
-        status = hand_over(m, out);
+        status = export_place(m, out);
     report_tags(m, report);
-    report_lost(&m->map, report);
+    report_longest_gap(&m->map, report);
     return status;
 }

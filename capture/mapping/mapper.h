@@ -3,7 +3,7 @@
 //
 //     mapper_open, mapper_add for each frame, mapper_finish, mapper_close
 //
-// A second sweep may add to a place that is there: mapper_options.before.
+// A second sweep may add to a place that is there: mapper_options.prior.
 // Scale comes from the tags' known sides, and depth that is too long or short by one share
 // everywhere is corrected; without any tag from depth alone, and natural points make the place.
 // Deterministic: the same frames give the same place. One handle, one thread; two of its own
@@ -35,14 +35,14 @@ struct mapper_options {
     // stays as it is there, and so do points and tags, but for tags that were hung elsewhere since;
     // what is new is placed by those in sight.
     // Views are added only if the calibration is the same.
-    const struct place *before;
+    const struct place *prior;
 };
 struct mapper_options mapper_default_options(void);
 
-// tag_count 0: a place of natural points (or what `before` has); the calibration must say `registered`
-// unless `before` has tags. Tags of `before` need not be listed again.
+// tag_count 0: a place of natural points (or what `prior` has); the calibration must say `registered`
+// unless `prior` has tags. Tags of `prior` need not be listed again.
 // Copies what it needs. ERR_INPUT: a senseless lens or option, neither tags nor depth, a number
-// twice, another side than in `before`. ERR_MEMORY.
+// twice, another side than in `prior`. ERR_MEMORY.
 MUST_CHECK enum status mapper_open(struct mapper **out, const struct calibration *calibration,
                                    const struct mapper_tag *tags, int32_t tag_count,
                                    const struct mapper_options *options);
@@ -61,20 +61,20 @@ struct mapper_report {
     int32_t tags_mapped;
     int32_t tags_unseen; // listed but in no frame; the first is first_unseen
     int32_t first_unseen;
-    int32_t tags_apart; // seen, but never together with a tag of the map
-    int32_t first_apart;
+    int32_t tags_disconnected; // seen, but never together with a tag of the map
+    int32_t first_disconnected;
     int32_t tags_unlisted; // seen in at least two frames, not listed: ignored
     int32_t first_unlisted;
-    int32_t tags_astray; // seen in two places of the sweep, and left out; the first is first_astray
-    int32_t first_astray;
-    int32_t tags_moved; // of `before`, that hang elsewhere now: placed anew, or left out if that is not possible
+    int32_t tags_outlier; // seen in two places of the sweep, and left out; the first is first_outlier
+    int32_t first_outlier;
+    int32_t tags_moved; // of `prior`, that hang elsewhere now: placed anew, or left out if that is not possible
     int32_t first_moved;
-    bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest point. With `before`: true
+    bool floor_from_depth; // else z = 0 is the lowest corner of a tag, or the lowest point. With `prior`: true
 };
 
 // The place, in world axes as place.h has them. The caller owns *out: place_free.
 // ERR_INPUT: no listed tag was seen, or none could be placed; without tags: too little to
-// recognise; with `before`: nothing of it was seen. ERR_MEMORY, ERR_SOLVER.
+// recognise; with `prior`: nothing of it was seen. ERR_MEMORY, ERR_SOLVER.
 // On error *out is zeroed. Call it once.
 MUST_CHECK enum status mapper_finish(struct mapper *m, struct place *out, struct mapper_report *report);
 

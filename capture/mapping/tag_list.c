@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int by_number(const void *left, const void *right)
+static int by_id(const void *left, const void *right)
 {
     const struct mapper_tag *a = left, *b = right;
     return (a->id > b->id) - (a->id < b->id);
@@ -18,9 +18,9 @@ static enum status read_side(const struct json *member, const char *path, struct
     char *end;
     errno = 0;
     long id = strtol(name, &end, 10);
-    if (end == name || *end || errno || id < 0 || id >= TAG_NUMBERS)
+    if (end == name || *end || errno || id < 0 || id >= TAG_ID_COUNT)
         return fail(ERR_INPUT, "%s: '%s' in side_m is no tag number; tag36h11 has 0 to %d", path, name,
-                    TAG_NUMBERS - 1);
+                    TAG_ID_COUNT - 1);
     double side;
     if (!json_get_number(member, &side) || !(side >= 0.005) || !(side <= 5))
         return fail(ERR_INPUT,
@@ -52,7 +52,7 @@ static enum status read_list(const struct json *root, const char *path, struct m
     for (int i = 0; i < n && status == OK; i++)
         status = read_side(json_at(sides, i), path, &list[i]);
     if (status == OK)
-        qsort(list, (size_t)n, sizeof *list, by_number);
+        qsort(list, (size_t)n, sizeof *list, by_id);
     for (int i = 1; i < n && status == OK; i++)
         if (list[i].id == list[i - 1].id)
             status = fail(ERR_INPUT, "%s: tag %d is listed twice", path, (int)list[i].id);

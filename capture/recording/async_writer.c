@@ -8,7 +8,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { PENDING_BYTES_MOST = 256 << 20 }; // a disk slower than the sensor stops the sensor, not the machine
+enum { PENDING_BYTES_MAX = 256 << 20 }; // a disk slower than the sensor stops the sensor, not the machine
 
 struct pending {
     struct pending *next;
@@ -25,26 +25,26 @@ struct batch {
     int64_t since_ns; // wall clock when the first thing came; INT64_MAX: empty
 };
 
-struct scribe {
-    struct database *db, *keeper_db;
-    struct statement *add_frame, *add_picture, *put_take;
+struct async_writer {
+    struct database *db, *checkpoint_db;
+    struct statement *add_frame, *add_image, *put_take;
 
     pthread_mutex_t lock; // over all below
     pthread_cond_t wake;  // there may be something to do
     pthread_cond_t done;  // `writing` has ended
-    pthread_t writer, keeper;
-    bool has_writer, has_keeper, stop;
+    pthread_t writer, checkpointer;
+    bool has_writer, has_checkpointer, stop;
     struct batch batch;
-    bool due;           // the batch is full by the sensor's clock
-    bool writing;       // the writer is at the database, without the lock
-    bool unsynced;      // committed, not yet moved into the file
-    enum status broken; // the first error; from then on nothing is written
+    bool due;                // the batch is full by the sensor's clock
+    bool writing;            // the writer is at the database, without the lock
+    bool unsynced;           // committed, not yet moved into the file
+    enum status first_error; // the first error; from then on nothing is written
     char sentence[512];
 };
 
 // ------------------------------------------------------------- rows
 
-static enum status insert_frame(struct scribe *s, const struct frame_row *f)
+static enum status insert_frame(struct async_writer *s, const struct frame_row *f)
 {
     uint8_t pose[POSE_BYTES], skeleton[SKELETON_BYTES];
     size_t skeleton_bytes = f->skeleton ? sizeof skeleton : 0;
@@ -63,7 +63,7 @@ static enum status insert_frame(struct scribe *s, const struct frame_row *f)
     enum status status = statement_run(row);
     if (status != OK || !pictures)
         return status;
-    row = s->add_picture;
+    row = s->add_image;
     statement_bind_number(row, 1, f->key);
     if (f->mask)
         statement_bind_number(row, 2, crc32_of(0, f->mask, f->mask_bytes));
@@ -77,7 +77,7 @@ static enum status insert_frame(struct scribe *s, const struct frame_row *f)
     return statement_run(row);
 }
 
-static enum status insert_take(struct scribe *s, const struct take_row *t)
+static enum status insert_take(struct async_writer *s, const struct take_row *t)
 {
     uint8_t calibration[CALIBRATION_BYTES], body[BODY_BYTES];
     put_calibration(calibration, &t->calibration);
@@ -108,7 +108,7 @@ static void empty(struct batch *b)
 }
 
 // One transaction. Whatever goes wrong, the file stays as the last commit left it.
-static enum status write_batch(struct scribe *s, const struct batch *b)
+static enum status write_batch(struct async_writer *s, const struct batch *b)
 {
     enum status status = database_run(s->db, "BEGIN IMMEDIATE");
     for (const struct pending *p = b->first; status == OK && p; p = p->next)
@@ -121,24 +121,24 @@ static enum status write_batch(struct scribe *s, const struct batch *b)
 }
 
 // The caller holds the lock, from here to the threads.
-static enum status broke(struct scribe *s, enum status status)
+static enum status set_error(struct async_writer *s, enum status status)
 {
-    if (s->broken == OK) {
-        s->broken = status;
-        snprintf(s->sentence, sizeof s->sentence, "%s", status_sentence());
+    if (s->first_error == OK) {
+        s->first_error = status;
+        snprintf(s->sentence, sizeof s->sentence, "%s", status_message());
         enum status back = database_in_transaction(s->db) ? database_run(s->db, "ROLLBACK") : OK;
         (void)back;
     }
     empty(&s->batch);
     pthread_cond_broadcast(&s->done); // nobody waits for what will not come
-    return fail(s->broken, "%s", s->sentence);
+    return fail(s->first_error, "%s", s->sentence);
 }
 
 // Takes the batch away and writes it; gives the lock back meanwhile where told to.
-static enum status write_pending(struct scribe *s, bool unlocked)
+static enum status write_pending(struct async_writer *s, bool unlocked)
 {
-    if (s->broken != OK)
-        return fail(s->broken, "%s", s->sentence);
+    if (s->first_error != OK)
+        return fail(s->first_error, "%s", s->sentence);
     if (s->batch.since_ns == INT64_MAX)
         return OK;
     struct batch b = s->batch;
@@ -154,7 +154,7 @@ static enum status write_pending(struct scribe *s, bool unlocked)
     s->writing = false;
     pthread_cond_broadcast(&s->done);
     if (status != OK)
-        return broke(s, status);
+        return set_error(s, status);
     s->unsynced = true;
     pthread_cond_broadcast(&s->wake);
     return OK;
@@ -162,7 +162,7 @@ static enum status write_pending(struct scribe *s, bool unlocked)
 
 // ------------------------------------------------------------- the two threads
 
-static void wait_until(struct scribe *s, int64_t when_ns)
+static void wait_until(struct async_writer *s, int64_t when_ns)
 {
     struct timespec until = {.tv_sec = when_ns / 1000000000, .tv_nsec = when_ns % 1000000000};
     pthread_cond_timedwait(&s->wake, &s->lock, &until);
@@ -170,14 +170,14 @@ static void wait_until(struct scribe *s, int64_t when_ns)
 
 static void *run_writer(void *argument)
 {
-    struct scribe *s = argument;
+    struct async_writer *s = argument;
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
         int64_t since = s->batch.since_ns;
-        bool waiting = since != INT64_MAX && s->broken == OK;
+        bool waiting = since != INT64_MAX && s->first_error == OK;
         if (waiting && (s->due || clock_now_ns() - since >= BATCH_NS)) {
             enum status status = write_pending(s, true);
-            (void)status; // kept in s->broken
+            (void)status; // kept in s->first_error
         } else if (waiting) {
             wait_until(s, since + BATCH_NS);
         } else {
@@ -188,24 +188,24 @@ static void *run_writer(void *argument)
     return NULL;
 }
 
-static void *run_keeper(void *argument)
+static void *run_checkpointer(void *argument)
 {
-    struct scribe *s = argument;
+    struct async_writer *s = argument;
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
-        if (!s->unsynced || s->broken != OK) {
+        if (!s->unsynced || s->first_error != OK) {
             pthread_cond_wait(&s->wake, &s->lock);
             continue;
         }
         s->unsynced = false;
         pthread_mutex_unlock(&s->lock);
         int64_t left;
-        enum status status = database_checkpoint(s->keeper_db, &left);
+        enum status status = database_checkpoint(s->checkpoint_db, &left);
         pthread_mutex_lock(&s->lock);
         if (status != OK) {
-            while (s->writing) // the writer is at the connection that broke() rolls back
+            while (s->writing) // the writer is at the connection that set_error() rolls back
                 pthread_cond_wait(&s->done, &s->lock);
-            broke(s, status);
+            set_error(s, status);
         }
     }
     pthread_mutex_unlock(&s->lock);
@@ -214,30 +214,29 @@ static void *run_keeper(void *argument)
 
 // ------------------------------------------------------------- the interface
 
-static enum status start(struct scribe *s)
+static enum status start(struct async_writer *s)
 {
     enum status status =
         statement_open(&s->add_frame, s->db, "INSERT INTO frame(" FRAME_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
     if (status == OK)
-        status =
-            statement_open(&s->add_picture, s->db, "INSERT INTO picture(" PICTURE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
+        status = statement_open(&s->add_image, s->db, "INSERT INTO picture(" IMAGE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
     if (status == OK)
         status =
             statement_open(&s->put_take, s->db, "INSERT OR REPLACE INTO take(" TAKE_COLUMNS ") VALUES(?,?,?,?,?,?,?)");
     if (status == OK)
-        status = database_open(&s->keeper_db, database_path(s->db), DATABASE_WRITE);
+        status = database_open(&s->checkpoint_db, database_path(s->db), DATABASE_WRITE);
     if (status == OK)
-        status = database_run(s->keeper_db, "PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0");
+        status = database_run(s->checkpoint_db, "PRAGMA synchronous = NORMAL; PRAGMA wal_autocheckpoint = 0");
     if (status != OK)
         return status;
     s->has_writer = !pthread_create(&s->writer, NULL, run_writer, s);
-    s->has_keeper = s->has_writer && !pthread_create(&s->keeper, NULL, run_keeper, s);
-    return s->has_keeper ? OK : fail(ERR_MEMORY, "no thread to write %s", database_path(s->db));
+    s->has_checkpointer = s->has_writer && !pthread_create(&s->checkpointer, NULL, run_checkpointer, s);
+    return s->has_checkpointer ? OK : fail(ERR_MEMORY, "no thread to write %s", database_path(s->db));
 }
 
-enum status scribe_open(struct scribe **out, struct database *db)
+enum status async_writer_open(struct async_writer **out, struct database *db)
 {
-    struct scribe *s = calloc(1, sizeof *s);
+    struct async_writer *s = calloc(1, sizeof *s);
     *out = NULL;
     if (!s)
         return fail(ERR_MEMORY, "no memory to write %s", database_path(db));
@@ -255,12 +254,12 @@ enum status scribe_open(struct scribe **out, struct database *db)
         *out = s;
         return OK;
     }
-    s->broken = status;
-    snprintf(s->sentence, sizeof s->sentence, "%s", status_sentence());
-    return scribe_close(&s);
+    s->first_error = status;
+    snprintf(s->sentence, sizeof s->sentence, "%s", status_message());
+    return async_writer_close(&s);
 }
 
-static struct pending *copy_of(const struct frame_row *row)
+static struct pending *copy_row(const struct frame_row *row)
 {
     struct pending *p = malloc(sizeof *p + row->color_bytes + row->depth_bytes + row->mask_bytes);
     if (!p)
@@ -284,7 +283,7 @@ static struct pending *copy_of(const struct frame_row *row)
 }
 
 // Under the lock: something new lies in the batch.
-static void begin_batch(struct scribe *s)
+static void begin_batch(struct async_writer *s)
 {
     if (s->batch.since_ns == INT64_MAX) {
         s->batch.since_ns = clock_now_ns();
@@ -292,15 +291,15 @@ static void begin_batch(struct scribe *s)
     }
 }
 
-enum status scribe_add_frame(struct scribe *s, const struct frame_row *row)
+enum status async_writer_add_frame(struct async_writer *s, const struct frame_row *row)
 {
-    struct pending *p = copy_of(row);
+    struct pending *p = copy_row(row);
     if (!p)
         return fail(ERR_MEMORY, "no memory for a frame of %s", database_path(s->db));
     pthread_mutex_lock(&s->lock);
-    while (s->broken == OK && s->writing && s->batch.bytes > PENDING_BYTES_MOST)
+    while (s->first_error == OK && s->writing && s->batch.bytes > PENDING_BYTES_MAX)
         pthread_cond_wait(&s->done, &s->lock);
-    enum status status = s->broken == OK ? OK : fail(s->broken, "%s", s->sentence);
+    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
     if (status == OK) {
         begin_batch(s);
         struct batch *b = &s->batch;
@@ -318,10 +317,10 @@ enum status scribe_add_frame(struct scribe *s, const struct frame_row *row)
     return status;
 }
 
-enum status scribe_put_take(struct scribe *s, const struct take_row *row)
+enum status async_writer_put_take(struct async_writer *s, const struct take_row *row)
 {
     pthread_mutex_lock(&s->lock);
-    enum status status = s->broken == OK ? OK : fail(s->broken, "%s", s->sentence);
+    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
     if (status == OK) {
         begin_batch(s);
         s->batch.take = *row;
@@ -331,7 +330,7 @@ enum status scribe_put_take(struct scribe *s, const struct take_row *row)
     return status;
 }
 
-enum status scribe_stop(struct scribe *s)
+enum status async_writer_pause(struct async_writer *s)
 {
     pthread_mutex_lock(&s->lock);
     while (s->writing)
@@ -339,40 +338,40 @@ enum status scribe_stop(struct scribe *s)
     return write_pending(s, false);
 }
 
-enum status scribe_go(struct scribe *s, enum status status)
+enum status async_writer_resume(struct async_writer *s, enum status status)
 {
     if (status < 0)
-        status = broke(s, status);
+        status = set_error(s, status);
     s->unsynced = true;
     pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
     return status;
 }
 
-enum status scribe_close(struct scribe **scribe)
+enum status async_writer_close(struct async_writer **async_writer)
 {
-    struct scribe *s = *scribe;
+    struct async_writer *s = *async_writer;
     if (!s)
         return OK;
-    *scribe = NULL;
-    enum status written = scribe_stop(s); // takes the lock; a failure is kept in s->broken
+    *async_writer = NULL;
+    enum status written = async_writer_pause(s); // takes the lock; a failure is kept in s->first_error
     (void)written;
     s->stop = true;
     pthread_cond_broadcast(&s->wake);
     pthread_mutex_unlock(&s->lock);
     if (s->has_writer)
         pthread_join(s->writer, NULL);
-    if (s->has_keeper)
-        pthread_join(s->keeper, NULL);
+    if (s->has_checkpointer)
+        pthread_join(s->checkpointer, NULL);
     empty(&s->batch);
-    database_close(&s->keeper_db);
+    database_close(&s->checkpoint_db);
     statement_close(&s->add_frame);
-    statement_close(&s->add_picture);
+    statement_close(&s->add_image);
     statement_close(&s->put_take);
     pthread_cond_destroy(&s->wake);
     pthread_cond_destroy(&s->done);
     pthread_mutex_destroy(&s->lock);
-    enum status status = s->broken == OK ? OK : fail(s->broken, "%s", s->sentence);
+    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
     free(s);
     return status;
 }

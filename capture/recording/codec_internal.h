@@ -3,11 +3,11 @@
 #include "capture/recording/depth_codec.h"
 #include "platform/compress.h"
 
-struct range_coder;
+struct rans_coder;
 
 struct depth_coder {
     struct compressor *compressor;
-    struct range_coder *range;
+    struct rans_coder *range;
     uint8_t *out, *head; // the code, and what is compressed into it
     size_t out_capacity, head_capacity;
     uint8_t *rows; // four rows of levels, 16 bits each

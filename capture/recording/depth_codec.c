@@ -32,7 +32,7 @@ enum status depth_coder_open(struct depth_coder **out)
         return fail(ERR_MEMORY, "no memory for the depth coder");
     enum status status = compressor_open(&c->compressor);
     if (status == OK)
-        status = range_open(&c->range, CONTEXTS);
+        status = rans_open(&c->range, CONTEXTS);
     if (status == OK)
         *out = c;
     else
@@ -45,7 +45,7 @@ void depth_coder_close(struct depth_coder **c)
     if (!*c)
         return;
     compressor_close(&(*c)->compressor);
-    range_close(&(*c)->range);
+    rans_close(&(*c)->range);
     free((*c)->out);
     free((*c)->head);
     free((*c)->rows);
@@ -142,17 +142,17 @@ static void rows_next(struct rows *r, int width)
 }
 
 // The neighbours of one pixel: a left of it, c b d above it from left to right.
-struct near {
+struct neighbors {
     int a, b, c, d;
 };
 
 // All four agree.
-static inline bool is_flat(struct near level)
+static inline bool is_flat(struct neighbors level)
 {
     return !((level.a ^ level.b) | (level.b ^ level.c) | (level.c ^ level.d));
 }
 
-static inline int predict(struct near filled)
+static inline int predict(struct neighbors filled)
 {
     int low = filled.a < filled.b ? filled.a : filled.b, high = filled.a < filled.b ? filled.b : filled.a;
     int plane = filled.a + filled.b - filled.c;
@@ -177,7 +177,7 @@ static const int8_t *make_slopes(struct depth_coder *c, int noise)
 // Which odds hold. ahead: the slope from above to above right, behind: from
 // above left to above. *sign -1: the mirrored neighbourhood shares them, its
 // residual turned.
-static inline int context_of(struct near level, int ahead, int behind, int down, int *sign)
+static inline int context_of(struct neighbors level, int ahead, int behind, int down, int *sign)
 {
     int holes = (level.a == HOLE) | (level.b == HOLE) << 1 | (level.d == HOLE) << 2;
     if (holes) {
@@ -202,7 +202,7 @@ static inline int unfold(uint32_t folded) { return folded & 1 ? -(int)(folded / 
 static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t *depth, int width, int height,
                           int noise)
 {
-    struct range_coder range = *c->range; // a copy that no store can be feared to change
+    struct rans_coder range = *c->range; // a copy that no store can be feared to change
     size_t run_place = 0;
     uint32_t run = 0;
     bool in_run = false;
@@ -213,8 +213,8 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
         const uint16_t *restrict level_above = r->level_above, *restrict filled_above = r->filled_above;
         for (int x = 0; x < width; x++)
             level[x + 1] = c->level_of[depth[(size_t)y * (size_t)width + (size_t)x]];
-        struct near l = {level[0], level_above[1], level_above[0], 0};
-        struct near f = {filled[0], filled_above[1], filled_above[0], 0};
+        struct neighbors l = {level[0], level_above[1], level_above[0], 0};
+        struct neighbors f = {filled[0], filled_above[1], filled_above[0], 0};
         int behind = slopes[f.b - f.c], ahead;
         for (int x = 1; x <= width; x++) {
             const int here = level[x];
@@ -225,7 +225,7 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
             if (flat && !in_run) {
                 in_run = true;
                 run = 0;
-                run_place = range_reserve(&range);
+                run_place = rans_reserve(&range);
             }
             if (flat && here == l.a) {
                 // Most of a picture: on to the last pixel for which nothing changes.
@@ -239,22 +239,22 @@ static void encode_pixels(struct depth_coder *c, struct rows *r, const uint16_t 
             } else {
                 int sign = 1, context = FLAT_MISS, predicted = predict(f);
                 if (flat) {
-                    range_fill(&range, run_place, FLAT_RUN, run);
+                    rans_fill(&range, run_place, FLAT_RUN, run);
                     in_run = false;
                 } else {
                     context = context_of(l, ahead, behind, slopes[f.c - f.a], &sign);
                 }
-                range_push(&range, context, here == HOLE ? 0 : 1 + fold(sign * (here - predicted)));
+                rans_push(&range, context, here == HOLE ? 0 : 1 + fold(sign * (here - predicted)));
                 f.a = here == HOLE ? predicted : here;
             }
             filled[x] = (uint16_t)f.a;
-            l = (struct near){here, l.d, l.b, 0};
-            f = (struct near){f.a, f.d, filled_above[x], 0};
+            l = (struct neighbors){here, l.d, l.b, 0};
+            f = (struct neighbors){f.a, f.d, filled_above[x], 0};
             behind = ahead;
         }
     }
     if (in_run)
-        range_fill(&range, run_place, FLAT_RUN, run);
+        rans_fill(&range, run_place, FLAT_RUN, run);
     *c->range = range;
 }
 
@@ -276,14 +276,14 @@ static enum status store_raw(struct depth_coder *c, const uint16_t *depth, int w
 // The palette (each depth as its distance from the one before) and the odds.
 static enum status make_head(struct depth_coder *c, int levels, size_t *head_bytes)
 {
-    size_t most = 3 * (size_t)levels + range_odds_most(c->range);
+    size_t most = 3 * (size_t)levels + rans_frequencies_max(c->range);
     enum status status = depth_coder_grow(&c->head, &c->head_capacity, most);
     if (status != OK)
         return status;
     uint8_t *at = c->head;
     for (int i = 1; i < levels; i++)
         at = put_varint(at, (uint32_t)(c->depth_of[i] - c->depth_of[i - 1]));
-    at = range_put_odds(c->range, at);
+    at = rans_put_frequencies(c->range, at);
     *head_bytes = (size_t)(at - c->head);
     return OK;
 }
@@ -298,11 +298,11 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
     struct rows rows;
     enum status status = rows_begin(c, &rows, width);
     if (status == OK)
-        status = range_begin(c->range, n);
+        status = rans_begin(c->range, n);
     if (status != OK)
         return status;
     encode_pixels(c, &rows, depth, width, height, noise);
-    status = range_finish(c->range, &bits, &words);
+    status = rans_finish(c->range, &bits, &words);
     if (status == OK)
         status = make_head(c, levels, &head_plain);
     if (status != OK)
@@ -319,7 +319,7 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
     at = put_u32(put_u8(at, (uint8_t)noise), (uint32_t)levels);
     at = put_u32(put_u32(put_u32(at, (uint32_t)head_plain), (uint32_t)head_packed), (uint32_t)bits);
     at += head_packed;
-    range_copy(c->range, at, at + bits);
+    rans_copy(c->range, at, at + bits);
     *bytes = c->out;
     *count = HEADER + head_packed + bits + words;
     return OK;
@@ -340,14 +340,14 @@ static bool read_head(struct depth_coder *c, const uint8_t *at, const uint8_t *e
         depth += step;
         c->depth_of[i] = (uint16_t)depth;
     }
-    return range_get_odds(c->range, at, end);
+    return rans_get_frequencies(c->range, at, end);
 }
 
 static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth, int width, int height, int noise,
                           int levels)
 {
-    struct range_coder range = *c->range; // a copy that no store can be feared to change
-    int64_t run = -1;                     // pixels left until the one that differs; -1: not read yet
+    struct rans_coder range = *c->range; // a copy that no store can be feared to change
+    int64_t run = -1;                    // pixels left until the one that differs; -1: not read yet
     uint32_t value;
     const int8_t *slopes = make_slopes(c, noise);
     const int most = levels ? levels : 65536;
@@ -355,8 +355,8 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
         rows_next(r, width);
         uint16_t *restrict level = r->level, *restrict filled = r->filled;
         const uint16_t *restrict level_above = r->level_above, *restrict filled_above = r->filled_above;
-        struct near l = {level[0], level_above[1], level_above[0], 0};
-        struct near f = {filled[0], filled_above[1], filled_above[0], 0};
+        struct neighbors l = {level[0], level_above[1], level_above[0], 0};
+        struct neighbors f = {filled[0], filled_above[1], filled_above[0], 0};
         int behind = slopes[f.b - f.c], ahead;
         for (int x = 1; x <= width; x++) {
             l.d = level_above[x + 1];
@@ -365,7 +365,7 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
             int here = l.a;
             bool flat = is_flat(l);
             if (flat && run < 0) {
-                if (!range_pull(&range, FLAT_RUN, &value))
+                if (!rans_pull(&range, FLAT_RUN, &value))
                     return false;
                 run = value;
             }
@@ -385,7 +385,7 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
                     run = -1;
                 int sign = 1, context = flat ? FLAT_MISS : context_of(l, ahead, behind, slopes[f.c - f.a], &sign);
                 int predicted = predict(f);
-                if (!range_pull(&range, context, &value))
+                if (!rans_pull(&range, context, &value))
                     return false;
                 here = value ? predicted + sign * unfold(value - 1) : HOLE;
                 if (here < 0 || here >= most || (value && here == HOLE))
@@ -394,15 +394,15 @@ static bool decode_pixels(struct depth_coder *c, struct rows *r, uint16_t *depth
             }
             level[x] = (uint16_t)here;
             filled[x] = (uint16_t)f.a;
-            l = (struct near){here, l.d, l.b, 0};
-            f = (struct near){f.a, f.d, filled_above[x], 0};
+            l = (struct neighbors){here, l.d, l.b, 0};
+            f = (struct neighbors){f.a, f.d, filled_above[x], 0};
             behind = ahead;
         }
         for (int x = 0; x < width; x++)
             depth[(size_t)y * (size_t)width + (size_t)x] = c->depth_of[level[x + 1]];
     }
     *c->range = range;
-    return run <= 0 && range_is_done(&range);
+    return run <= 0 && rans_is_done(&range);
 }
 
 static enum status decode_coded(struct depth_coder *c, const uint8_t *at, const uint8_t *end, uint16_t *depth,
@@ -413,7 +413,7 @@ static enum status decode_coded(struct depth_coder *c, const uint8_t *at, const 
     int noise = *at++;
     uint32_t levels = get_u32(&at), head_plain = get_u32(&at), head_packed = get_u32(&at), bits = get_u32(&at);
     size_t left = (size_t)(end - at);
-    if (levels > 65536 || head_plain > 3 * (size_t)levels + range_odds_most(c->range) || head_packed > left ||
+    if (levels > 65536 || head_plain > 3 * (size_t)levels + rans_frequencies_max(c->range) || head_packed > left ||
         bits > left - head_packed)
         return damaged();
     struct rows rows;
@@ -426,7 +426,7 @@ static enum status decode_coded(struct depth_coder *c, const uint8_t *at, const 
         return status;
     const uint8_t *bit = at + head_packed, *word = bit + bits;
     if (!read_head(c, c->head, c->head + head_plain, levels) ||
-        !range_start(c->range, bit, bits, word, (size_t)(end - word)) ||
+        !rans_start(c->range, bit, bits, word, (size_t)(end - word)) ||
         !decode_pixels(c, &rows, depth, width, height, noise, (int)levels))
         return damaged();
     return OK;

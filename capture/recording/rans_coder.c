@@ -4,28 +4,28 @@
 
 #include <stdlib.h>
 
-enum status range_open(struct range_coder **out, int contexts)
+enum status rans_open(struct rans_coder **out, int contexts)
 {
     assert(contexts > 0 && contexts < 256);
-    struct range_coder *r = calloc(1, sizeof *r);
+    struct rans_coder *r = calloc(1, sizeof *r);
     *out = r;
     if (r) {
         r->contexts = contexts;
-        r->odds = calloc((size_t)contexts, sizeof *r->odds);
+        r->frequencies = calloc((size_t)contexts, sizeof *r->frequencies);
         r->start = calloc((size_t)contexts, sizeof *r->start);
         r->symbol_at = calloc((size_t)contexts, sizeof *r->symbol_at);
-        if (r->odds && r->start && r->symbol_at)
+        if (r->frequencies && r->start && r->symbol_at)
             return OK;
-        range_close(out);
+        rans_close(out);
     }
     return fail(ERR_MEMORY, "no memory for the depth coder");
 }
 
-void range_close(struct range_coder **r)
+void rans_close(struct rans_coder **r)
 {
     if (!*r)
         return;
-    free((*r)->odds);
+    free((*r)->frequencies);
     free((*r)->start);
     free((*r)->symbol_at);
     free((*r)->numbers);
@@ -38,7 +38,7 @@ void range_close(struct range_coder **r)
 
 // ------------------------------------------------------------- encoding
 
-enum status range_begin(struct range_coder *r, size_t pixels)
+enum status rans_begin(struct rans_coder *r, size_t pixels)
 {
     size_t wanted = 2 * pixels + 2;
     r->count = 0;
@@ -63,71 +63,71 @@ static inline uint32_t symbol_of(uint32_t number, int *extra)
     return 8 + 2 * (uint32_t)(size - 3) + (number >> (size - 1) & 1);
 }
 
-// How often each symbol comes, scaled so that a context's odds add up to
-// RANGE_SUM and none that occurs has 0.
-static void scale_odds(uint16_t odds[RANGE_SYMBOLS], const uint32_t counts[RANGE_SYMBOLS])
+// How often each symbol comes, scaled so that a context's frequencies add up to
+// RANS_SUM and none that occurs has 0.
+static void scale_frequencies(uint16_t frequencies[RANS_SYMBOLS], const uint32_t counts[RANS_SYMBOLS])
 {
     uint64_t total = 0;
-    for (int s = 0; s < RANGE_SYMBOLS; s++)
+    for (int s = 0; s < RANS_SYMBOLS; s++)
         total += counts[s];
-    memset(odds, 0, sizeof(uint16_t) * RANGE_SYMBOLS);
+    memset(frequencies, 0, sizeof(uint16_t) * RANS_SYMBOLS);
     if (!total)
         return;
     int sum = 0;
-    for (int s = 0; s < RANGE_SYMBOLS; s++)
+    for (int s = 0; s < RANS_SYMBOLS; s++)
         if (counts[s]) {
-            uint64_t share = (counts[s] * (uint64_t)RANGE_SUM + total / 2) / total;
-            odds[s] = (uint16_t)(share ? share : 1);
-            sum += odds[s];
+            uint64_t share = (counts[s] * (uint64_t)RANS_SUM + total / 2) / total;
+            frequencies[s] = (uint16_t)(share ? share : 1);
+            sum += frequencies[s];
         }
     // Rounding errors go to the largest, where they cost least.
-    while (sum != RANGE_SUM) {
+    while (sum != RANS_SUM) {
         int largest = 0;
-        for (int s = 1; s < RANGE_SYMBOLS; s++)
-            if (odds[s] > odds[largest])
+        for (int s = 1; s < RANS_SYMBOLS; s++)
+            if (frequencies[s] > frequencies[largest])
                 largest = s;
-        int step = RANGE_SUM - sum;
-        if (step < 0 && -step > odds[largest] / 2)
-            step = -(odds[largest] / 2);
-        odds[largest] = (uint16_t)(odds[largest] + step);
+        int step = RANS_SUM - sum;
+        if (step < 0 && -step > frequencies[largest] / 2)
+            step = -(frequencies[largest] / 2);
+        frequencies[largest] = (uint16_t)(frequencies[largest] + step);
         sum += step;
     }
 }
 
-static void sum_odds(struct range_coder *r)
+static void sum_frequencies(struct rans_coder *r)
 {
     for (int c = 0; c < r->contexts; c++)
-        for (int s = 0, sum = 0; s < RANGE_SYMBOLS; sum += r->odds[c][s++])
+        for (int s = 0, sum = 0; s < RANS_SYMBOLS; sum += r->frequencies[c][s++])
             r->start[c][s] = (uint16_t)sum;
 }
 
 // One symbol's share of the range and how to divide by it with a
 // multiplication, exact for states below 2^31 (Giesen, ryg_rans).
-struct share {
+struct symbol_code {
     uint32_t reciprocal, most;
-    uint16_t bias, rest, shift;
+    uint16_t bias, complement, shift;
 };
 
-static struct share share_of(uint32_t odds, uint32_t start)
+static struct symbol_code make_symbol_code(uint32_t frequency, uint32_t start)
 {
-    struct share share = {.most = odds << (31 - RANGE_BITS), .rest = (uint16_t)(RANGE_SUM - odds)};
-    if (odds < 2) {
-        share.reciprocal = UINT32_MAX;
-        share.bias = (uint16_t)(start + RANGE_SUM - 1);
-        return share;
+    struct symbol_code code = {.most = frequency << (31 - RANS_BITS), .complement = (uint16_t)(RANS_SUM - frequency)};
+    if (frequency < 2) {
+        code.reciprocal = UINT32_MAX;
+        code.bias = (uint16_t)(start + RANS_SUM - 1);
+        return code;
     }
     int shift = 0;
-    while (odds > UINT32_C(1) << shift)
+    while (frequency > UINT32_C(1) << shift)
         shift++;
-    share.reciprocal = (uint32_t)(((UINT64_C(1) << (shift + 31)) + odds - 1) / odds);
-    share.shift = (uint16_t)(shift - 1);
-    share.bias = (uint16_t)start;
-    return share;
+    code.reciprocal = (uint32_t)(((UINT64_C(1) << (shift + 31)) + frequency - 1) / frequency);
+    code.shift = (uint16_t)(shift - 1);
+    code.bias = (uint16_t)start;
+    return code;
 }
 
 // Counts the symbols into `counts`, replaces each number by its symbol and
 // writes what no symbol holds as plain bits.
-static uint8_t *split_numbers(struct range_coder *r, uint32_t (*counts)[RANGE_SYMBOLS])
+static uint8_t *split_numbers(struct rans_coder *r, uint32_t (*counts)[RANS_SYMBOLS])
 {
     uint8_t *at = r->bits;
     uint64_t held_bits = 0;
@@ -150,26 +150,26 @@ static uint8_t *split_numbers(struct range_coder *r, uint32_t (*counts)[RANGE_SY
     return at;
 }
 
-static void code_symbols(struct range_coder *r, struct share (*shares)[RANGE_SYMBOLS])
+static void code_symbols(struct rans_coder *r, struct symbol_code (*codes)[RANS_SYMBOLS])
 {
     uint8_t *at = r->words + r->words_capacity;
-    uint32_t state = RANGE_LOW;
+    uint32_t state = RANS_LOW;
     for (size_t i = r->count; i-- > 0;) {
-        const struct share *share = &shares[r->number_contexts[i]][r->numbers[i]];
-        if (state >= share->most) {
+        const struct symbol_code *code = &codes[r->number_contexts[i]][r->numbers[i]];
+        if (state >= code->most) {
             at -= 2;
             put_u16(at, (uint16_t)state);
             state >>= 16;
         }
-        uint32_t quotient = (uint32_t)((uint64_t)state * share->reciprocal >> 32) >> share->shift;
-        state += share->bias + quotient * share->rest;
+        uint32_t quotient = (uint32_t)((uint64_t)state * code->reciprocal >> 32) >> code->shift;
+        state += code->bias + quotient * code->complement;
     }
     at -= 4;
     put_u32(at, state);
     r->words_begin = at;
 }
 
-enum status range_finish(struct range_coder *r, size_t *bits, size_t *words)
+enum status rans_finish(struct rans_coder *r, size_t *bits, size_t *words)
 {
     // A number leaves at most 27 bits and one 16-bit word.
     size_t bits_wanted = 4 * r->count + 8, words_wanted = 2 * r->count + 8;
@@ -183,79 +183,79 @@ enum status range_finish(struct range_coder *r, size_t *bits, size_t *words)
         r->words = malloc(words_wanted);
         r->words_capacity = r->words ? words_wanted : 0;
     }
-    uint32_t(*counts)[RANGE_SYMBOLS] = calloc((size_t)r->contexts, sizeof *counts);
-    struct share(*shares)[RANGE_SYMBOLS] = malloc((size_t)r->contexts * sizeof *shares);
+    uint32_t(*counts)[RANS_SYMBOLS] = calloc((size_t)r->contexts, sizeof *counts);
+    struct symbol_code(*codes)[RANS_SYMBOLS] = malloc((size_t)r->contexts * sizeof *codes);
     enum status status = OK;
-    if (!r->bits || !r->words || !counts || !shares) {
+    if (!r->bits || !r->words || !counts || !codes) {
         status = fail(ERR_MEMORY, "no memory to code a picture");
     } else {
         r->bits_count = (size_t)(split_numbers(r, counts) - r->bits);
         for (int c = 0; c < r->contexts; c++)
-            scale_odds(r->odds[c], counts[c]);
-        sum_odds(r);
+            scale_frequencies(r->frequencies[c], counts[c]);
+        sum_frequencies(r);
         for (int c = 0; c < r->contexts; c++)
-            for (int s = 0; s < RANGE_SYMBOLS; s++)
-                if (r->odds[c][s])
-                    shares[c][s] = share_of(r->odds[c][s], r->start[c][s]);
-        code_symbols(r, shares);
+            for (int s = 0; s < RANS_SYMBOLS; s++)
+                if (r->frequencies[c][s])
+                    codes[c][s] = make_symbol_code(r->frequencies[c][s], r->start[c][s]);
+        code_symbols(r, codes);
         r->words_count = (size_t)(r->words + r->words_capacity - r->words_begin);
         *bits = r->bits_count;
         *words = r->words_count;
     }
     free(counts);
-    free(shares);
+    free(codes);
     return status;
 }
 
-void range_copy(const struct range_coder *r, uint8_t *bits, uint8_t *words)
+void rans_copy(const struct rans_coder *r, uint8_t *bits, uint8_t *words)
 {
     memcpy(bits, r->bits, r->bits_count);
     memcpy(words, r->words_begin, r->words_count);
 }
 
-// ------------------------------------------------------------- the odds
+// ------------------------------------------------------------- the frequencies
 
-size_t range_odds_most(const struct range_coder *r) { return (size_t)r->contexts * (1 + 2 * RANGE_SYMBOLS); }
+size_t rans_frequencies_max(const struct rans_coder *r) { return (size_t)r->contexts * (1 + 2 * RANS_SYMBOLS); }
 
-uint8_t *range_put_odds(const struct range_coder *r, uint8_t *at)
+uint8_t *rans_put_frequencies(const struct rans_coder *r, uint8_t *at)
 {
     for (int c = 0; c < r->contexts; c++) {
-        int used = RANGE_SYMBOLS;
-        while (used && !r->odds[c][used - 1])
+        int used = RANS_SYMBOLS;
+        while (used && !r->frequencies[c][used - 1])
             used--;
         at = put_u8(at, (uint8_t)used);
         for (int s = 0; s < used; s++)
-            at = put_varint(at, r->odds[c][s]);
+            at = put_varint(at, r->frequencies[c][s]);
     }
     return at;
 }
 
-bool range_get_odds(struct range_coder *r, const uint8_t *at, const uint8_t *end)
+bool rans_get_frequencies(struct rans_coder *r, const uint8_t *at, const uint8_t *end)
 {
     for (int c = 0; c < r->contexts; c++) {
-        memset(r->odds[c], 0, sizeof r->odds[c]);
-        if (at == end || *at > RANGE_SYMBOLS)
+        memset(r->frequencies[c], 0, sizeof r->frequencies[c]);
+        if (at == end || *at > RANS_SYMBOLS)
             return false;
         uint32_t used = *at++, sum = 0;
-        for (uint32_t s = 0, odds; s < used; s++) {
-            if (!get_varint(&at, end, &odds) || odds > RANGE_SUM - sum)
+        for (uint32_t s = 0, frequency; s < used; s++) {
+            if (!get_varint(&at, end, &frequency) || frequency > RANS_SUM - sum)
                 return false;
-            memset(r->symbol_at[c] + sum, (int)s, odds);
-            r->odds[c][s] = (uint16_t)odds;
-            sum += odds;
+            memset(r->symbol_at[c] + sum, (int)s, frequency);
+            r->frequencies[c][s] = (uint16_t)frequency;
+            sum += frequency;
         }
-        if (used && sum != RANGE_SUM)
+        if (used && sum != RANS_SUM)
             return false;
         if (!used)
             memset(r->symbol_at[c], 0, sizeof r->symbol_at[c]);
     }
-    sum_odds(r);
+    sum_frequencies(r);
     return at == end;
 }
 
 // ------------------------------------------------------------- decoding
 
-bool range_start(struct range_coder *r, const uint8_t *bits, size_t bit_count, const uint8_t *words, size_t word_count)
+bool rans_start(struct rans_coder *r, const uint8_t *bits, size_t bit_count, const uint8_t *words, size_t word_count)
 {
     if (word_count < 4 || word_count % 2)
         return false;
@@ -266,10 +266,10 @@ bool range_start(struct range_coder *r, const uint8_t *bits, size_t bit_count, c
     r->word = words;
     r->word_end = words + word_count;
     r->state = get_u32(&r->word);
-    return r->state >= RANGE_LOW && r->state < (uint32_t)RANGE_LOW << 16;
+    return r->state >= RANS_LOW && r->state < (uint32_t)RANS_LOW << 16;
 }
 
-bool range_is_done(const struct range_coder *r)
+bool rans_is_done(const struct rans_coder *r)
 {
-    return r->word == r->word_end && r->bit == r->bit_end && !r->held_bits && r->state == RANGE_LOW;
+    return r->word == r->word_end && r->bit == r->bit_end && !r->held_bits && r->state == RANS_LOW;
 }

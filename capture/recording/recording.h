@@ -107,14 +107,14 @@ int64_t take_dropped(const struct take *t);
 
 // Pictures of frame `index`, decoded. Pixels belong to the take and are borrowed
 // until the next call on it; those not wanted or not there are NULL.
-struct take_pictures {
+struct take_images {
     const uint8_t *color; // RGB
     const uint16_t *depth;
     const uint8_t *mask; // one byte a depth pixel, 1: the person
 };
 enum take_want { TAKE_COLOR = 1, TAKE_DEPTH = 2, TAKE_MASK = 4 };
 // ERR_CORRUPT, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_pictures *out);
+MUST_CHECK enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out);
 
 // ---------------------------------------------------------------- care
 

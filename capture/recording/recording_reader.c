@@ -24,7 +24,7 @@ struct take {
     struct take_entry *entries;
     int64_t *keys; // of each entry's rows
     int64_t count;
-    struct statement *read_pictures;
+    struct statement *read_images;
     struct depth_coder *coder;
     uint8_t *color, *mask;
     uint16_t *depth;
@@ -148,7 +148,7 @@ static enum status read_place_row(struct recording *r, struct place *p)
             get_calibration(calibration, &p->calibration);
             get_residuals(residuals, &p->rms_px, &p->rms_m);
             if (calibration_check(&p->calibration) != OK)
-                status = damaged(r, status_sentence());
+                status = damaged(r, status_message());
             else if (!unpack_items(p, tags, tag_bytes, points, point_bytes))
                 status = fail(ERR_MEMORY, "no memory for the place of %s", database_path(r->db));
         }
@@ -158,15 +158,15 @@ static enum status read_place_row(struct recording *r, struct place *p)
 }
 
 // What else is known of points, or tags. Older files do not have all of it.
-static enum status read_known(struct recording *r, enum known_table which, struct place *p)
+static enum status read_optional(struct recording *r, enum optional_table which, struct place *p)
 {
-    static const char *const count[KNOWN_TABLE_COUNT] = {COUNT_TABLES("'point_error'"), COUNT_TABLES("'tag_error'"),
-                                                         COUNT_TABLES("'point_side'")};
-    static const char *const select[KNOWN_TABLE_COUNT] = {"SELECT covariances, crc FROM point_error",
-                                                          "SELECT covariances, crc FROM tag_error",
-                                                          "SELECT directions, crc FROM point_side"};
-    static const size_t bytes_each[KNOWN_TABLE_COUNT] = {POINT_ERROR_BYTES, TAG_ERROR_BYTES, POINT_SIDE_BYTES};
-    const int32_t items = which == KNOWN_TAG_ERROR ? p->tag_count : p->point_count;
+    static const char *const count[OPTIONAL_TABLE_COUNT] = {COUNT_TABLES("'point_error'"), COUNT_TABLES("'tag_error'"),
+                                                            COUNT_TABLES("'point_side'")};
+    static const char *const select[OPTIONAL_TABLE_COUNT] = {"SELECT covariances, crc FROM point_error",
+                                                             "SELECT covariances, crc FROM tag_error",
+                                                             "SELECT directions, crc FROM point_side"};
+    static const size_t bytes_each[OPTIONAL_TABLE_COUNT] = {POINT_ERROR_BYTES, TAG_ERROR_BYTES, POINT_SIDE_BYTES};
+    const int32_t items = which == OPTIONAL_TAG_ERROR ? p->tag_count : p->point_count;
     const size_t each = bytes_each[which];
     struct statement *s = NULL;
     int64_t tables = 0;
@@ -180,9 +180,9 @@ static enum status read_known(struct recording *r, enum known_table which, struc
             status =
                 damaged(r, "how sure the place is of its points and tags, or from where it saw them, cannot be read");
         for (int32_t i = 0; i < items && status == OK; i++, known += each) {
-            if (which == KNOWN_TAG_ERROR)
+            if (which == OPTIONAL_TAG_ERROR)
                 get_tag_error(known, &p->tags[i]);
-            else if (which == KNOWN_POINT_ERROR)
+            else if (which == OPTIONAL_POINT_ERROR)
                 get_point_error(known, &p->points[i]);
             else
                 get_point_side(known, &p->points[i]);
@@ -220,7 +220,7 @@ static enum status read_view(struct recording *r, struct statement *s, struct de
     if (!(view->depth = malloc(depth_pixels(&p->calibration) * sizeof *view->depth)))
         return fail(ERR_MEMORY, "no memory for the views of %s", database_path(r->db));
     enum status status = depth_decode(coder, depth, depth_bytes, view->depth, lens->width, lens->height);
-    return status == ERR_CORRUPT ? damaged(r, status_sentence()) : status;
+    return status == ERR_CORRUPT ? damaged(r, status_message()) : status;
 }
 
 enum status recording_read_place(struct recording *r, struct place *out)
@@ -230,11 +230,11 @@ enum status recording_read_place(struct recording *r, struct place *out)
     struct depth_coder *coder = NULL;
     enum status status = read_place_row(r, &place);
     if (status == OK)
-        status = read_known(r, KNOWN_POINT_ERROR, &place);
+        status = read_optional(r, OPTIONAL_POINT_ERROR, &place);
     if (status == OK)
-        status = read_known(r, KNOWN_TAG_ERROR, &place);
+        status = read_optional(r, OPTIONAL_TAG_ERROR, &place);
     if (status == OK)
-        status = read_known(r, KNOWN_POINT_SIDE, &place);
+        status = read_optional(r, OPTIONAL_POINT_SIDE, &place);
     if (status == OK)
         status = depth_coder_open(&coder);
     if (status == OK)
@@ -325,7 +325,7 @@ enum status frame_from_row(struct statement *s, struct take_entry *out)
     bool located = statement_number(s, 2) == 1;
     if (!pose || (skeleton_bytes && skeleton_bytes != SKELETON_BYTES) || pictures < 0 || pictures > 7 ||
         frame_crc(time_ns, located, pose, skeleton, skeleton_bytes, (unsigned)pictures) != statement_number(s, 6))
-        return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(statement_number(s, 0) & FRAME_NUMBER_MOST));
+        return fail(ERR_CORRUPT, "frame %lld is damaged", (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
     *out = (struct take_entry){
         .time_ns = time_ns,
         .located = located,
@@ -339,7 +339,7 @@ enum status frame_from_row(struct statement *s, struct take_entry *out)
         get_skeleton(skeleton, &out->skeleton);
     if (!pose_finite(out->world_from_camera) || (out->has_skeleton && !skeleton_is_finite(&out->skeleton)))
         return fail(ERR_CORRUPT, "frame %lld holds a number that is not finite",
-                    (long long)(statement_number(s, 0) & FRAME_NUMBER_MOST));
+                    (long long)(statement_number(s, 0) & FRAME_NUMBER_MAX));
     return OK;
 }
 
@@ -352,7 +352,7 @@ static enum status read_entries(struct take *t, int64_t id)
         statement_open(&s, r->db, "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid");
     if (status == OK) {
         statement_bind_number(s, 1, frame_key(id, 0));
-        statement_bind_number(s, 2, frame_key(id, FRAME_NUMBER_MOST));
+        statement_bind_number(s, 2, frame_key(id, FRAME_NUMBER_MAX));
     }
     while (status == OK && (status = statement_step(s)) == OK) {
         if (t->count == capacity) {
@@ -372,7 +372,7 @@ static enum status read_entries(struct take *t, int64_t id)
         if (status == OK && t->count && t->entries[t->count].time_ns <= t->entries[t->count - 1].time_ns)
             status = fail(ERR_CORRUPT, "its frames' times do not rise");
         if (status != OK) {
-            status = damaged(r, status_sentence());
+            status = damaged(r, status_message());
             break;
         }
         t->keys[t->count] = statement_number(s, 0);
@@ -406,12 +406,12 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
         status = read_entries(t, r->takes[index].id);
     if (database_in_transaction(r->db)) {
         char sentence[512];
-        snprintf(sentence, sizeof sentence, "%s", status_sentence());
+        snprintf(sentence, sizeof sentence, "%s", status_message());
         enum status ended = database_run(r->db, "COMMIT");
         status = status != OK ? fail(status, "%s", sentence) : ended;
     }
     if (status == OK)
-        status = statement_open(&t->read_pictures, r->db, "SELECT " PICTURE_COLUMNS " FROM picture WHERE rowid = ?");
+        status = statement_open(&t->read_images, r->db, "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");
     if (status == OK)
         status = depth_coder_open(&t->coder);
     if (status == OK)
@@ -425,7 +425,7 @@ void take_close(struct take **t)
 {
     if (!*t)
         return;
-    statement_close(&(*t)->read_pictures);
+    statement_close(&(*t)->read_images);
     depth_coder_close(&(*t)->coder);
     free((*t)->entries);
     free((*t)->keys);
@@ -455,7 +455,7 @@ int64_t take_dropped(const struct take *t) { return t->dropped; }
 // ------------------------------------------------------------- pictures
 
 // Makes *pixels on first use.
-static enum status room_for(void **pixels, size_t bytes)
+static enum status ensure_capacity(void **pixels, size_t bytes)
 {
     if (!*pixels && !(*pixels = malloc(bytes)))
         return fail(ERR_MEMORY, "no memory for a picture of %zu bytes", bytes);
@@ -463,7 +463,7 @@ static enum status room_for(void **pixels, size_t bytes)
 }
 
 // One picture's bytes, checked. NULL with a sentence when they are not as written.
-static const uint8_t *checked(struct statement *s, int column, int crc_column, size_t *count)
+static const uint8_t *checked_blob(struct statement *s, int column, int crc_column, size_t *count)
 {
     const uint8_t *bytes = statement_blob(s, column, count);
     if (bytes && crc32_of(0, bytes, *count) == statement_number(s, crc_column))
@@ -472,18 +472,18 @@ static const uint8_t *checked(struct statement *s, int column, int crc_column, s
     return NULL;
 }
 
-static enum status decode_wanted(struct take *t, unsigned want, struct take_pictures *out)
+static enum status decode_wanted(struct take *t, unsigned want, struct take_images *out)
 {
-    struct statement *s = t->read_pictures;
+    struct statement *s = t->read_images;
     const struct lens *color = &t->calibration.color, *depth = &t->calibration.depth;
     size_t pixels = depth_pixels(&t->calibration), count;
     const uint8_t *bytes;
     if (((want & (TAKE_DEPTH | TAKE_MASK)) && !pixels) || ((want & TAKE_COLOR) && !color->width))
         return fail(ERR_CORRUPT, "it has a picture of a camera that is not there");
     if (want & TAKE_MASK) {
-        enum status status = room_for((void **)&t->mask, pixels);
+        enum status status = ensure_capacity((void **)&t->mask, pixels);
         if (status == OK)
-            status = (bytes = checked(s, 4, 1, &count))
+            status = (bytes = checked_blob(s, 4, 1, &count))
                          ? mask_decode(t->coder, bytes, count, t->mask, depth->width, depth->height)
                          : ERR_CORRUPT;
         if (status != OK)
@@ -491,9 +491,9 @@ static enum status decode_wanted(struct take *t, unsigned want, struct take_pict
         out->mask = t->mask;
     }
     if (want & TAKE_DEPTH) {
-        enum status status = room_for((void **)&t->depth, pixels * sizeof *t->depth);
+        enum status status = ensure_capacity((void **)&t->depth, pixels * sizeof *t->depth);
         if (status == OK)
-            status = (bytes = checked(s, 5, 2, &count))
+            status = (bytes = checked_blob(s, 5, 2, &count))
                          ? depth_decode(t->coder, bytes, count, t->depth, depth->width, depth->height)
                          : ERR_CORRUPT;
         if (status != OK)
@@ -501,9 +501,9 @@ static enum status decode_wanted(struct take *t, unsigned want, struct take_pict
         out->depth = t->depth;
     }
     if (want & TAKE_COLOR) {
-        enum status status = room_for((void **)&t->color, (size_t)color->width * (size_t)color->height * 3);
+        enum status status = ensure_capacity((void **)&t->color, (size_t)color->width * (size_t)color->height * 3);
         if (status == OK)
-            status = (bytes = checked(s, 6, 3, &count))
+            status = (bytes = checked_blob(s, 6, 3, &count))
                          ? jpeg_decode(bytes, count, t->color, color->width, color->height)
                          : ERR_CORRUPT;
         if (status != OK)
@@ -513,25 +513,25 @@ static enum status decode_wanted(struct take *t, unsigned want, struct take_pict
     return OK;
 }
 
-enum status take_read(struct take *t, int64_t index, unsigned want, struct take_pictures *out)
+enum status take_read(struct take *t, int64_t index, unsigned want, struct take_images *out)
 {
     const struct take_entry *entry = take_entry(t, index);
-    *out = (struct take_pictures){0};
+    *out = (struct take_images){0};
     want &= (entry->has_color ? TAKE_COLOR : 0u) | (entry->has_depth ? TAKE_DEPTH : 0u) |
             (entry->has_mask ? TAKE_MASK : 0u);
     if (!want)
         return OK;
-    statement_bind_number(t->read_pictures, 1, t->keys[index]);
-    enum status status = statement_step(t->read_pictures);
+    statement_bind_number(t->read_images, 1, t->keys[index]);
+    enum status status = statement_step(t->read_images);
     if (status == OK)
         status = decode_wanted(t, want, out);
     else if (status == NOTHING)
         status = fail(ERR_CORRUPT, "its pictures are lost");
     if (status == ERR_CORRUPT)
         status = fail(status, "%s: frame %lld is damaged: %s", database_path(t->recording->db), (long long)index,
-                      status_sentence());
-    statement_reset(t->read_pictures);
+                      status_message());
+    statement_reset(t->read_images);
     if (status != OK)
-        *out = (struct take_pictures){0};
+        *out = (struct take_images){0};
     return status;
 }

@@ -11,13 +11,13 @@
 #include <string.h>
 
 enum {
-    LOST_ROWS_MOST = 20000, // so many keys in a row that lead nowhere: there is nothing behind them
-    LOST_TAKES_MOST = 100,
+    LOST_ROWS_MAX = 20000, // so many keys in a row that lead nowhere: there is nothing behind them
+    LOST_TAKES_MAX = 100,
 };
 
 struct salvage {
     struct database *from, *to;
-    struct scribe *scribe;
+    struct async_writer *async_writer;
     struct statement *frame, *pictures, *takes; // of `from`
     struct recording_report *report;
 };
@@ -28,7 +28,7 @@ static bool is_fatal(enum status status) { return status == ERR_MEMORY; }
 // ------------------------------------------------------------- frames
 
 // One picture if it is as it was written, else nothing and *damaged.
-static const uint8_t *sound(struct statement *s, int column, int crc_column, size_t *count, bool *damaged)
+static const uint8_t *intact_blob(struct statement *s, int column, int crc_column, size_t *count, bool *damaged)
 {
     const uint8_t *bytes = statement_blob(s, column, count);
     if (!bytes || crc32_of(0, bytes, *count) == statement_number(s, crc_column))
@@ -51,15 +51,15 @@ static enum status copy_frame(struct salvage *v, int64_t key, int64_t new_key, c
     statement_bind_number(v->pictures, 1, key);
     enum status status = statement_step(v->pictures);
     if (status == OK) {
-        row.mask = sound(v->pictures, 4, 1, &row.mask_bytes, &damaged);
-        row.depth = sound(v->pictures, 5, 2, &row.depth_bytes, &damaged);
-        row.color = sound(v->pictures, 6, 3, &row.color_bytes, &damaged);
+        row.mask = intact_blob(v->pictures, 4, 1, &row.mask_bytes, &damaged);
+        row.depth = intact_blob(v->pictures, 5, 2, &row.depth_bytes, &damaged);
+        row.color = intact_blob(v->pictures, 6, 3, &row.color_bytes, &damaged);
     }
     damaged =
         damaged || !row.color != !entry->has_color || !row.depth != !entry->has_depth || !row.mask != !entry->has_mask;
     v->report->frames++;
     v->report->damaged_frames += damaged;
-    status = is_fatal(status) ? status : scribe_add_frame(v->scribe, &row);
+    status = is_fatal(status) ? status : async_writer_add_frame(v->async_writer, &row);
     statement_reset(v->pictures);
     return status;
 }
@@ -67,7 +67,7 @@ static enum status copy_frame(struct salvage *v, int64_t key, int64_t new_key, c
 // The next frame from key on that can be read. NOTHING: there is none.
 static enum status next_frame(struct salvage *v, int64_t *key, int64_t last, struct take_entry *entry)
 {
-    for (int64_t lost = 0; lost < LOST_ROWS_MOST && *key <= last; lost++, ++*key) {
+    for (int64_t lost = 0; lost < LOST_ROWS_MAX && *key <= last; lost++, ++*key) {
         statement_bind_number(v->frame, 1, *key);
         statement_bind_number(v->frame, 2, last);
         enum status status = statement_step(v->frame);
@@ -84,7 +84,7 @@ static enum status next_frame(struct salvage *v, int64_t *key, int64_t last, str
 
 static enum status copy_frames(struct salvage *v, struct take_row *take)
 {
-    int64_t first = frame_key(take->id, 0), last = frame_key(take->id, FRAME_NUMBER_MOST), key = first;
+    int64_t first = frame_key(take->id, 0), last = frame_key(take->id, FRAME_NUMBER_MAX), key = first;
     int64_t saved = 0, last_saved = first, last_time_ns = 0, representative = -1;
     struct take_entry entry;
     enum status status;
@@ -121,9 +121,9 @@ static void coded_size(const uint8_t *bytes, size_t count, struct lens *lens)
 
 // A row that is not as it was written may have the size of its take's pictures wrong. These know it themselves: the
 // first that is sound is believed.
-static enum status ask_pictures(struct salvage *v, struct take_row *take)
+static enum status infer_sizes(struct salvage *v, struct take_row *take)
 {
-    int64_t key = frame_key(take->id, 0), last = frame_key(take->id, FRAME_NUMBER_MOST);
+    int64_t key = frame_key(take->id, 0), last = frame_key(take->id, FRAME_NUMBER_MAX);
     struct take_entry entry;
     enum status status;
     for (bool found = false; !found && (status = next_frame(v, &key, last, &entry)) == OK; key++) {
@@ -132,9 +132,9 @@ static enum status ask_pictures(struct salvage *v, struct take_row *take)
             struct lens *color = &take->calibration.color, *depth = &take->calibration.depth;
             size_t mask_bytes = 0, depth_bytes = 0, color_bytes = 0;
             bool damaged = false;
-            const uint8_t *mask = sound(v->pictures, 4, 1, &mask_bytes, &damaged);
-            const uint8_t *depths = sound(v->pictures, 5, 2, &depth_bytes, &damaged);
-            const uint8_t *colors = sound(v->pictures, 6, 3, &color_bytes, &damaged);
+            const uint8_t *mask = intact_blob(v->pictures, 4, 1, &mask_bytes, &damaged);
+            const uint8_t *depths = intact_blob(v->pictures, 5, 2, &depth_bytes, &damaged);
+            const uint8_t *colors = intact_blob(v->pictures, 6, 3, &color_bytes, &damaged);
             found = !damaged && (mask || depths || colors);
             if (found) {
                 coded_size(mask, mask_bytes, depth);
@@ -162,20 +162,20 @@ static enum status copy_take(struct salvage *v, struct take_row *take)
     take->complete = true;
     if (take->dropped < 0)
         take->dropped = 0;
-    return status == OK ? scribe_put_take(v->scribe, take) : status;
+    return status == OK ? async_writer_put_take(v->async_writer, take) : status;
 }
 
 static enum status copy_takes(struct salvage *v)
 {
     int64_t id = 1;
-    for (int lost = 0; lost < LOST_TAKES_MOST; id++) {
+    for (int lost = 0; lost < LOST_TAKES_MAX; id++) {
         struct take_row take;
         bool usable = false;
-        enum status sense = OK;
+        enum status row_status = OK;
         statement_bind_number(v->takes, 1, id);
         enum status status = statement_step(v->takes);
         if (status == OK) {
-            sense = take_from_row(v->takes, &take, &usable);
+            row_status = take_from_row(v->takes, &take, &usable);
             id = statement_number(v->takes, 0);
         }
         statement_reset(v->takes);
@@ -185,11 +185,12 @@ static enum status copy_takes(struct salvage *v)
             return status;
         lost = usable ? 0 : lost + 1;
         if (usable) {
-            status = sense == OK ? OK : ask_pictures(v, &take);
+            status = row_status == OK ? OK : infer_sizes(v, &take);
             if (status == OK)
                 status = copy_take(v, &take);
             if (status == OK)
-                status = scribe_go(v->scribe, scribe_stop(v->scribe)); // one take's row at a time
+                status = async_writer_resume(v->async_writer,
+                                             async_writer_pause(v->async_writer)); // one take's row at a time
             if (status != OK)
                 return status;
         }
@@ -228,15 +229,15 @@ static enum status open_both(struct salvage *v, const char *path, const char *to
             statement_open(&v->frame, v->from,
                            "SELECT " FRAME_COLUMNS " FROM frame WHERE rowid BETWEEN ? AND ? ORDER BY rowid LIMIT 1");
     if (status == OK)
-        status = statement_open(&v->pictures, v->from, "SELECT " PICTURE_COLUMNS " FROM picture WHERE rowid = ?");
+        status = statement_open(&v->pictures, v->from, "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");
     if (status == OK)
         status = statement_open(&v->takes, v->from,
                                 "SELECT " TAKE_COLUMNS " FROM take WHERE rowid >= ? ORDER BY rowid LIMIT 1");
     if (status == OK)
         status = database_open(&v->to, to, DATABASE_WRITE);
     if (status == OK)
-        status = database_claim(v->to);
-    return status == OK ? scribe_open(&v->scribe, v->to) : status;
+        status = database_lock_writer(v->to);
+    return status == OK ? async_writer_open(&v->async_writer, v->to) : status;
 }
 
 enum status recording_salvage(const char *path, const char *to, struct recording_report *report)
@@ -254,14 +255,14 @@ enum status recording_salvage(const char *path, const char *to, struct recording
     if (status == OK)
         status = copy_takes(&v);
     char sentence[512];
-    snprintf(sentence, sizeof sentence, "%s", status_sentence());
-    enum status written = scribe_close(&v.scribe);
+    snprintf(sentence, sizeof sentence, "%s", status_message());
+    enum status written = async_writer_close(&v.async_writer);
     statement_close(&v.frame);
     statement_close(&v.pictures);
     statement_close(&v.takes);
     database_close(&v.from);
     if (v.to && status == OK && written == OK)
-        written = database_settle(v.to);
+        written = database_close_wal(v.to);
     database_close(&v.to);
     return status == OK ? written : fail(status, "%s", sentence);
 }

@@ -13,7 +13,7 @@ const char *const recording_tables =
     "CREATE TABLE frame(id INTEGER PRIMARY KEY, time_ns INTEGER, located INTEGER, world_from_camera BLOB,"
     " skeleton BLOB, pictures INTEGER, crc INTEGER);"
     "CREATE TABLE picture(id INTEGER PRIMARY KEY, mask_crc INTEGER, depth_crc INTEGER, color_crc INTEGER,"
-    " mask BLOB, depth BLOB, color BLOB);" KNOWN_TABLES;
+    " mask BLOB, depth BLOB, color BLOB);" OPTIONAL_TABLES;
 
 // ------------------------------------------------------------- checksums
 
@@ -132,6 +132,8 @@ void get_calibration(const uint8_t in[CALIBRATION_BYTES], struct calibration *ou
     get_lens(&in, &out->depth);
     out->registered = *in++ != 0;
     get_pose(in, &out->color_from_depth);
+    if (out->registered) // files of earlier versions may hold another; see struct calibration
+        out->color_from_depth = POSE_IDENTITY;
 }
 
 void put_skeleton(uint8_t out[SKELETON_BYTES], const struct skeleton *s)
@@ -267,6 +269,12 @@ bool point_is_finite(const struct place_point *point)
     return finite;
 }
 
+static bool pose_is_identity(struct pose p)
+{
+    return p.rotation.x == 0 && p.rotation.y == 0 && p.rotation.z == 0 && fabs(p.rotation.w) == 1 &&
+           p.translation.x == 0 && p.translation.y == 0 && p.translation.z == 0;
+}
+
 enum status calibration_check(const struct calibration *c)
 {
     enum status status = OK;
@@ -276,10 +284,13 @@ enum status calibration_check(const struct calibration *c)
         status = lens_check(&c->depth, "depth");
     if (status == OK && !pose_finite(c->color_from_depth))
         status = fail(ERR_INPUT, "the calibration's color_from_depth holds a number that is not finite");
+    if (status == OK && c->registered && !pose_is_identity(c->color_from_depth))
+        status = fail(ERR_INPUT, "the calibration says that depth is registered to colour, and that the depth camera "
+                                 "stands elsewhere; one of the two is wrong");
     return status;
 }
 
-bool skeleton_knows_any(const struct skeleton *s)
+bool skeleton_has_known_joint(const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
         if (s->confidence[j] > 0)

@@ -17,16 +17,16 @@ enum {
     TAG_ERROR_BYTES = 21 * 4,
     POINT_SIDE_BYTES = 3 * 4,
     TAKE_NAME_BYTES = 200,
-    PLACE_ITEMS_MOST = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
+    PLACE_ITEMS_MAX = 10000000, // tags, points or views: keeps every blob far below SQLite's gigabyte
 };
 
 // A frame's key holds its take's and its running number; its pictures share it.
 static inline int64_t frame_key(int64_t take, int64_t number) { return take * ((int64_t)1 << 32) + number; }
-enum { FRAME_NUMBER_MOST = 0x7fffffff };
+enum { FRAME_NUMBER_MAX = 0x7fffffff };
 
 extern const char *const recording_tables; // CREATE TABLE ...
 // What else is known of the place's points and tags. Files made before there were these get them with their next place.
-#define KNOWN_TABLES                                                                                                   \
+#define OPTIONAL_TABLES                                                                                                \
     "CREATE TABLE IF NOT EXISTS point_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                   \
     "CREATE TABLE IF NOT EXISTS tag_error(id INTEGER PRIMARY KEY, covariances BLOB, crc INTEGER);"                     \
     "CREATE TABLE IF NOT EXISTS point_side(id INTEGER PRIMARY KEY, directions BLOB, crc INTEGER);"
@@ -34,15 +34,15 @@ extern const char *const recording_tables; // CREATE TABLE ...
 // compute without end. As sqlite, which finds a table whose kind or name a damaged byte made "tAble" or a blob.
 #define COUNT_TABLES(names)                                                                                            \
     "SELECT count(*) FROM sqlite_schema WHERE lower(type) = 'table' AND rootpage > 0 AND lower(name) IN (" names ")"
-enum known_table { KNOWN_POINT_ERROR, KNOWN_TAG_ERROR, KNOWN_POINT_SIDE, KNOWN_TABLE_COUNT };
+enum optional_table { OPTIONAL_POINT_ERROR, OPTIONAL_TAG_ERROR, OPTIONAL_POINT_SIDE, OPTIONAL_TABLE_COUNT };
 
 // How the statements of writer, reader and care order the columns.
 // rowid is id, and stays so where a damaged byte has the table's own text say otherwise.
-#define PLACE_COLUMNS   "calibration, residuals, tags, points, crc"
-#define VIEW_COLUMNS    "rowid, world_from_camera, depth, color, crc"
-#define TAKE_COLUMNS    "rowid, name, calibration, complete, dropped, body, crc"
-#define FRAME_COLUMNS   "rowid, time_ns, located, world_from_camera, skeleton, pictures, crc"
-#define PICTURE_COLUMNS "rowid, mask_crc, depth_crc, color_crc, mask, depth, color"
+#define PLACE_COLUMNS "calibration, residuals, tags, points, crc"
+#define VIEW_COLUMNS  "rowid, world_from_camera, depth, color, crc"
+#define TAKE_COLUMNS  "rowid, name, calibration, complete, dropped, body, crc"
+#define FRAME_COLUMNS "rowid, time_ns, located, world_from_camera, skeleton, pictures, crc"
+#define IMAGE_COLUMNS "rowid, mask_crc, depth_crc, color_crc, mask, depth, color"
 
 // One row of the table take.
 struct take_row {
@@ -88,9 +88,9 @@ void get_point_side(const uint8_t in[POINT_SIDE_BYTES], struct place_point *out)
 
 // Finite, and of senses that any reader can rely on. ERR_INPUT with a sentence.
 MUST_CHECK enum status calibration_check(const struct calibration *calibration);
-bool point_is_finite(const struct place_point *point);    // and no variance below 0
-bool tag_is_finite(const struct place_tag *tag);          // likewise
-bool skeleton_knows_any(const struct skeleton *skeleton); // joint
+bool point_is_finite(const struct place_point *point);          // and no variance below 0
+bool tag_is_finite(const struct place_tag *tag);                // likewise
+bool skeleton_has_known_joint(const struct skeleton *skeleton); // joint
 bool skeleton_is_finite(const struct skeleton *skeleton);
 bool body_is_finite(const struct body *body);
 

@@ -16,17 +16,17 @@
 // ------------------------------------------------------------- verify
 
 // Keeps the first complaint and goes on.
-struct findings {
+struct first_failure {
     enum status first;
     char sentence[512];
 };
 
-static void note(struct findings *f, enum status status)
+static void keep_first(struct first_failure *f, enum status status)
 {
     if (status == OK || status == NOTHING || f->first != OK)
         return;
     f->first = status;
-    snprintf(f->sentence, sizeof f->sentence, "%s", status_sentence());
+    snprintf(f->sentence, sizeof f->sentence, "%s", status_message());
 }
 
 static enum status check_place(struct recording *r)
@@ -51,7 +51,7 @@ static enum status check_place(struct recording *r)
             status = jpeg_decode(view->jpeg, view->jpeg_bytes, rgb, c->color.width, c->color.height);
     }
     if (status == ERR_CORRUPT)
-        status = fail(status, "%s: a view of the place: %s", database_path(recording_database(r)), status_sentence());
+        status = fail(status, "%s: a view of the place: %s", database_path(recording_database(r)), status_message());
     if (status == OK && !finite)
         status =
             fail(ERR_CORRUPT, "%s: the place holds a number that is not finite", database_path(recording_database(r)));
@@ -60,19 +60,19 @@ static enum status check_place(struct recording *r)
     return status;
 }
 
-static void check_take(struct recording *r, const char *name, struct recording_report *out, struct findings *found)
+static void check_take(struct recording *r, const char *name, struct recording_report *out, struct first_failure *found)
 {
     struct take *t;
     enum status status = take_open(&t, r, name);
-    note(found, status);
+    keep_first(found, status);
     if (status != OK)
         return;
     out->takes++;
     out->interrupted_takes += !take_is_complete(t);
     for (int64_t i = 0; i < take_frame_count(t); i++) {
-        struct take_pictures pictures;
+        struct take_images pictures;
         status = take_read(t, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &pictures);
-        note(found, status);
+        keep_first(found, status);
         out->frames++;
         out->damaged_frames += status != OK;
     }
@@ -86,10 +86,10 @@ static int64_t size_of(const char *path)
     int64_t bytes = 0;
     for (size_t i = 0; i < COUNT_OF(endings); i++) {
         char name[4200];
-        struct stat about;
+        struct stat info;
         snprintf(name, sizeof name, "%s%s", path, endings[i]);
-        if (!stat(name, &about))
-            bytes += about.st_size;
+        if (!stat(name, &info))
+            bytes += info.st_size;
     }
     return bytes;
 }
@@ -98,19 +98,19 @@ enum status recording_verify(const char *path, struct recording_report *out)
 {
     *out = (struct recording_report){0};
     struct recording *r;
-    struct findings found = {0};
+    struct first_failure found = {0};
     enum status status = recording_open(&r, path);
     if (status != OK)
         return status;
     out->bytes = size_of(path);
-    note(&found, database_check(recording_database(r)));
-    note(&found, check_place(r));
+    keep_first(&found, database_check(recording_database(r)));
+    keep_first(&found, check_place(r));
     for (int i = 0; i < recording_take_count(r); i++) {
         const char *name = recording_take_name(r, i);
         check_take(r, name, out, &found);
         for (int k = 0; k < i; k++)
             if (!strcmp(recording_take_name(r, k), name))
-                note(&found, fail(ERR_CORRUPT, "%s has two takes '%s'", path, name));
+                keep_first(&found, fail(ERR_CORRUPT, "%s has two takes '%s'", path, name));
     }
     recording_free(&r);
     return found.first == OK ? OK : fail(found.first, "%s", found.sentence);
@@ -119,16 +119,16 @@ enum status recording_verify(const char *path, struct recording_report *out)
 // ------------------------------------------------------------- repair
 
 // A healthy file: its interrupted takes become complete, its log is moved in.
-static enum status tidy(const char *path)
+static enum status complete_and_checkpoint(const char *path)
 {
     struct database *db;
     enum status status = database_open(&db, path, DATABASE_WRITE);
     if (status == OK)
-        status = database_claim(db);
+        status = database_lock_writer(db);
     if (status == OK)
         status = recording_complete_takes(db);
     if (status == OK)
-        status = database_settle(db);
+        status = database_close_wal(db);
     database_close(&db);
     return status;
 }
@@ -160,8 +160,8 @@ enum status recording_repair(const char *path, struct recording_report *out)
 {
     enum status status = recording_verify(path, out);
     if (status == OK) {
-        bool has_log = out->interrupted_takes || !database_is_settled(path);
-        return has_log ? tidy(path) : OK;
+        bool has_log = out->interrupted_takes || !database_is_single_file(path);
+        return has_log ? complete_and_checkpoint(path) : OK;
     }
     if (status != ERR_CORRUPT)
         return status;
@@ -182,7 +182,7 @@ enum status recording_repair(const char *path, struct recording_report *out)
     }
     if (status != OK) {
         char sentence[512];
-        snprintf(sentence, sizeof sentence, "%s", status_sentence());
+        snprintf(sentence, sizeof sentence, "%s", status_message());
         remove_with_log(fresh);
         return fail(status, "%s", sentence);
     }

@@ -1,4 +1,4 @@
-// Writing a recording: checks and codes what is given; the scribe writes it.
+// Writing a recording: checks and codes what is given; the async_writer writes it.
 #include "capture/recording/depth_codec.h"
 #include "capture/recording/recording_reader.h"
 #include "capture/recording/async_writer.h"
@@ -11,10 +11,10 @@
 #include <unistd.h>
 
 struct recording_writer {
-    struct database *db; // the scribe's but between scribe_stop and scribe_go
-    struct scribe *scribe;
+    struct database *db; // the async_writer's but between async_writer_pause and async_writer_resume
+    struct async_writer *async_writer;
     struct depth_coder *coder, *mask_coder; // each lends its bytes until its next call
-    bool taking;
+    bool in_take;
     struct take_row take; // the open one
     int64_t frames, last_time_ns;
 };
@@ -26,16 +26,16 @@ struct recording_writer {
 static enum status release(struct recording_writer **w, enum status status)
 {
     char sentence[512];
-    snprintf(sentence, sizeof sentence, "%s", status_sentence());
-    struct recording_writer *gone = *w;
+    snprintf(sentence, sizeof sentence, "%s", status_message());
+    struct recording_writer *closing = *w;
     *w = NULL;
-    enum status written = scribe_close(&gone->scribe);
+    enum status written = async_writer_close(&closing->async_writer);
     if (written == OK && status == OK)
-        written = database_settle(gone->db);
-    database_close(&gone->db);
-    depth_coder_close(&gone->coder);
-    depth_coder_close(&gone->mask_coder);
-    free(gone);
+        written = database_close_wal(closing->db);
+    database_close(&closing->db);
+    depth_coder_close(&closing->coder);
+    depth_coder_close(&closing->mask_coder);
+    free(closing);
     return status == OK ? written : fail(status, "%s", sentence);
 }
 
@@ -44,7 +44,7 @@ static enum status prepare(struct recording_writer *w)
     enum status status = depth_coder_open(&w->coder);
     if (status == OK)
         status = depth_coder_open(&w->mask_coder);
-    return status == OK ? scribe_open(&w->scribe, w->db) : status;
+    return status == OK ? async_writer_open(&w->async_writer, w->db) : status;
 }
 
 enum status recording_create(struct recording_writer **out, const char *path)
@@ -57,7 +57,7 @@ enum status recording_create(struct recording_writer **out, const char *path)
         return release(out, status); // and leave alone what was there before
     status = database_run(w->db, "PRAGMA page_size = 65536");
     if (status == OK)
-        status = database_claim(w->db);
+        status = database_lock_writer(w->db);
     if (status == OK)
         status = recording_make_tables(w->db);
     if (status == OK)
@@ -83,7 +83,7 @@ enum status recording_append(struct recording_writer **out, const char *path)
     if (status == OK)
         status = recording_check_tables(w->db);
     if (status == OK)
-        status = database_claim(w->db);
+        status = database_lock_writer(w->db);
     if (status == OK)
         status = prepare(w);
     return status == OK ? OK : release(out, status);
@@ -98,8 +98,8 @@ static enum status check_place(const struct place *p)
     enum status status = calibration_check(&p->calibration);
     if (status != OK)
         return status;
-    if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MOST || p->point_count < 0 ||
-        p->point_count > PLACE_ITEMS_MOST || p->view_count < 0 || p->view_count > PLACE_ITEMS_MOST)
+    if (p->tag_count < 0 || p->tag_count > PLACE_ITEMS_MAX || p->point_count < 0 || p->point_count > PLACE_ITEMS_MAX ||
+        p->view_count < 0 || p->view_count > PLACE_ITEMS_MAX)
         return fail(ERR_INPUT, "the place has more tags, points or views than a recording can hold");
     bool finite = isfinite(p->rms_px) && isfinite(p->rms_m);
     for (int32_t i = 0; i < p->tag_count; i++)
@@ -144,14 +144,15 @@ static enum status put_place_row(struct database *db, const struct place *p)
 }
 
 // What else is known of points and tags.
-static enum status put_known(struct database *db, const struct place *p)
+static enum status put_optional(struct database *db, const struct place *p)
 {
-    static const char *const insert[KNOWN_TABLE_COUNT] = {"INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)",
-                                                          "INSERT INTO tag_error(id, covariances, crc) VALUES(1,?,?)",
-                                                          "INSERT INTO point_side(id, directions, crc) VALUES(1,?,?)"};
+    static const char *const insert[OPTIONAL_TABLE_COUNT] = {
+        "INSERT INTO point_error(id, covariances, crc) VALUES(1,?,?)",
+        "INSERT INTO tag_error(id, covariances, crc) VALUES(1,?,?)",
+        "INSERT INTO point_side(id, directions, crc) VALUES(1,?,?)"};
     const size_t points = (size_t)p->point_count, tags = (size_t)p->tag_count;
-    const size_t bytes[KNOWN_TABLE_COUNT] = {points * POINT_ERROR_BYTES, tags * TAG_ERROR_BYTES,
-                                             points * POINT_SIDE_BYTES};
+    const size_t bytes[OPTIONAL_TABLE_COUNT] = {points * POINT_ERROR_BYTES, tags * TAG_ERROR_BYTES,
+                                                points * POINT_SIDE_BYTES};
     uint8_t *known = malloc(bytes[0] + bytes[1] + bytes[2] + 1);
     if (!known)
         return fail(ERR_MEMORY, "no memory to write the place");
@@ -164,7 +165,7 @@ static enum status put_known(struct database *db, const struct place *p)
         put_tag_error(tag + i * TAG_ERROR_BYTES, &p->tags[i]);
     enum status status = OK;
     const uint8_t *first = known;
-    for (int k = 0; k < KNOWN_TABLE_COUNT && status == OK; first += bytes[k++]) {
+    for (int k = 0; k < OPTIONAL_TABLE_COUNT && status == OK; first += bytes[k++]) {
         struct statement *s;
         status = statement_open(&s, db, insert[k]);
         if (status == OK) {
@@ -209,19 +210,19 @@ enum status recording_put_place(struct recording_writer *w, const struct place *
     enum status status = check_place(place);
     if (status != OK)
         return status;
-    status = scribe_stop(w->scribe);
+    status = async_writer_pause(w->async_writer);
     if (status == OK)
-        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" KNOWN_TABLES
+        status = database_run(w->db, "BEGIN IMMEDIATE; DELETE FROM place; DELETE FROM place_view;" OPTIONAL_TABLES
                                      "DELETE FROM point_error; DELETE FROM tag_error; DELETE FROM point_side");
     if (status == OK)
         status = put_place_row(w->db, place);
     if (status == OK)
-        status = put_known(w->db, place);
+        status = put_optional(w->db, place);
     if (status == OK)
         status = put_views(w->db, w->coder, place);
     if (status == OK)
         status = database_run(w->db, "COMMIT");
-    return scribe_go(w->scribe, status);
+    return async_writer_resume(w->async_writer, status);
 }
 
 // ------------------------------------------------------------- takes
@@ -262,55 +263,56 @@ static enum status new_take_id(struct recording_writer *w, const char *name)
 
 enum status recording_begin_take(struct recording_writer *w, const char *name, const struct calibration *calibration)
 {
-    assert(!w->taking);
+    assert(!w->in_take);
     enum status status = check_name(name);
     if (status == OK)
         status = calibration_check(calibration);
     if (status != OK)
         return status;
-    status = scribe_stop(w->scribe);
+    status = async_writer_pause(w->async_writer);
     if (status == OK)
         status = new_take_id(w, name);
     if (status == ERR_EXISTS) {
-        scribe_go(w->scribe, OK); // nothing is broken by that
+        async_writer_resume(w->async_writer, OK); // nothing is broken by that
         return fail(ERR_EXISTS, "%s has a take '%s' already; choose another name", database_path(w->db), name);
     }
-    status = scribe_go(w->scribe, status);
+    status = async_writer_resume(w->async_writer, status);
     if (status != OK)
         return status;
     w->frames = 0;
     w->take = (struct take_row){.id = w->take.id, .calibration = *calibration, .body = {.representative_frame = -1}};
     snprintf(w->take.name, sizeof w->take.name, "%s", name);
-    status = scribe_put_take(w->scribe, &w->take);
+    status = async_writer_put_take(w->async_writer, &w->take);
     if (status == OK)
-        status = scribe_go(w->scribe, scribe_stop(w->scribe)); // committed, so that readers see it begin
-    w->taking = status == OK;
+        status = async_writer_resume(w->async_writer,
+                                     async_writer_pause(w->async_writer)); // committed, so that readers see it begin
+    w->in_take = status == OK;
     return status;
 }
 
 enum status recording_put_body(struct recording_writer *w, const struct body *body)
 {
-    assert(w->taking);
+    assert(w->in_take);
     if (!body_is_finite(body))
         return fail(ERR_INPUT, "a body's radius is not finite");
     w->take.body = *body;
-    return scribe_put_take(w->scribe, &w->take);
+    return async_writer_put_take(w->async_writer, &w->take);
 }
 
 enum status recording_put_dropped(struct recording_writer *w, int64_t dropped)
 {
-    assert(w->taking && dropped >= 0);
+    assert(w->in_take && dropped >= 0);
     w->take.dropped = dropped;
-    return scribe_put_take(w->scribe, &w->take);
+    return async_writer_put_take(w->async_writer, &w->take);
 }
 
 enum status recording_end_take(struct recording_writer *w)
 {
-    assert(w->taking);
-    w->taking = false;
+    assert(w->in_take);
+    w->in_take = false;
     w->take.complete = true;
-    enum status status = scribe_put_take(w->scribe, &w->take);
-    return status == OK ? scribe_go(w->scribe, scribe_stop(w->scribe)) : status;
+    enum status status = async_writer_put_take(w->async_writer, &w->take);
+    return status == OK ? async_writer_resume(w->async_writer, async_writer_pause(w->async_writer)) : status;
 }
 
 const char *recording_writer_path(const struct recording_writer *w) { return database_path(w->db); }
@@ -333,22 +335,22 @@ static enum status replace_skeleton(struct statement *read, struct statement *wr
         return status == NOTHING ? OK : status;
     put_pose(pose, &entry.world_from_camera);
     put_skeleton(bytes, skeleton);
-    size_t count = skeleton_knows_any(skeleton) ? sizeof bytes : 0;
-    const uint8_t *told = count ? bytes : NULL;
-    statement_bind_blob(write, 1, told, count);
-    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, told, count, pictures));
+    size_t count = skeleton_has_known_joint(skeleton) ? sizeof bytes : 0;
+    const uint8_t *blob = count ? bytes : NULL;
+    statement_bind_blob(write, 1, blob, count);
+    statement_bind_number(write, 2, frame_crc(entry.time_ns, entry.located, pose, blob, count, pictures));
     statement_bind_number(write, 3, key);
     return statement_run(write);
 }
 
 enum status recording_put_skeletons(struct recording_writer *w, const struct skeleton *const *skeleton, int64_t count)
 {
-    assert(!w->taking && w->take.id && count <= w->frames);
+    assert(!w->in_take && w->take.id && count <= w->frames);
     struct statement *read = NULL, *write = NULL;
     for (int64_t i = 0; i < count; i++)
         if (skeleton[i] && !skeleton_is_finite(skeleton[i]))
             return fail(ERR_INPUT, "a skeleton holds a number that is not finite");
-    enum status status = scribe_stop(w->scribe);
+    enum status status = async_writer_pause(w->async_writer);
     if (status == OK)
         status = database_run(w->db, "BEGIN IMMEDIATE");
     if (status == OK)
@@ -362,7 +364,7 @@ enum status recording_put_skeletons(struct recording_writer *w, const struct ske
     statement_close(&write);
     if (status == OK)
         status = database_run(w->db, "COMMIT");
-    return scribe_go(w->scribe, status);
+    return async_writer_resume(w->async_writer, status);
 }
 
 // ------------------------------------------------------------- frames
@@ -373,7 +375,7 @@ static enum status check_frame(const struct recording_writer *w, const struct ta
     if (w->frames && f->time_ns <= w->last_time_ns)
         return fail(ERR_ORDER, "a frame of %lld ns came after one of %lld ns", (long long)f->time_ns,
                     (long long)w->last_time_ns);
-    if (w->frames > FRAME_NUMBER_MOST)
+    if (w->frames > FRAME_NUMBER_MAX)
         return fail(ERR_INPUT, "the take '%s' is full", w->take.name);
     if (!pose_finite(f->world_from_camera) || (f->has_skeleton && !skeleton_is_finite(&f->skeleton)))
         return fail(ERR_INPUT, "a frame's pose or skeleton holds a number that is not finite");
@@ -383,7 +385,7 @@ static enum status check_frame(const struct recording_writer *w, const struct ta
         int width, height;
         enum status status = jpeg_size(f->jpeg, f->jpeg_bytes, &width, &height);
         if (status != OK)
-            return fail(ERR_INPUT, "a frame's colour cannot be kept: %s", status_sentence());
+            return fail(ERR_INPUT, "a frame's colour cannot be kept: %s", status_message());
         if (width != c->color.width || height != c->color.height)
             return fail(ERR_INPUT, "a frame's colour has %d x %d pixels where the calibration says %d x %d", width,
                         height, c->color.width, c->color.height);
@@ -393,7 +395,7 @@ static enum status check_frame(const struct recording_writer *w, const struct ta
 
 enum status recording_add_frame(struct recording_writer *w, const struct take_frame *frame)
 {
-    assert(w->taking);
+    assert(w->in_take);
     enum status status = check_frame(w, frame);
     if (status != OK)
         return status;
@@ -412,7 +414,7 @@ enum status recording_add_frame(struct recording_writer *w, const struct take_fr
     if (status == OK && frame->depth)
         status = depth_encode(w->coder, frame->depth, lens->width, lens->height, &row.depth, &row.depth_bytes);
     if (status == OK)
-        status = scribe_add_frame(w->scribe, &row);
+        status = async_writer_add_frame(w->async_writer, &row);
     if (status == OK) {
         w->last_time_ns = frame->time_ns;
         w->frames++;

@@ -5,7 +5,7 @@
 
 // A sample whose neighbours lie further away than this, times their depth, is a
 // flying pixel between two surfaces; it would float in the room.
-static const double FLYING_SHARE = 0.05;
+static const double FLYING_PIXEL_SHARE = 0.05;
 
 static bool is_flying(const uint16_t *depth, int width, int x, int y)
 {
@@ -13,7 +13,7 @@ static bool is_flying(const uint16_t *depth, int width, int x, int y)
     const int dx[] = {1, -1, 0, 0}, dy[] = {0, 0, 1, -1};
     for (int i = 0; i < 4; i++) {
         int there = depth[(size_t)(y + dy[i]) * (size_t)width + (size_t)(x + dx[i])];
-        if (!there || abs(there - here) > FLYING_SHARE * here)
+        if (!there || abs(there - here) > FLYING_PIXEL_SHARE * here)
             return true;
     }
     return false;
@@ -22,28 +22,28 @@ static bool is_flying(const uint16_t *depth, int width, int x, int y)
 // What has been seen through one pixel so far: the mean of the readings of the
 // nearest surface. The nearest single reading would be biased towards the camera
 // by the noise of all views together.
-struct cell {
+struct background_cell {
     float mean_mm;
-    float readings;
+    float samples;
 };
 
 // Two readings within this of each other are of one surface: three standard
 // deviations of their difference (1.5e-3 z^2 m each) and the map's own error.
 static double same_surface_mm(double mm) { return 3 * 1.4142 * 1.5e-6 * mm * mm + 20; }
 
-static void add_reading(struct cell *cell, double mm)
+static void add_depth_sample(struct background_cell *cell, double mm)
 {
     double tolerance = same_surface_mm(mm);
-    if (!cell->readings || mm < cell->mean_mm - tolerance) {
-        *cell = (struct cell){(float)mm, 1};
+    if (!cell->samples || mm < cell->mean_mm - tolerance) {
+        *cell = (struct background_cell){(float)mm, 1};
     } else if (mm < cell->mean_mm + tolerance) {
-        cell->readings++;
-        cell->mean_mm += ((float)mm - cell->mean_mm) / cell->readings;
+        cell->samples++;
+        cell->mean_mm += ((float)mm - cell->mean_mm) / cell->samples;
     }
 }
 
 // Draws one sample as a square that covers the gap to its neighbours.
-static void splat(const struct lens *lens, struct vec3 p, double size_m, struct cell *cells)
+static void splat(const struct lens *lens, struct vec3 p, double size_m, struct background_cell *cells)
 {
     if (!(p.z > 0.2) || p.z > 60)
         return;
@@ -53,7 +53,7 @@ static void splat(const struct lens *lens, struct vec3 p, double size_m, struct 
     int y0 = (int)ceil(at.y - half), y1 = (int)floor(at.y + half);
     for (int y = y0 < 0 ? 0 : y0; y <= y1 && y < lens->height; y++)
         for (int x = x0 < 0 ? 0 : x0; x <= x1 && x < lens->width; x++)
-            add_reading(&cells[(size_t)y * (size_t)lens->width + (size_t)x], p.z * 1000);
+            add_depth_sample(&cells[(size_t)y * (size_t)lens->width + (size_t)x], p.z * 1000);
 }
 
 // Every other pixel of every other row, each drawn twice as wide: the surface is
@@ -61,13 +61,13 @@ static void splat(const struct lens *lens, struct vec3 p, double size_m, struct 
 enum { STRIDE = 2 };
 
 static void splat_view(const struct place *place, const struct place_view *view, const struct vec3 *rays,
-                       const struct lens *lens, struct pose depth_from_world, struct cell *cells)
+                       const struct lens *lens, struct pose depth_from_world, struct background_cell *cells)
 {
     const struct lens *own = &place->calibration.depth;
     struct pose out_from_view =
         pose_multiply(depth_from_world, pose_multiply(view->world_from_camera, place->calibration.color_from_depth));
-    double turn[3][3];
-    quat_to_matrix(out_from_view.rotation, turn);
+    double rotation[3][3];
+    quat_to_matrix(out_from_view.rotation, rotation);
     struct vec3 shift = out_from_view.translation;
     for (int y = 1; y < own->height - 1; y += STRIDE)
         for (int x = 1; x < own->width - 1; x += STRIDE) {
@@ -76,15 +76,15 @@ static void splat_view(const struct place *place, const struct place_view *view,
             if (z == 0 || is_flying(view->depth, own->width, x, y))
                 continue;
             struct vec3 ray = rays[at], p;
-            p.x = z * (turn[0][0] * ray.x + turn[0][1] * ray.y + turn[0][2]) + shift.x;
-            p.y = z * (turn[1][0] * ray.x + turn[1][1] * ray.y + turn[1][2]) + shift.y;
-            p.z = z * (turn[2][0] * ray.x + turn[2][1] * ray.y + turn[2][2]) + shift.z;
+            p.x = z * (rotation[0][0] * ray.x + rotation[0][1] * ray.y + rotation[0][2]) + shift.x;
+            p.y = z * (rotation[1][0] * ray.x + rotation[1][1] * ray.y + rotation[1][2]) + shift.y;
+            p.z = z * (rotation[2][0] * ray.x + rotation[2][1] * ray.y + rotation[2][2]) + shift.z;
             splat(lens, p, STRIDE * z / own->fx, cells);
         }
 }
 
-enum status background_predict(const struct place *place, const struct lens *lens, struct pose world_from_depth,
-                               uint16_t *depth)
+enum status background_depth_render(const struct place *place, const struct lens *lens, struct pose world_from_depth,
+                                    uint16_t *depth)
 {
     size_t pixels = (size_t)lens->width * (size_t)lens->height;
     memset(depth, 0, pixels * sizeof *depth);
@@ -92,7 +92,7 @@ enum status background_predict(const struct place *place, const struct lens *len
     if (own->width <= 0 || !place->view_count)
         return OK;
     struct vec3 *rays = malloc((size_t)own->width * (size_t)own->height * sizeof *rays);
-    struct cell *cells = calloc(pixels, sizeof *cells);
+    struct background_cell *cells = calloc(pixels, sizeof *cells);
     if (!rays || !cells) {
         free(rays);
         free(cells);
@@ -106,7 +106,7 @@ enum status background_predict(const struct place *place, const struct lens *len
         if (place->views[i].depth)
             splat_view(place, &place->views[i], rays, lens, depth_from_world, cells);
     for (size_t i = 0; i < pixels; i++)
-        depth[i] = cells[i].readings ? (uint16_t)lroundf(cells[i].mean_mm) : 0;
+        depth[i] = cells[i].samples ? (uint16_t)lroundf(cells[i].mean_mm) : 0;
     free(cells);
     free(rays);
     return OK;

@@ -7,5 +7,5 @@
 // holds the nearest surface that the place's views saw there, as the mean of
 // their readings.
 // `lens` and `world_from_depth` are the depth camera's. ERR_MEMORY.
-MUST_CHECK enum status background_predict(const struct place *place, const struct lens *lens,
-                                          struct pose world_from_depth, uint16_t *depth);
+MUST_CHECK enum status background_depth_render(const struct place *place, const struct lens *lens,
+                                               struct pose world_from_depth, uint16_t *depth);

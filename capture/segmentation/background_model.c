@@ -3,71 +3,74 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { RIM = 4 }; // cells: hair, flying pixels and shadows around the person are no background
+enum { PERSON_MARGIN = 4 }; // cells: hair, flying pixels and shadows around the person are no background
 
-struct box { // cells, inclusive
+struct cell_box { // cells, inclusive
     int left, top, right, bottom;
 };
 
-// label[] becomes positive within RIM cells of the person, along the rows and then down the columns, else 0.
-static void mark_near_person(struct segmenter *s, struct box person)
+// label[] becomes positive within PERSON_MARGIN cells of the person, along the rows and then down the columns, else 0.
+static void dilate_person(struct segmenter *s, struct cell_box person)
 {
     int w = s->width, h = s->height;
     memset(s->label, 0, (size_t)w * (size_t)h * sizeof *s->label);
-    int x0 = person.left > RIM ? person.left - RIM : 0, x1 = person.right + RIM < w ? person.right + RIM : w - 1,
-        y0 = person.top > RIM ? person.top - RIM : 0, y1 = person.bottom + RIM < h ? person.bottom + RIM : h - 1;
+    int x0 = person.left > PERSON_MARGIN ? person.left - PERSON_MARGIN : 0,
+        x1 = person.right + PERSON_MARGIN < w ? person.right + PERSON_MARGIN : w - 1,
+        y0 = person.top > PERSON_MARGIN ? person.top - PERSON_MARGIN : 0,
+        y1 = person.bottom + PERSON_MARGIN < h ? person.bottom + PERSON_MARGIN : h - 1;
     for (int y = person.top; y <= person.bottom; y++) { // how far from the last and to the next
-        int far = RIM + 1;
+        int far = PERSON_MARGIN + 1;
         for (int x = person.left; x <= x1; x++) {
             far = s->person[y * w + x] ? 0 : far + 1;
-            s->label[y * w + x] = far <= RIM;
+            s->label[y * w + x] = far <= PERSON_MARGIN;
         }
-        far = RIM + 1;
+        far = PERSON_MARGIN + 1;
         for (int x = person.right; x >= x0; x--) {
             far = s->person[y * w + x] ? 0 : far + 1;
-            s->label[y * w + x] |= far <= RIM;
+            s->label[y * w + x] |= far <= PERSON_MARGIN;
         }
     }
     // Down the columns, row by row; parent[] has how far each is from the last marked one.
     for (int x = x0; x <= x1; x++)
-        s->parent[x] = RIM + 1;
+        s->parent[x] = PERSON_MARGIN + 1;
     for (int y = person.top; y <= y1; y++)
         for (int x = x0; x <= x1; x++) {
             s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
-            s->label[y * w + x] |= 2 * (s->parent[x] <= RIM);
+            s->label[y * w + x] |= 2 * (s->parent[x] <= PERSON_MARGIN);
         }
     for (int x = x0; x <= x1; x++)
-        s->parent[x] = RIM + 1;
+        s->parent[x] = PERSON_MARGIN + 1;
     for (int y = person.bottom; y >= y0; y--)
         for (int x = x0; x <= x1; x++) {
             s->parent[x] = s->label[y * w + x] & 1 ? 0 : s->parent[x] + 1;
-            s->label[y * w + x] |= 2 * (s->parent[x] <= RIM);
+            s->label[y * w + x] |= 2 * (s->parent[x] <= PERSON_MARGIN);
         }
 }
 
 // What one reading says of its cell. 1: it agrees with what was known, -1: it does not, 0: nothing was known.
-static int learn_cell(struct segmenter *s, int i, int d)
+static int update_background_cell(struct segmenter *s, int i, int d)
 {
-    int b = s->background[i], same = by_depth(s->same_mm, d);
+    int b = s->background[i], same = by_depth(s->noise_mm, d);
     if (b && d <= b + same && d >= b - same) {
-        int n = s->sightings[i] < 30 ? s->sightings[i] : 30;
+        int n = s->observed_count[i] < 30 ? s->observed_count[i] : 30;
         s->background[i] = (uint16_t)((b * n + d + (n + 1) / 2) / (n + 1));
-        s->sightings[i] += s->sightings[i] < 255;
-        s->nearer[i] = 0;
-    } else if (!b || d > b || ++s->nearer[i] >= REPLACED_FRAMES) { // or the room begins further back than believed
+        s->observed_count[i] += s->observed_count[i] < 255;
+        s->nearer_count[i] = 0;
+    } else if (!b || d > b ||
+               ++s->nearer_count[i] >= REPLACEMENT_FRAMES) { // or the room begins further back than believed
         s->background[i] = (uint16_t)d;
-        s->sightings[i] = 1;
-        s->nearer[i] = 0;
+        s->observed_count[i] = 1;
+        s->nearer_count[i] = 0;
     }
-    segmenter_limit(s, i);
+    segmenter_update_limit(s, i);
     return !b ? 0 : d <= b + same && d >= b - same ? 1 : -1;
 }
 
-void segmenter_learn(struct segmenter *s)
+void segmenter_update_background(struct segmenter *s)
 {
     int disagree = 0, known = 0, far = 0;
-    segmenter_watch(s);
-    struct box person = {s->width, s->height, -1, -1};
+    segmenter_detect_motion(s);
+    struct cell_box person = {s->width, s->height, -1, -1};
     for (int n = 0; n < s->candidate_count; n++)
         if (s->person[s->candidate[n]]) {
             int i = s->candidate[n], x = i % s->width, y = i / s->width;
@@ -75,7 +78,7 @@ void segmenter_learn(struct segmenter *s)
             person.top = y < person.top ? y : person.top, person.bottom = y;
             far = s->depth[i] > far ? s->depth[i] : far;
         }
-    mark_near_person(s, person);
+    dilate_person(s, person);
     for (int y = 0; y < s->height; y++)
         for (int x = 0; x < s->width; x++) {
             int i = y * s->width + x, d = s->depth[i];
@@ -86,14 +89,14 @@ void segmenter_learn(struct segmenter *s)
             if (d < far + 400 && x > person.left - 8 && x < person.right + 8 && y > person.top - 8 &&
                 y < person.bottom + 4)
                 continue;
-            int said = learn_cell(s, i, d);
-            known += said != 0;
-            disagree += said < 0;
+            int agreement = update_background_cell(s, i, d);
+            known += agreement != 0;
+            disagree += agreement < 0;
         }
     if (known > 500 && disagree > 0.4 * known) { // the sensor was moved: begin again
         size_t n = (size_t)s->width * (size_t)s->height;
         memset(s->background, 0, n * sizeof *s->background);
-        memset(s->sightings, 0, n);
-        memcpy(s->limit, s->fixed, n * sizeof *s->limit);
+        memset(s->observed_count, 0, n);
+        memcpy(s->depth_limit, s->static_limit, n * sizeof *s->depth_limit);
     }
 }

@@ -2,49 +2,49 @@
 
 #include "capture/segmentation/segment.h"
 
-enum { SAMPLES_MAX = 2400, TRIALS = 300 };
+enum { FLOOR_SAMPLES_MAX = 2400, RANSAC_TRIALS = 300 };
 
-struct sample {
+struct floor_sample {
     struct vec3 p;
-    double slack; // height error along the plane's normal is about this times |up.ray|
+    double tolerance; // height error along the plane's normal is about this times |up.ray|
 };
 
-static uint32_t draw(uint32_t *state) // a linear congruential generator (Numerical Recipes)
+static uint32_t next_random(uint32_t *state) // a linear congruential generator (Numerical Recipes)
 {
     *state = *state * 1664525u + 1013904223u;
     return *state >> 8;
 }
 
-static double height_over(struct floor_plane f, struct vec3 p) { return v3_dot(f.up, p) + f.height_m; }
+static double height_above_plane(struct floor_plane f, struct vec3 p) { return v3_dot(f.up, p) + f.height_m; }
 
-static double slack_of(struct floor_plane f, const struct sample *s)
+static double tolerance_at(struct floor_plane f, const struct floor_sample *s)
 {
-    return 0.015 + 2 * s->slack * fabs(v3_dot(f.up, s->p)) / s->p.z;
+    return 0.015 + 2 * s->tolerance * fabs(v3_dot(f.up, s->p)) / s->p.z;
 }
 
 // Points on the plane, less those under it: nothing lies under a floor.
-static int support(struct floor_plane f, const struct sample *s, int count, int *on)
+static int inlier_score(struct floor_plane f, const struct floor_sample *s, int count, int *on)
 {
     int under = 0;
     *on = 0;
     for (int i = 0; i < count; i++) {
-        double h = height_over(f, s[i].p), slack = slack_of(f, &s[i]);
-        *on += fabs(h) < slack;
-        under += h < -3 * slack - 0.05;
+        double h = height_above_plane(f, s[i].p), tolerance = tolerance_at(f, &s[i]);
+        *on += fabs(h) < tolerance;
+        under += h < -3 * tolerance - 0.05;
     }
     return *on - 3 * under;
 }
 
 // Least squares y' = a x + b z + c over the points on the plane, in axes turned to it.
-static struct floor_plane refined(struct floor_plane f, const struct sample *s, int count)
+static struct floor_plane refine_plane(struct floor_plane f, const struct floor_sample *s, int count)
 {
     struct vec3 u = v3_perpendicular(f.up), v = v3_cross(f.up, u);
     double m[3][4] = {{0}};
     for (int i = 0; i < count; i++) {
-        double h = height_over(f, s[i].p), slack = slack_of(f, &s[i]);
-        if (fabs(h) > 1.5 * slack)
+        double h = height_above_plane(f, s[i].p), tolerance = tolerance_at(f, &s[i]);
+        if (fabs(h) > 1.5 * tolerance)
             continue;
-        double row[4] = {v3_dot(u, s[i].p), v3_dot(v, s[i].p), 1, h}, w = 1 / (slack * slack);
+        double row[4] = {v3_dot(u, s[i].p), v3_dot(v, s[i].p), 1, h}, w = 1 / (tolerance * tolerance);
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 4; b++)
                 m[a][b] += w * row[a] * row[b];
@@ -63,55 +63,55 @@ static struct floor_plane refined(struct floor_plane f, const struct sample *s, 
     return (struct floor_plane){v3_scale(n, 1 / length), (f.height_m - c) / length};
 }
 
-bool floor_find(const uint16_t *depth, const struct grid_ray *ray, int width, int height, struct floor_plane *out)
+bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int width, int height, struct floor_plane *out)
 {
-    struct sample s[SAMPLES_MAX];
+    struct floor_sample s[FLOOR_SAMPLES_MAX];
     int count = 0, cells = width * (height - height / 3);
-    int stride = cells / SAMPLES_MAX + 1;
-    for (int i = width * (height / 3); i < width * height && count < SAMPLES_MAX; i += stride) {
+    int stride = cells / FLOOR_SAMPLES_MAX + 1;
+    for (int i = width * (height / 3); i < width * height && count < FLOOR_SAMPLES_MAX; i += stride) {
         double z = depth[i] * 0.001;
         if (z > 0.3 && z < 7)
-            s[count++] = (struct sample){v3((double)ray[i].x * z, (double)ray[i].y * z, z), depth_sigma_m(z)};
+            s[count++] = (struct floor_sample){v3((double)ray[i].x * z, (double)ray[i].y * z, z), depth_sigma_m(z)};
     }
     if (count < 60)
         return false;
     struct floor_plane best = {{0, -1, 0}, 0};
     int most = 0, on = 0, most_on = 0;
     uint32_t state = 1;
-    for (int trial = 0; trial < TRIALS; trial++) {
-        struct vec3 a = s[draw(&state) % (uint32_t)count].p, b = s[draw(&state) % (uint32_t)count].p,
-                    c = s[draw(&state) % (uint32_t)count].p;
+    for (int trial = 0; trial < RANSAC_TRIALS; trial++) {
+        struct vec3 a = s[next_random(&state) % (uint32_t)count].p, b = s[next_random(&state) % (uint32_t)count].p,
+                    c = s[next_random(&state) % (uint32_t)count].p;
         struct vec3 n = v3_unit(v3_cross(v3_sub(b, a), v3_sub(c, a)));
         if (n.y > 0)
             n = v3_scale(n, -1);
         if (n.y > -0.7) // 45 degrees
             continue;
         struct floor_plane f = {n, -v3_dot(n, a)};
-        int score = f.height_m > 0.1 ? support(f, s, count, &on) : 0;
+        int score = f.height_m > 0.1 ? inlier_score(f, s, count, &on) : 0;
         if (score > most) {
             most = score;
             most_on = on;
             best = f;
         }
     }
-    if (most_on < SAMPLES_MAX / 40)
+    if (most_on < FLOOR_SAMPLES_MAX / 40)
         return false;
-    best = refined(refined(best, s, count), s, count);
+    best = refine_plane(refine_plane(best, s, count), s, count);
     // A floor is wide: at least 0.8 m both ways.
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
     for (int i = 0; i < count; i++)
-        if (fabs(height_over(best, s[i].p)) < slack_of(best, &s[i])) {
+        if (fabs(height_above_plane(best, s[i].p)) < tolerance_at(best, &s[i])) {
             low[0] = fmin(low[0], s[i].p.x), high[0] = fmax(high[0], s[i].p.x);
             low[1] = fmin(low[1], s[i].p.z), high[1] = fmax(high[1], s[i].p.z);
         }
-    if (high[0] - low[0] < 0.8 || high[1] - low[1] < 0.8 || support(best, s, count, &on) <= 0)
+    if (high[0] - low[0] < 0.8 || high[1] - low[1] < 0.8 || inlier_score(best, s, count, &on) <= 0)
         return false;
     *out = best;
     return true;
 }
 
 // Readings along a row or column, every fourth pixel.
-static int readings(const uint16_t *depth, const struct lens *l, bool row, int at)
+static int count_depth_samples(const uint16_t *depth, const struct lens *l, bool row, int at)
 {
     int count = 0;
     for (int k = 0; k < (row ? l->width : l->height); k += 4)
@@ -119,25 +119,25 @@ static int readings(const uint16_t *depth, const struct lens *l, bool row, int a
     return count;
 }
 
-struct picture_bounds picture_bounds(const uint16_t *depth, const struct lens *l)
+struct image_bounds find_image_bounds(const uint16_t *depth, const struct lens *l)
 {
-    struct picture_bounds all = {0, 0, l->width - 1, l->height - 1}, b = all;
+    struct image_bounds all = {0, 0, l->width - 1, l->height - 1}, b = all;
     int valid = 0, total = 0;
     for (int y = 0; y < l->height; y += 4) {
-        valid += readings(depth, l, true, y);
+        valid += count_depth_samples(depth, l, true, y);
         total += (l->width + 3) / 4;
     }
     if (2 * valid < total) // the room itself is missing: no rim can be told
         return all;
     // A row or column of the rim has readings at less than an eighth of its pixels.
     int few_across = l->width / 32, few_down = l->height / 32;
-    while (b.top < l->height / 4 && readings(depth, l, true, b.top) <= few_across)
+    while (b.top < l->height / 4 && count_depth_samples(depth, l, true, b.top) <= few_across)
         b.top++;
-    while (b.bottom > l->height * 3 / 4 && readings(depth, l, true, b.bottom) <= few_across)
+    while (b.bottom > l->height * 3 / 4 && count_depth_samples(depth, l, true, b.bottom) <= few_across)
         b.bottom--;
-    while (b.left < l->width / 4 && readings(depth, l, false, b.left) <= few_down)
+    while (b.left < l->width / 4 && count_depth_samples(depth, l, false, b.left) <= few_down)
         b.left++;
-    while (b.right > l->width * 3 / 4 && readings(depth, l, false, b.right) <= few_down)
+    while (b.right > l->width * 3 / 4 && count_depth_samples(depth, l, false, b.right) <= few_down)
         b.right--;
     return b;
 }

@@ -1,4 +1,4 @@
-// The floor in a depth picture, by random sampling that draws the same samples
+// The floor in a depth image, by random sampling that draws the same samples
 // every time. Depth camera's axes, metres.
 #pragma once
 #include "base/geometry.h"
@@ -14,4 +14,4 @@ struct floor_plane {
 
 // depth: width * height cells, mm, 0 = no reading. Finds the lowest large plane
 // within 45 degrees of level for a camera held upright. False: none in sight.
-bool floor_find(const uint16_t *depth, const struct grid_ray *ray, int width, int height, struct floor_plane *out);
+bool floor_plane_fit(const uint16_t *depth, const struct grid_ray *ray, int width, int height, struct floor_plane *out);

@@ -4,15 +4,15 @@
 #include <string.h>
 
 // Marks the pixels of a cell that agree with the person's cells around it, its own first.
-static void refine_cell(const struct segmenter *s, const uint16_t *picture, int x, int y, uint8_t *mask)
+static void upsample_cell(const struct segmenter *s, const uint16_t *image, int x, int y, uint8_t *mask)
 {
-    int near[9], count = 0, w = s->width, centre = y * w + x;
+    int neighbor_mm[9], count = 0, w = s->width, centre = y * w + x;
     if (s->person[centre])
-        near[count++] = s->depth[centre];
+        neighbor_mm[count++] = s->depth[centre];
     for (int j = -1; j <= 1; j++)
         for (int i = -1; i <= 1; i++)
             if ((i || j) && x + i >= 0 && x + i < w && y + j >= 0 && y + j < s->height && s->person[centre + j * w + i])
-                near[count++] = s->depth[centre + j * w + i];
+                neighbor_mm[count++] = s->depth[centre + j * w + i];
     if (!count || (!s->person[centre] && s->step == 1))
         return;
     for (int j = 0; j < s->step; j++)
@@ -20,19 +20,19 @@ static void refine_cell(const struct segmenter *s, const uint16_t *picture, int 
             int px = x * s->step + i, py = y * s->step + j;
             if (px >= s->lens.width || py >= s->lens.height)
                 continue;
-            int d = picture[py * s->lens.width + px];
+            int d = image[py * s->lens.width + px];
             if (!d || (!s->person[centre] && !may_be_person(s, centre, d)))
                 continue;
-            int limit = by_depth(s->jump_mm, d);
+            int limit = by_depth(s->max_step_mm, d);
             for (int k = 0; k < count; k++)
-                if (abs(near[k] - d) <= limit) {
+                if (abs(neighbor_mm[k] - d) <= limit) {
                     mask[py * s->lens.width + px] = 255;
                     break;
                 }
         }
 }
 
-void segmenter_refine(const struct segmenter *s, const uint16_t *picture, uint8_t *mask)
+void segmenter_upsample_mask(const struct segmenter *s, const uint16_t *image, uint8_t *mask)
 {
     int w = s->width, left[3] = {w, w, w}, right[3] = {-1, -1, -1}; // of the person, in the rows around one
     for (int y = -1; y < s->height; y++) {
@@ -49,6 +49,6 @@ void segmenter_refine(const struct segmenter *s, const uint16_t *picture, uint8_
         from = from < left[2] ? from : left[2];
         to = to > right[2] ? to : right[2];
         for (int x = from > 0 ? from - 1 : 0; y >= 0 && x <= to + 1 && x < w; x++)
-            refine_cell(s, picture, x, y, mask);
+            upsample_cell(s, image, x, y, mask);
     }
 }

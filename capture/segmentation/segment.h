@@ -22,13 +22,13 @@ static inline double depth_sigma_m(double z) { return 1.5e-3 * z * z; }
 // Where a picture has readings at all, pixels, inclusive: registered depth has a
 // rim without any, and a person who is cut off there is cut off as by the
 // picture's own edge. The whole picture where most of it has no reading.
-struct picture_bounds {
+struct image_bounds {
     int left, top, right, bottom;
 };
-struct picture_bounds picture_bounds(const uint16_t *depth, const struct lens *lens);
+struct image_bounds find_image_bounds(const uint16_t *depth, const struct lens *lens);
 
 // Where the body is believed to be; what is close to it is taken for the person.
-struct ball {
+struct bounding_sphere {
     struct vec3 centre;
     double radius;
 };
@@ -38,7 +38,7 @@ MUST_CHECK enum status segmenter_open(struct segmenter **out, const struct lens 
 void segmenter_close(struct segmenter **s); // NULL is fine; sets *s = NULL
 
 // Forgets the person; the floor and the background stay.
-void segmenter_forget_person(struct segmenter *s);
+void segmenter_drop_person(struct segmenter *s);
 // Forgets everything but what was given with the two functions below.
 void segmenter_reset(struct segmenter *s);
 
@@ -53,21 +53,22 @@ void segmenter_set_floor(struct segmenter *s, struct vec3 up, double height_m);
 bool segmenter_floor(const struct segmenter *s, struct vec3 *up, double *height_m);
 
 // Fills mask[width * height] with 255 at the person's pixels and 0 elsewhere.
-// balls: the body as predicted for this frame, or none (count 0) when nobody is
+// spheres: the body as predicted for this frame, or none (count 0) when nobody is
 // followed yet. OK, or NOTHING: no person in sight; the mask is then all 0.
-MUST_CHECK enum status segmenter_next(struct segmenter *s, const uint16_t *depth, const struct ball *balls,
-                                      int ball_count, uint8_t *mask);
+MUST_CHECK enum status segmenter_next(struct segmenter *s, const uint16_t *depth, const struct bounding_sphere *spheres,
+                                      int sphere_count, uint8_t *mask);
 
 // After segmenter_next: somebody else in the same picture who is like a person, nearer than the learned room and no
 // part of the one who is followed, as a mask like theirs. NOTHING: nobody.
-MUST_CHECK enum status segmenter_other(struct segmenter *s, const uint16_t *depth, uint8_t *mask);
+MUST_CHECK enum status segmenter_second_person(struct segmenter *s, const uint16_t *depth, uint8_t *mask);
 
-// For how many calls of segmenter_learn in a row nothing of the person has moved by more than the sensor's noise.
-int segmenter_motionless(const struct segmenter *s);
+// For how many calls of segmenter_update_background in a row nothing of the person has moved by more than the sensor's
+// noise.
+int segmenter_static_frames(const struct segmenter *s);
 
 // The last frame's person was furniture: room from now on.
-void segmenter_put_away(struct segmenter *s);
+void segmenter_absorb_static(struct segmenter *s);
 
 // Learns the room from the last frame's pixels outside its mask; call it after
 // a segmenter_next whose mask is believed, or that found nobody, every second one or so.
-void segmenter_learn(struct segmenter *s);
+void segmenter_update_background(struct segmenter *s);

@@ -5,10 +5,10 @@
 
 #include <stdlib.h>
 
-#define PATCH_ODDS   1.0 // of a patch that sticks out: neighbouring ones err together
-#define STEP_RADIANS 0.05
-#define FOOT_TURN    1.0 // a foot points this far aside at most, and the knee with it
-enum { STEPS = 10, FEET = 2, FIRST_STEP = 2, PLACES = 2 * FEET * (STEPS + 1 - FIRST_STEP) };
+#define PATCH_LOG_ODDS 1.0 // of a patch that sticks out: neighbouring ones err together
+#define STEP_RADIANS   0.05
+#define FOOT_YAW_MAX   1.0 // a foot points this far aside at most, and the knee with it
+enum { STEPS = 10, FEET = 2, FIRST_STEP = 2, CANDIDATES = 2 * FEET * (STEPS + 1 - FIRST_STEP) };
 
 struct shin {
     enum segment lower, foot;
@@ -22,50 +22,52 @@ enum { SHIN_SOLIDS = 2 };
 static void point_foot(const struct body_shape *shape, struct body_pose *pose, enum segment foot, struct vec3 toe)
 {
     struct body_build build;
-    body_build(shape, pose, &build);
+    body_forward_kinematics(shape, pose, &build);
     const double(*axes)[3] = (const double(*)[3])build.axes[foot];
     struct vec3 way = v3_sub(toe, build.origin[foot]), left = v3(axes[0][0], axes[1][0], axes[2][0]),
                 ahead = v3(axes[0][2], axes[1][2], axes[2][2]);
-    double turn = atan2(v3_dot(way, left), v3_dot(way, ahead));
-    turn = fmax(-FOOT_TURN, fmin(FOOT_TURN, turn));
-    pose->turn[foot] = quat_multiply(pose->turn[foot], quat_from_rotation_vector(v3(0, turn, 0)));
+    double yaw = atan2(v3_dot(way, left), v3_dot(way, ahead));
+    yaw = fmax(-FOOT_YAW_MAX, fmin(FOOT_YAW_MAX, yaw));
+    pose->rotation[foot] = quat_multiply(pose->rotation[foot], quat_from_rotation_vector(v3(0, yaw, 0)));
 }
 
-double shin_outside_odds(const struct fit_task *task, int leg, const struct body_build *build)
+double shin_outside_log_odds(const struct fit_task *task, int leg, const struct body_build *build)
 {
     if (task->shape.mean.hem_m > 0)
         return 0;
-    return PATCH_ODDS * body_outline_outside(task, build, shin[leg - 2].first, SHIN_SOLIDS);
+    return PATCH_LOG_ODDS * silhouette_outside_patches(task, build, shin[leg - 2].first, SHIN_SOLIDS);
 }
 
-double shin_aside_gain(const struct fit_task *task, int leg, struct fit_room *room, struct body_pose *out)
+double shin_alternative_log_odds(const struct fit_task *task, int leg, struct fit_scratch *scratch,
+                                 struct body_pose *out)
 {
-    const struct fit_result *best = &room->best;
+    const struct fit_result *best = &scratch->best;
     const struct shin *s = &shin[leg - 2];
-    double outside = shin_outside_odds(task, leg, &best->build),
-           chosen = log(PLACES); // each of so many places is as likely beforehand
-    if (outside <= chosen)       // nothing can be worth it
+    double outside = shin_outside_log_odds(task, leg, &best->build),
+           chosen = log(CANDIDATES); // each of so many places is as likely beforehand
+    if (outside <= chosen)           // nothing can be worth it
         return 0;
-    body_judge(task, &best->pose, &best->shape, &room->trial);
+    body_evaluate(task, &best->pose, &best->shape, &scratch->trial);
     const struct body_solid *foot = &best->build.solid[s->first + 1];
     struct vec3 knee = best->build.origin[s->lower], along = v3_unit(v3_sub(best->build.origin[s->foot], knee)),
                 across = v3_unit(v3_cross(along, knee)), toe = v3_mix(foot->a, foot->b, 0.7);
-    double now = room->trial.energy + outside, least = now;
+    double now = scratch->trial.energy + outside, least = now;
     for (int i = -STEPS; i <= STEPS; i++)
         for (int f = 0; f < FEET && abs(i) >= FIRST_STEP; f++) {
             struct body_pose pose = best->pose;
             struct body_build build;
             double angle = i * STEP_RADIANS;
-            body_aim(&best->shape, &pose, s->lower, v3_add(v3_scale(along, cos(angle)), v3_scale(across, sin(angle))));
+            body_aim_segment(&best->shape, &pose, s->lower,
+                             v3_add(v3_scale(along, cos(angle)), v3_scale(across, sin(angle))));
             if (f)
                 point_foot(&best->shape, &pose, s->foot, toe);
-            body_build(&best->shape, &pose, &build);
-            double there = shin_outside_odds(task, leg, &build);
+            body_forward_kinematics(&best->shape, &pose, &build);
+            double there = shin_outside_log_odds(task, leg, &build);
             if (outside - there <= chosen)
                 continue;
-            body_judge(task, &pose, &best->shape, &room->trial);
-            if (room->trial.energy + there < least) {
-                least = room->trial.energy + there;
+            body_evaluate(task, &pose, &best->shape, &scratch->trial);
+            if (scratch->trial.energy + there < least) {
+                least = scratch->trial.energy + there;
                 *out = pose;
             }
         }

@@ -4,18 +4,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { YAWS = 8, WAYS_ROUND = 4 };
-#define POOR             75.0  // a fit's energy when all its points, 150 independent ones, are off by their sigma
-#define AWAY_ODDS        10.0  // against somebody who looks away from the sensor
-#define AWAY_ODDS_UNSURE 45.0  // the same without feet, or without a floor that they stand on: little else tells
-#define JUDGE_REACH_M    0.20  // a toe that nothing explains has to count
-#define START_OVER_ODDS  20.0  // against the body followed so far having been wrong all along
-#define FEET_SEEN_ODDS   5.0   // the same when feet come into sight: measures learned without them are little sure
-#define ROUGH            1.6   // a rough fit this much worse than another is none the better for being finished
-#define WAIST_RATE       0.571 // the waist joint, of body height over the floor
-#define PI               3.14159265358979323846
+enum { YAWS = 8, FACINGS = 4 };
+#define POOR_FIT_ENERGY      75.0  // a fit's energy when all its points, 150 independent ones, are off by their sigma
+#define AWAY_LOG_ODDS        10.0  // against somebody who looks away from the sensor
+#define AWAY_LOG_ODDS_UNSURE 45.0  // the same without feet, or without a floor that they stand on: little else tells
+#define EVALUATE_KERNEL_M    0.20  // a toe that nothing explains has to count
+#define REINIT_LOG_ODDS      20.0  // against the body followed so far having been wrong all along
+#define FEET_SEEN_LOG_ODDS   5.0   // the same when feet come into sight: measures learned without them are little sure
+#define ROUGH                1.6   // a rough fit this much worse than another is none the better for being finished
+#define WAIST_RATE           0.571 // the waist joint, of body height over the floor
+#define PI                   3.14159265358979323846
 
-double explained_share(const struct body_evidence *e, const struct fit_result *r, double within_m)
+double explained_share(const struct depth_evidence *e, const struct fit_result *r, double within_m)
 {
     int good = 0;
     for (int i = 0; i < e->count; i++)
@@ -36,37 +36,37 @@ static double rank_of(double *values, int count, double share)
     return values[i];
 }
 
-struct start {
+struct person_measures {
     double top, bottom, height; // over the floor or any level
     struct vec3 trunk;          // a point of the trunk's surface, its middle
     bool cut;                   // by the picture's lower edge or by something before the legs
-    bool beheaded;              // by its upper edge
-    int halved;                 // by its left (-1) or right (1) edge
+    bool head_cropped;          // by its upper edge
+    int side_cropped;           // by its left (-1) or right (1) edge
 };
 
 static double level_of(const struct fit_task *task, struct vec3 p) { return v3_dot(task->up, p) + task->floor_m; }
 
 // Rough measures of the person from the points alone.
-static bool measure(const struct fit_task *task, struct start *out)
+static bool measure(const struct fit_task *task, struct person_measures *out)
 {
-    const struct body_evidence *e = task->evidence;
+    const struct depth_evidence *e = task->evidence;
     double level[EVIDENCE_POINTS_MAX], x[EVIDENCE_POINTS_MAX], z[EVIDENCE_POINTS_MAX];
     for (int i = 0; i < e->count; i++)
         level[i] = level_of(task, e->point[i].p);
     out->top = rank_of(level, e->count, 0.995) + 0.01;
     out->bottom = rank_of(level, e->count, 0.005);
-    out->cut = e->bottom >= e->picture.bottom - 2 || (task->have_floor && out->bottom > 0.4);
-    out->beheaded = e->top <= e->picture.top + 2;
-    out->halved = (e->right >= e->picture.right - 2) - (e->left <= e->picture.left + 2);
+    out->cut = e->bottom >= e->bounds.bottom - 2 || (task->have_floor && out->bottom > 0.4);
+    out->head_cropped = e->top <= e->bounds.top + 2;
+    out->side_cropped = (e->right >= e->bounds.right - 2) - (e->left <= e->bounds.left + 2);
     out->height = BODY_AVERAGE_HEIGHT_M;
     if (!out->cut && task->have_floor && out->bottom < 0.25)
         out->bottom = 0;
     double tall = out->top - out->bottom;
-    if (!out->cut && !out->beheaded && tall > 0.9 && tall < 2.4)
+    if (!out->cut && !out->head_cropped && tall > 0.9 && tall < 2.4)
         out->height = tall;
-    if (out->cut && !out->beheaded && task->have_floor && out->top > 0.9 && out->top < 2.4)
+    if (out->cut && !out->head_cropped && task->have_floor && out->top > 0.9 && out->top < 2.4)
         out->height = out->top; // most people stand
-    if (!out->cut && out->beheaded)
+    if (!out->cut && out->head_cropped)
         out->top = out->bottom + fmax(tall, out->height);
     int count = 0;
     double low = out->top - 0.5 * out->height, high = out->top - 0.2 * out->height;
@@ -87,151 +87,155 @@ static bool measure(const struct fit_task *task, struct start *out)
 // As in a kick; side 0: the left one.
 static void raise_leg(struct body_pose *pose, int side)
 {
-    pose->turn[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH] = quat_from_rotation_vector(v3(-1.2, 0, 0));
-    pose->turn[side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN] = quat_from_rotation_vector(v3(0.6, 0, 0));
+    pose->rotation[side ? SEG_RIGHT_THIGH : SEG_LEFT_THIGH] = quat_from_rotation_vector(v3(-1.2, 0, 0));
+    pose->rotation[side ? SEG_RIGHT_SHIN : SEG_LEFT_SHIN] = quat_from_rotation_vector(v3(0.6, 0, 0));
 }
 
 static void raise_arms(struct body_pose *pose, double left, double right)
 {
-    pose->turn[SEG_LEFT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, left));
-    pose->turn[SEG_RIGHT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, -right));
+    pose->rotation[SEG_LEFT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, left));
+    pose->rotation[SEG_RIGHT_UPPER_ARM] = quat_from_rotation_vector(v3(0, 0, -right));
 }
 
 // The likeliest poses so far, one for each way that the trunk may face: towards the sensor, left, away, right.
-struct candidate {
+struct pose_candidate {
     struct body_pose pose;
     struct body_shape shape;
     double energy; // with what is known of people before any picture
 };
 
-struct candidates {
-    struct candidate of[WAYS_ROUND];
+struct pose_candidates {
+    struct pose_candidate of[FACINGS];
     bool unsure; // no feet are seen, or no floor that they stand on
 };
 
-static struct vec3 ahead_of(const struct body_pose *pose) { return quat_rotate(pose->turn[SEG_PELVIS], v3(0, 0, 1)); }
-
-// Most people face the sensor at the start, as a logarithm of odds.
-static double facing_odds(const struct body_pose *pose, bool unsure)
+static struct vec3 ahead_of(const struct body_pose *pose)
 {
-    return (unsure ? AWAY_ODDS_UNSURE : AWAY_ODDS) * 0.5 * (1 + ahead_of(pose).z);
+    return quat_rotate(pose->rotation[SEG_PELVIS], v3(0, 0, 1));
 }
 
-static void keep(struct candidates *c, const struct fit_result *r)
+// Most people face the sensor at the start, as a logarithm of odds.
+static double facing_log_odds(const struct body_pose *pose, bool unsure)
+{
+    return (unsure ? AWAY_LOG_ODDS_UNSURE : AWAY_LOG_ODDS) * 0.5 * (1 + ahead_of(pose).z);
+}
+
+static void keep_best(struct pose_candidates *c, const struct fit_result *r)
 {
     struct vec3 ahead = ahead_of(&r->pose);
-    int way = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
-    double energy = r->energy + facing_odds(&r->pose, c->unsure);
-    if (energy < c->of[way].energy)
-        c->of[way] = (struct candidate){r->pose, r->shape, energy};
+    int facing = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
+    double energy = r->energy + facing_log_odds(&r->pose, c->unsure);
+    if (energy < c->of[facing].energy)
+        c->of[facing] = (struct pose_candidate){r->pose, r->shape, energy};
 }
 
 // A rough fit from `pose`.
-static void fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_room *room, struct candidates *c)
+static void fit_start(struct fit_task *task, const struct body_pose *pose, struct fit_scratch *scratch,
+                      struct pose_candidates *c)
 {
     task->expected = *pose;
     task->expected_sigma = 8;
     task->iterations = 5;
-    task->reach_m = 0.25;
-    body_fit(task, pose, &room->trial);
-    struct body_pose rough = room->trial.pose;
+    task->kernel_m = 0.25;
+    body_fit(task, pose, &scratch->trial);
+    struct body_pose rough = scratch->trial.pose;
     task->iterations = 7;
-    task->reach_m = 0.10;
-    body_fit(task, &rough, &room->trial);
-    keep(c, &room->trial);
+    task->kernel_m = 0.10;
+    body_fit(task, &rough, &scratch->trial);
+    keep_best(c, &scratch->trial);
 }
 
-// A fine one from a rough one, limbs looked for and the shape learned, into room->best.
-static void finish(struct fit_task *task, const struct candidate *c, struct fit_room *room)
+// A fine one from a rough one, limbs looked for and the shape learned, into scratch->best.
+static void refine_candidate(struct fit_task *task, const struct pose_candidate *c, struct fit_scratch *scratch)
 {
     struct body_pose pose = c->pose;
-    task->every = 1;
+    task->point_stride = 1;
     task->learn_shape = false;
     task->shape.mean = c->shape;
     task->expected = pose;
     task->expected_sigma = 4;
     task->iterations = 5;
-    task->reach_m = 0.10;
-    body_judge(task, &pose, &c->shape, &room->best);
+    task->kernel_m = 0.10;
+    body_evaluate(task, &pose, &c->shape, &scratch->best);
     for (int round = 0; round < 2; round++)
-        limbs_search(task, room);
+        limb_search(task, scratch);
     task->learn_shape = true;
     task->learn_rate = 0.3;
     task->iterations = 10;
-    pose = room->best.pose;
-    body_fit(task, &pose, &room->trial);
-    pose = room->trial.pose;
-    task->reach_m = 0.06;
-    task->shape.mean = room->trial.shape;
-    body_fit(task, &pose, &room->best);
+    pose = scratch->best.pose;
+    body_fit(task, &pose, &scratch->trial);
+    pose = scratch->trial.pose;
+    task->kernel_m = 0.06;
+    task->shape.mean = scratch->trial.shape;
+    body_fit(task, &pose, &scratch->best);
 }
 
 // What looks like a skirt or a coat is taken for one until more pictures have been seen.
-static void put_tails_on(struct fit_task *task, double height_m)
+static void apply_skirt(struct fit_task *task, double height_m)
 {
     struct hem hem;
-    if (!hem_find(task, height_m, &hem) || !hem_is_worn(hem.narrow, hem.wide_m, height_m, false))
+    if (!hem_detect(task, height_m, &hem) || !hem_is_worn(hem.narrow, hem.wide_m, height_m, false))
         return;
     task->shape.mean.hem_m = WAIST_RATE * height_m - hem.level_m;
     task->shape.mean.hem_radius_m = 0.5 * hem.wide_m;
 }
 
-// Finishes what may turn out to be the likeliest, and leaves that in room->best.
-static void choose(struct fit_task *task, const struct candidates *rough, struct fit_room *room)
+// Finishes what may turn out to be the likeliest, and leaves that in scratch->best.
+static void choose_best(struct fit_task *task, const struct pose_candidates *rough, struct fit_scratch *scratch)
 {
-    struct candidate best = {.energy = INFINITY};
+    struct pose_candidate best = {.energy = INFINITY};
     double least = INFINITY;
-    for (int i = 0; i < WAYS_ROUND; i++)
+    for (int i = 0; i < FACINGS; i++)
         least = fmin(least, rough->of[i].energy);
-    for (int i = 0; i < WAYS_ROUND; i++) {
+    for (int i = 0; i < FACINGS; i++) {
         if (!(rough->of[i].energy <= ROUGH * least))
             continue;
-        finish(task, &rough->of[i], room);
-        struct candidate fine = {room->best.pose, room->best.shape, 0};
-        task->reach_m = JUDGE_REACH_M;
-        body_judge(task, &fine.pose, &fine.shape, &room->best);
-        fine.energy = room->best.energy + facing_odds(&fine.pose, rough->unsure);
+        refine_candidate(task, &rough->of[i], scratch);
+        struct pose_candidate fine = {scratch->best.pose, scratch->best.shape, 0};
+        task->kernel_m = EVALUATE_KERNEL_M;
+        body_evaluate(task, &fine.pose, &fine.shape, &scratch->best);
+        fine.energy = scratch->best.energy + facing_log_odds(&fine.pose, rough->unsure);
         if (fine.energy < best.energy)
             best = fine;
     }
-    body_judge(task, &best.pose, &best.shape, &room->best);
+    body_evaluate(task, &best.pose, &best.shape, &scratch->best);
     task->shape.mean = best.shape;
 }
 
 // Nobody stands like that, whichever way they face: a leg may be raised.
-static void try_kicks(struct fit_task *task, struct vec3 root, struct fit_room *room)
+static void try_kicks(struct fit_task *task, struct vec3 root, struct fit_scratch *scratch)
 {
-    struct candidates rough = {.unsure = !task->have_floor};
-    struct candidate standing = {room->best.pose, room->best.shape, room->best.energy};
-    standing.energy += facing_odds(&standing.pose, rough.unsure);
-    for (int i = 0; i < WAYS_ROUND; i++)
+    struct pose_candidates rough = {.unsure = !task->have_floor};
+    struct pose_candidate standing = {scratch->best.pose, scratch->best.shape, scratch->best.energy};
+    standing.energy += facing_log_odds(&standing.pose, rough.unsure);
+    for (int i = 0; i < FACINGS; i++)
         rough.of[i].energy = INFINITY;
     task->learn_shape = false;
-    task->every = 3;
-    for (int turn = 0; turn < YAWS; turn++)
+    task->point_stride = 3;
+    for (int yaw = 0; yaw < YAWS; yaw++)
         for (int side = 0; side < 2; side++) {
-            struct body_pose pose = body_rest_pose(root, task->up, turn * 2 * PI / YAWS);
+            struct body_pose pose = body_standing_pose(root, task->up, yaw * 2 * PI / YAWS);
             raise_leg(&pose, side);
-            fit_start(task, &pose, room, &rough);
+            fit_start(task, &pose, scratch, &rough);
         }
-    choose(task, &rough, room);
-    if (room->best.energy + facing_odds(&room->best.pose, rough.unsure) < standing.energy)
+    choose_best(task, &rough, scratch);
+    if (scratch->best.energy + facing_log_odds(&scratch->best.pose, rough.unsure) < standing.energy)
         return;
-    body_judge(task, &standing.pose, &standing.shape, &room->best);
+    body_evaluate(task, &standing.pose, &standing.shape, &scratch->best);
     task->shape.mean = standing.shape;
 }
 
-bool start_search(struct fit_task *task, struct fit_room *room)
+bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
 {
-    struct start s;
+    struct person_measures s;
     if (task->evidence->count < 30 || !measure(task, &s))
         return false;
     double scale_log = log(s.height / BODY_AVERAGE_HEIGHT_M);
-    task->shape = shape_belief_start();
+    task->shape = shape_prior_default();
     task->shape.mean.log[SHAPE_SCALE] = scale_log;
-    if (!s.cut && !s.beheaded) // arms up, knees bent and shoes leave some doubt
+    if (!s.cut && !s.head_cropped) // arms up, knees bent and shoes leave some doubt
         task->shape.information[SHAPE_SCALE][SHAPE_SCALE] = 1 / (0.06 * 0.06);
-    put_tails_on(task, s.height);
+    apply_skirt(task, s.height);
     task->learn_shape = false;
     // The waist joint: 0.571 of the height up, behind the trunk's surface.
     double waist = s.top - 0.429 * s.height - task->floor_m;
@@ -239,39 +243,40 @@ bool start_search(struct fit_task *task, struct fit_room *room)
     double rise = (waist - v3_dot(task->up, root)) / fmin(task->up.y, -0.3);
     root.y = rise;
     static const double arms[2] = {0.12, 0.9}, away[3] = {0, 0.06, 0.12}; // of the height
-    bool middle = s.cut && s.beheaded; // how far up the picture's edge cuts them is not known, either
-    struct candidates rough = {.unsure = s.cut || !task->have_floor};
-    for (int i = 0; i < WAYS_ROUND; i++)
+    bool middle = s.cut && s.head_cropped; // how far up the picture's edge cuts them is not known, either
+    struct pose_candidates rough = {.unsure = s.cut || !task->have_floor};
+    for (int i = 0; i < FACINGS; i++)
         rough.of[i].energy = INFINITY;
-    task->every = 3;
-    for (int turn = 0; turn < (s.halved ? 1 : YAWS); turn++) // half a person fits any way
+    task->point_stride = 3;
+    for (int yaw = 0; yaw < (s.side_cropped ? 1 : YAWS); yaw++) // half a person fits any way
         for (int a = 0; a < 2; a++)
-            for (int k = 0; k < (s.halved || middle ? 3 : 1);
+            for (int k = 0; k < (s.side_cropped || middle ? 3 : 1);
                  k++) { // and their middle is nearer to the edge, or beyond
                 double by = away[k] * s.height;
-                struct vec3 at = v3_add(root, v3_add(v3(s.halved * by, 0, 0), v3_scale(task->up, middle ? 2 * by : 0)));
-                struct body_pose pose = body_rest_pose(at, task->up, turn * 2 * PI / YAWS);
+                struct vec3 at =
+                    v3_add(root, v3_add(v3(s.side_cropped * by, 0, 0), v3_scale(task->up, middle ? 2 * by : 0)));
+                struct body_pose pose = body_standing_pose(at, task->up, yaw * 2 * PI / YAWS);
                 raise_arms(&pose, arms[a], arms[a]);
-                fit_start(task, &pose, room, &rough);
+                fit_start(task, &pose, scratch, &rough);
             }
-    choose(task, &rough, room);
-    if (room->best.energy > POOR && !s.halved && !s.cut)
-        try_kicks(task, root, room);
-    return explained_share(task->evidence, &room->best, 0.10) > 0.6;
+    choose_best(task, &rough, scratch);
+    if (scratch->best.energy > POOR_FIT_ENERGY && !s.side_cropped && !s.cut)
+        try_kicks(task, root, scratch);
+    return explained_share(task->evidence, &scratch->best, 0.10) > 0.6;
 }
 
-bool start_over(struct fit_task *task, const struct body_pose *followed, bool feet_came, struct fit_room *room)
+bool pose_reinit(struct fit_task *task, const struct body_pose *followed, bool feet_came, struct fit_scratch *scratch)
 {
     const struct fit_task before = *task;
     const struct body_pose pose = *followed; // it may lie in the room
-    if (start_search(task, room)) {
+    if (pose_init_search(task, scratch)) {
         struct fit_task judged = *task;
         judged.shape = before.shape;
-        body_judge(&judged, &pose, &before.shape.mean, &room->trial);
-        if (room->trial.energy - room->best.energy > (feet_came ? FEET_SEEN_ODDS : START_OVER_ODDS))
+        body_evaluate(&judged, &pose, &before.shape.mean, &scratch->trial);
+        if (scratch->trial.energy - scratch->best.energy > (feet_came ? FEET_SEEN_LOG_ODDS : REINIT_LOG_ODDS))
             return true;
     }
     *task = before;
-    body_judge(task, &pose, &task->shape.mean, &room->best);
+    body_evaluate(task, &pose, &task->shape.mean, &scratch->best);
     return false;
 }

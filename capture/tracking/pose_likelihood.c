@@ -2,64 +2,65 @@
 
 #include "capture/tracking/occluded_shin.h"
 
-#define APART_M     0.04  // two places of a limb nearer than this are the same
-#define OTHER_SIGMA 2     // a pose of the other way is this sure, as in body_fit.h
-enum { FAIR_ROUNDS = 8 }; // a pose found with the measures of then lies as well as it can with those of now
+#define DISTINCT_M  0.04       // two places of a limb nearer than this are the same
+#define PRIOR_SIGMA 2          // a pose of the other way is this sure, as in body_fit.h
+enum { REFIT_ITERATIONS = 8 }; // a pose found with the measures of then lies as well as it can with those of now
 
-// Energy of the body `on` with those limbs that are in `laid` where `from` has them.
+// Energy of the body `on` with those limbs that are in `transferred` where `from` has them.
 static double energy_with(const struct fit_task *task, const struct body_pose *on, const struct body_build *from,
-                          unsigned laid, struct fit_room *room)
+                          unsigned transferred, struct fit_scratch *scratch)
 {
     struct body_pose pose = *on;
     for (int k = 0; k < LIMB_COUNT; k++)
-        if (laid & 1u << k)
-            limb_lay(k, &task->shape.mean, from, &pose);
-    body_judge(task, &pose, &task->shape.mean, &room->other);
-    return room->other.energy;
+        if (transferred & 1u << k)
+            limb_transfer(k, &task->shape.mean, from, &pose);
+    body_evaluate(task, &pose, &task->shape.mean, &scratch->other);
+    return scratch->other.energy;
 }
 
 // A pair of limbs, `first` and the next; those in `apart` are chosen between. Legs may be exchanged, so that one alone
 // as the other pose has it would come to where both poses have the second: all choices are judged, each on both bodies.
-// room->trial is the other pose.
-static void weigh_pair(const struct fit_task *task, const struct body_pose *own, int first, unsigned apart,
-                       struct fit_room *room, double against[2][2])
+// scratch->trial is the other pose.
+static void compare_pair(const struct fit_task *task, const struct body_pose *own, int first, unsigned apart,
+                         struct fit_scratch *scratch, double against[2][2])
 {
-    const struct body_pose other = room->trial.pose;
+    const struct body_pose other = scratch->trial.pose;
     struct body_build here, there;
-    body_build(&task->shape.mean, own, &here);
-    body_build(&task->shape.mean, &other, &there);
+    body_forward_kinematics(&task->shape.mean, own, &here);
+    body_forward_kinematics(&task->shape.mean, &other, &there);
     for (int i = 0; i < 4; i++) {
         unsigned taken = (unsigned)i << first & apart, left = apart & ~taken;
         double *energy = &against[i & 1][i >> 1];
-        *energy = 0.5 * (energy_with(task, own, &there, taken, room) + energy_with(task, &other, &here, left, room));
+        *energy =
+            0.5 * (energy_with(task, own, &there, taken, scratch) + energy_with(task, &other, &here, left, scratch));
         for (int k = first; first >= FIRST_LEG && k < first + 2; k++)
-            *energy += shin_outside_odds(task, k, taken & 1u << k ? &there : &here);
+            *energy += shin_outside_log_odds(task, k, taken & 1u << k ? &there : &here);
     }
     for (int i = 3; i >= 0; i--)
         against[i & 1][i >> 1] -= against[0][0];
 }
 
-struct pose_odds pose_weigh(const struct fit_task *given, const struct body_pose *own, const struct body_pose *other,
-                            struct fit_room *room)
+struct pose_log_odds pose_compare(const struct fit_task *given, const struct body_pose *own,
+                                  const struct body_pose *other, struct fit_scratch *scratch)
 {
-    struct pose_odds odds = {0};
+    struct pose_log_odds odds = {0};
     struct fit_task task = *given;
     struct body_build here, there;
     unsigned apart = 0;
-    body_build(&task.shape.mean, own, &here);
-    body_build(&task.shape.mean, other, &there);
+    body_forward_kinematics(&task.shape.mean, own, &here);
+    body_forward_kinematics(&task.shape.mean, other, &there);
     for (int k = 0; k < LIMB_COUNT; k++)
-        if (limb_moved_m(k, &here, &there) > APART_M)
+        if (limb_moved_m(k, &here, &there) > DISTINCT_M)
             apart |= 1u << k;
     if (!apart)
         return odds;
     task.expected = *other;
-    task.expected_sigma = OTHER_SIGMA;
-    task.iterations = FAIR_ROUNDS;
-    body_fit(&task, other, &room->trial); // a fit is weighed beside a fit
-    odds.whole = room->trial.energy - energy_with(&task, own, &here, 0, room);
+    task.expected_sigma = PRIOR_SIGMA;
+    task.iterations = REFIT_ITERATIONS;
+    body_fit(&task, other, &scratch->trial); // a fit is weighed beside a fit
+    odds.whole_body = scratch->trial.energy - energy_with(&task, own, &here, 0, scratch);
     for (int first = 0; first < LIMB_COUNT; first += 2)
         if (apart & 3u << first)
-            weigh_pair(&task, own, first, apart & 3u << first, room, odds.pair[first / 2]);
+            compare_pair(&task, own, first, apart & 3u << first, scratch, odds.pair[first / 2]);
     return odds;
 }

@@ -5,46 +5,46 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GAP_NS            200000000 // frames further from each other are not one motion
-#define AGREE_M           0.06      // two places of a limb about this far apart are half averaged
-#define TURNED_M          0.15      // trunks further apart stand another way round
-#define PICTURE_ODDS_MOST 3         // one picture alone may err
-#define CHANGE_M          0.05      // a limb that goes this far from one frame to the next costs 1 in odds
-#define CHANGE_ODDS_MOST  50.0
-#define WALK_ODDS         1.5 // in a frame, for somebody who walks ahead and not backwards
-#define WALK_M_S          0.5 // a slow walk
-#define IMPOSSIBLE        1e6
-#define AROUND_NS         500000000 // so far to both sides trembling is averaged
-#define LINE_M            0.010     // off the line between two moments; more is motion
-#define FASTEST_M_S       6.5       // of a thrown punch, as in pose_filter.c
-enum { SMOOTHINGS = 2 };            // the second knows better than the first where the line is
-enum { SLOWINGS = 60 };
-enum { STEPS = 5 };    // frames to both sides in which walking is measured
-enum { REPAIRS = 40 }; // lengths and speeds undo each other: so often in turn they agree
+#define GAP_NS              200000000 // frames further from each other are not one motion
+#define AGREE_M             0.06      // two places of a limb about this far apart are half averaged
+#define FACING_DIFFERS_M    0.15      // trunks further apart stand another way round
+#define FRAME_LOG_ODDS_MAX  3         // one picture alone may err
+#define CHANGE_M            0.05      // a limb that goes this far from one frame to the next costs 1 in odds
+#define CHANGE_LOG_ODDS_MAX 50.0
+#define WALK_LOG_ODDS       1.5 // in a frame, for somebody who walks ahead and not backwards
+#define WALK_M_S            0.5 // a slow walk
+#define IMPOSSIBLE          1e6
+#define WINDOW_NS           500000000 // so far to both sides trembling is averaged
+#define LINE_M              0.010     // off the line between two moments; more is motion
+#define SPEED_MAX_M_S       6.5       // of a thrown punch, as in pose_filter.c
+enum { SMOOTHING_ITERATIONS = 2 };    // the second knows better than the first where the line is
+enum { SPEED_ITERATIONS = 60 };
+enum { STEPS = 5 };              // frames to both sides in which walking is measured
+enum { REPAIR_ITERATIONS = 40 }; // lengths and speeds undo each other: so often in turn they agree
 
 // The way forward, the way back, and of a leg that is mostly hidden, where its outline has it in that picture.
-enum way { AHEAD, BACK, ASIDE, WAYS };
+enum estimate { FORWARD, BACKWARD, ALTERNATIVE, ESTIMATES };
 
-struct moment {
+struct smoother_frame {
     int64_t time_ns;
     int person; // counts those found; -1: nobody
-    bool looked_back;
-    struct body_pose pose;     // the way forward, as told
-    struct skeleton way[WAYS]; // depth camera's axes
-    struct pose_odds odds;     // against the way forward
-    double aside[LIMB_COUNT];  // odds for ASIDE against the way back; 0: there is no such place
-    enum way round;            // where they differ about which way round the person stands, this one is right
-    struct skeleton settled;   // at last in the colour camera's axes
+    bool has_backward;
+    struct body_pose pose;               // the way forward, as told
+    struct skeleton estimate[ESTIMATES]; // depth camera's axes
+    struct pose_log_odds odds;           // against the way forward
+    double alternative_odds[LIMB_COUNT]; // odds for ALTERNATIVE against the way back; 0: there is no such place
+    enum estimate facing;                // where they differ about which way round the person stands, this one is right
+    struct skeleton result;              // at last in the colour camera's axes
 };
 
-struct settle {
+struct smoother {
     struct calibration calibration;
-    struct moment *moment;
-    int64_t count, room;
+    struct smoother_frame *frame;
+    int64_t count, capacity;
     struct body_shape *shape; // of each person found, as known last
     int people;
-    bool looking_back;
-    int looked_at; // the person
+    bool in_backward_pass;
+    int backward_person; // the person
 };
 
 static const struct {
@@ -56,7 +56,7 @@ static const struct {
     {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
 };
 
-enum status settle_open(struct settle **out, const struct calibration *calibration)
+enum status smoother_open(struct smoother **out, const struct calibration *calibration)
 {
     if (!(*out = calloc(1, sizeof **out)))
         return fail(ERR_MEMORY, "not enough memory to think a take over");
@@ -64,11 +64,11 @@ enum status settle_open(struct settle **out, const struct calibration *calibrati
     return OK;
 }
 
-void settle_close(struct settle **s)
+void smoother_close(struct smoother **s)
 {
     if (!*s)
         return;
-    free((*s)->moment);
+    free((*s)->frame);
     free((*s)->shape);
     free(*s);
     *s = NULL;
@@ -76,15 +76,15 @@ void settle_close(struct settle **s)
 
 // ------------------------------------------------------------- there and back
 
-static enum status make_room(struct settle *s, int people)
+static enum status reserve(struct smoother *s, int people)
 {
-    if (s->count == s->room) {
-        int64_t room = s->room ? 2 * s->room : 256;
-        struct moment *grown = realloc(s->moment, (size_t)room * sizeof *grown);
+    if (s->count == s->capacity) {
+        int64_t capacity = s->capacity ? 2 * s->capacity : 256;
+        struct smoother_frame *grown = realloc(s->frame, (size_t)capacity * sizeof *grown);
         if (!grown)
             return fail(ERR_MEMORY, "not enough memory to think a take over");
-        s->moment = grown;
-        s->room = room;
+        s->frame = grown;
+        s->capacity = capacity;
     }
     if (people > s->people) {
         struct body_shape *grown = realloc(s->shape, (size_t)people * sizeof *grown);
@@ -97,75 +97,75 @@ static enum status make_room(struct settle *s, int people)
     return OK;
 }
 
-enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_ns, const struct skeleton *told)
+enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t time_ns, const struct skeleton *online)
 {
-    assert(!s->count || time_ns > s->moment[s->count - 1].time_ns);
-    enum status status = make_room(s, tracker_found_count(t));
+    assert(!s->count || time_ns > s->frame[s->count - 1].time_ns);
+    enum status status = reserve(s, tracker_detection_count(t));
     if (status != OK)
         return status;
-    for (int k = 1; k <= tracker_furniture_frames(t) && k <= s->count; k++)
-        s->moment[s->count - k].person = -1;
-    struct moment *m = &s->moment[s->count++];
-    *m = (struct moment){.time_ns = time_ns, .person = -1};
-    if (!told)
+    for (int k = 1; k <= tracker_static_object_frames(t) && k <= s->count; k++)
+        s->frame[s->count - k].person = -1;
+    struct smoother_frame *m = &s->frame[s->count++];
+    *m = (struct smoother_frame){.time_ns = time_ns, .person = -1};
+    if (!online)
         return OK;
-    m->person = tracker_found_count(t) - 1;
+    m->person = tracker_detection_count(t) - 1;
     m->pose = *tracker_pose(t);
-    m->way[AHEAD] = *told;
+    m->estimate[FORWARD] = *online;
     s->shape[m->person] = *tracker_shape(t);
     return OK;
 }
 
 // Where this picture alone has the legs that the way back has wrong.
-static void look_aside(struct moment *m, struct tracker *t)
+static void add_leg_alternatives(struct smoother_frame *m, struct tracker *t)
 {
-    m->way[ASIDE] = m->way[BACK];
+    m->estimate[ALTERNATIVE] = m->estimate[BACKWARD];
     for (int k = 0; k < LIMB_COUNT; k++) {
         struct body_pose pose;
         struct body_build build;
-        m->aside[k] = k < FIRST_LEG ? 0 : tracker_shin_aside(t, k, &pose);
-        if (!(m->aside[k] > 0))
+        m->alternative_odds[k] = k < FIRST_LEG ? 0 : tracker_shin_alternative(t, k, &pose);
+        if (!(m->alternative_odds[k] > 0))
             continue;
-        body_build(tracker_shape(t), &pose, &build);
-        m->way[ASIDE].joint[limb[k].bend] = build.joint[limb[k].bend];
-        m->way[ASIDE].joint[limb[k].tip] = build.joint[limb[k].tip];
+        body_forward_kinematics(tracker_shape(t), &pose, &build);
+        m->estimate[ALTERNATIVE].joint[limb[k].bend] = build.joint[limb[k].bend];
+        m->estimate[ALTERNATIVE].joint[limb[k].tip] = build.joint[limb[k].tip];
     }
 }
 
-enum status settle_look_back(struct settle *s, struct tracker *t, int64_t index, const uint16_t *depth)
+enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t index, const uint16_t *depth)
 {
     assert(index >= 0 && index < s->count);
-    struct moment *m = &s->moment[index];
-    struct skeleton told;
-    if (!s->looking_back || (m->person >= 0 && m->person != s->looked_at)) {
-        tracker_turn_back(t, m->person < 0 ? tracker_shape(t) : &s->shape[m->person]);
-        s->looked_at = m->person;
+    struct smoother_frame *m = &s->frame[index];
+    struct skeleton backward;
+    if (!s->in_backward_pass || (m->person >= 0 && m->person != s->backward_person)) {
+        tracker_begin_backward(t, m->person < 0 ? tracker_shape(t) : &s->shape[m->person]);
+        s->backward_person = m->person;
     }
-    s->looking_back = true;
+    s->in_backward_pass = true;
     if (m->person >= 0)
-        tracker_also_there(t, &m->pose);
-    enum status status = tracker_next(t, m->time_ns, depth, &told, NULL);
+        tracker_add_prior(t, &m->pose);
+    enum status status = tracker_next(t, m->time_ns, depth, &backward, NULL);
     if (status < 0)
         return status;
     if (status != OK || m->person < 0)
         return OK;
-    m->looked_back = true;
-    m->way[BACK] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), &told);
-    m->odds = tracker_weigh(t, &m->pose);
-    look_aside(m, t);
+    m->has_backward = true;
+    m->estimate[BACKWARD] = skeleton_transform(pose_inverse(s->calibration.color_from_depth), &backward);
+    m->odds = tracker_log_odds(t, &m->pose);
+    add_leg_alternatives(m, t);
     return OK;
 }
 
 // ------------------------------------------------------------- deciding
 
-enum { TRUNK = LIMB_COUNT };   // beside the limbs: which way round the person stands
-enum { STATES = WAYS * WAYS }; // choices of ways for a left and a right limb
+enum { TRUNK = LIMB_COUNT };             // beside the limbs: which way round the person stands
+enum { STATES = ESTIMATES * ESTIMATES }; // choices of ways for a left and a right limb
 
-static uint8_t state_of(enum way left, enum way right) { return (uint8_t)(left * WAYS + right); }
-static enum way left_way(int state) { return (enum way)(state / WAYS); }
-static enum way right_way(int state) { return (enum way)(state % WAYS); }
+static uint8_t state_of(enum estimate left, enum estimate right) { return (uint8_t)(left * ESTIMATES + right); }
+static enum estimate left_estimate(int state) { return (enum estimate)(state / ESTIMATES); }
+static enum estimate right_estimate(int state) { return (enum estimate)(state % ESTIMATES); }
 
-static double farther(const struct skeleton *a, const struct skeleton *b, int k)
+static double limb_distance(const struct skeleton *a, const struct skeleton *b, int k)
 {
     if (k < LIMB_COUNT)
         return fmax(v3_distance(a->joint[limb[k].bend], b->joint[limb[k].bend]),
@@ -176,71 +176,77 @@ static double farther(const struct skeleton *a, const struct skeleton *b, int k)
     return most;
 }
 
-static bool is_turned(const struct moment *m) { return farther(&m->way[AHEAD], &m->way[BACK], TRUNK) > TURNED_M; }
+static bool facing_differs(const struct smoother_frame *m)
+{
+    return limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], TRUNK) > FACING_DIFFERS_M;
+}
 
 // People walk ahead more often than backwards, as a logarithm of odds.
-static double walking_odds(const struct moment *m, int64_t count, int64_t i, enum way w)
+static double walking_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, enum estimate w)
 {
     int64_t from = i > STEPS ? i - STEPS : 0, to = i + STEPS < count ? i + STEPS : count - 1;
-    const struct vec3 *j = m[i].way[w].joint;
+    const struct vec3 *j = m[i].estimate[w].joint;
     struct vec3 left = v3_sub(j[JOINT_LEFT_HIP], j[JOINT_RIGHT_HIP]), up = v3_sub(j[JOINT_NECK], j[JOINT_WAIST]),
-                way = v3_sub(m[to].way[AHEAD].joint[JOINT_WAIST], m[from].way[AHEAD].joint[JOINT_WAIST]);
-    double passed_s = 1e-9 * (double)(m[to].time_ns - m[from].time_ns);
-    if (!(passed_s > 0))
+                way = v3_sub(m[to].estimate[FORWARD].joint[JOINT_WAIST], m[from].estimate[FORWARD].joint[JOINT_WAIST]);
+    double dt_s = 1e-9 * (double)(m[to].time_ns - m[from].time_ns);
+    if (!(dt_s > 0))
         return 0;
-    return WALK_ODDS * fmax(-1, fmin(1, v3_dot(way, v3_unit(v3_cross(left, up))) / (passed_s * WALK_M_S)));
+    return WALK_LOG_ODDS * fmax(-1, fmin(1, v3_dot(way, v3_unit(v3_cross(left, up))) / (dt_s * WALK_M_S)));
 }
 
 // What speaks against each way round in moment i, as a logarithm of odds.
-static void find_trunk_odds(const struct moment *m, int64_t count, int64_t i, double against[STATES])
+static void find_trunk_log_odds(const struct smoother_frame *m, int64_t count, int64_t i, double against[STATES])
 {
-    const struct moment *at = &m[i];
-    bool turned = at->looked_back && is_turned(at);
+    const struct smoother_frame *at = &m[i];
+    bool flipped = at->has_backward && facing_differs(at);
     for (int state = 0; state < STATES; state++)
         against[state] = IMPOSSIBLE;
-    double *ahead = &against[state_of(AHEAD, AHEAD)], *back = &against[state_of(BACK, BACK)];
+    double *ahead = &against[state_of(FORWARD, FORWARD)], *back = &against[state_of(BACKWARD, BACKWARD)];
     *ahead = 0;
-    if (!at->looked_back)
+    if (!at->has_backward)
         return;
     *back = 0;
-    if (!turned)
+    if (!flipped)
         return;
-    *ahead = fmax(-PICTURE_ODDS_MOST, fmin(PICTURE_ODDS_MOST, at->odds.whole)) - walking_odds(m, count, i, AHEAD);
-    *back = -walking_odds(m, count, i, BACK);
+    *ahead = fmax(-FRAME_LOG_ODDS_MAX, fmin(FRAME_LOG_ODDS_MAX, at->odds.whole_body)) -
+             walking_log_odds(m, count, i, FORWARD);
+    *back = -walking_log_odds(m, count, i, BACKWARD);
 }
 
 // The same against each choice of ways for a pair of limbs, `first` and the next.
-static void find_pair_odds(const struct moment *at, int first, double against[STATES])
+static void find_pair_log_odds(const struct smoother_frame *at, int first, double against[STATES])
 {
-    bool turned = at->looked_back && is_turned(at);
+    bool flipped = at->has_backward && facing_differs(at);
     double least = IMPOSSIBLE;
     for (int state = 0; state < STATES; state++) {
-        enum way left = left_way(state), right = right_way(state);
+        enum estimate left = left_estimate(state), right = right_estimate(state);
         const double(*odds)[2] = (const double(*)[2])at->odds.pair[first / 2];
-        against[state] = odds[left == AHEAD][right == AHEAD] - (left == ASIDE ? at->aside[first] : 0) -
-                         (right == ASIDE ? at->aside[first + 1] : 0);
-        bool there = (left != ASIDE || at->aside[first] > 0) && (right != ASIDE || at->aside[first + 1] > 0);
-        if (!at->looked_back || turned)
-            there = left == right && left == (turned ? at->round : AHEAD);
+        against[state] = odds[left == FORWARD][right == FORWARD] -
+                         (left == ALTERNATIVE ? at->alternative_odds[first] : 0) -
+                         (right == ALTERNATIVE ? at->alternative_odds[first + 1] : 0);
+        bool there = (left != ALTERNATIVE || at->alternative_odds[first] > 0) &&
+                     (right != ALTERNATIVE || at->alternative_odds[first + 1] > 0);
+        if (!at->has_backward || flipped)
+            there = left == right && left == (flipped ? at->facing : FORWARD);
         if (!there)
             against[state] = IMPOSSIBLE;
         least = fmin(least, against[state]);
     }
     for (int state = 0; state < STATES; state++)
         if (against[state] < IMPOSSIBLE)
-            against[state] = fmin(PICTURE_ODDS_MOST, against[state] - least);
+            against[state] = fmin(FRAME_LOG_ODDS_MAX, against[state] - least);
 }
 
 // What speaks against part k going from each way to each, from the moment before `m` to it.
-static void find_changes(const struct moment *m, int k, double change[WAYS][WAYS])
+static void find_changes(const struct smoother_frame *m, int k, double change[ESTIMATES][ESTIMATES])
 {
-    for (int v = 0; v < WAYS; v++)
-        for (int w = 0; w < WAYS; w++)
-            change[v][w] = fmin(farther(&m->way[w], &m[-1].way[v], k) / CHANGE_M, CHANGE_ODDS_MOST);
+    for (int v = 0; v < ESTIMATES; v++)
+        for (int w = 0; w < ESTIMATES; w++)
+            change[v][w] = fmin(limb_distance(&m->estimate[w], &m[-1].estimate[v], k) / CHANGE_M, CHANGE_LOG_ODDS_MAX);
 }
 
 // What speaks against any of these choices: the logarithm of the odds, of which the lowest weigh most.
-static double any_of(const double against[STATES])
+static double soft_min(const double against[STATES])
 {
     double least = INFINITY, sum = 0;
     for (int s = 0; s < STATES; s++)
@@ -252,94 +258,96 @@ static double any_of(const double against[STATES])
 
 // What the pictures say in moment i, of a pair of limbs, `first` and the next, or of the trunk (TRUNK), and how choices
 // follow on each other from the moment before.
-struct step {
+struct chain_step {
     double against[STATES], change[STATES][STATES];
 };
 
-static void find_step(const struct moment *m, int64_t count, int64_t i, int first, struct step *out)
+static void find_step(const struct smoother_frame *m, int64_t count, int64_t i, int first, struct chain_step *out)
 {
-    double left[WAYS][WAYS] = {0}, right[WAYS][WAYS] = {0};
+    double left[ESTIMATES][ESTIMATES] = {0}, right[ESTIMATES][ESTIMATES] = {0};
     if (first == TRUNK)
-        find_trunk_odds(m, count, i, out->against);
+        find_trunk_log_odds(m, count, i, out->against);
     else
-        find_pair_odds(&m[i], first, out->against);
+        find_pair_log_odds(&m[i], first, out->against);
     if (i)
         find_changes(&m[i], first, left);
     if (i && first != TRUNK)
         find_changes(&m[i], first + 1, right);
     for (int r = 0; r < STATES; r++)
         for (int s = 0; s < STATES; s++)
-            out->change[r][s] = left[left_way(r)][left_way(s)] + right[right_way(r)][right_way(s)];
+            out->change[r][s] = left[left_estimate(r)][left_estimate(s)] + right[right_estimate(r)][right_estimate(s)];
 }
 
 // How likely each choice of ways is in each of `count` moments, by all sequences of choices (forward and backward,
 // Rabiner 1989): by what the pictures say and by how far a part would go from frame to frame. Legs may be exchanged in
 // one of the ways, so that both are chosen together.
-static void find_likely(const struct moment *m, int64_t count, int first, double (*likely)[STATES])
+static void forward_backward(const struct smoother_frame *m, int64_t count, int first, double (*posterior)[STATES])
 {
-    struct step step;
+    struct chain_step step;
     double sum[STATES], after[STATES] = {0};
     for (int64_t i = 0; i < count; i++) { // for now, what speaks against it up to here
         find_step(m, count, i, first, &step);
         for (int s = 0; s < STATES; s++) {
             for (int r = 0; i && r < STATES; r++)
-                sum[r] = likely[i - 1][r] + step.change[r][s];
-            likely[i][s] = step.against[s] + (i ? any_of(sum) : 0);
+                sum[r] = posterior[i - 1][r] + step.change[r][s];
+            posterior[i][s] = step.against[s] + (i ? soft_min(sum) : 0);
         }
     }
     for (int64_t i = count - 1; i >= 0; i--) {
         for (int s = 0; s < STATES; s++)
-            likely[i][s] += after[s];
-        double all = any_of(likely[i]);
+            posterior[i][s] += after[s];
+        double all = soft_min(posterior[i]);
         for (int s = 0; s < STATES; s++)
-            likely[i][s] = exp(all - likely[i][s]);
+            posterior[i][s] = exp(all - posterior[i][s]);
         find_step(m, count, i, first, &step);
         double then[STATES];
         memcpy(then, after, sizeof then);
         for (int r = 0; r < STATES; r++) {
             for (int s = 0; s < STATES; s++)
                 sum[s] = step.change[r][s] + step.against[s] + then[s];
-            after[r] = any_of(sum);
+            after[r] = soft_min(sum);
         }
     }
 }
 
 // The mean of both ways where they agree.
-static void join_ways(struct moment *m)
+static void merge_estimates(struct smoother_frame *m)
 {
-    m->settled = m->way[m->looked_back && is_turned(m) ? m->round : AHEAD];
-    if (!m->looked_back || is_turned(m))
+    m->result = m->estimate[m->has_backward && facing_differs(m) ? m->facing : FORWARD];
+    if (!m->has_backward || facing_differs(m))
         return;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        m->settled.joint[j] = v3_mix(m->way[AHEAD].joint[j], m->way[BACK].joint[j], 0.5);
-        if (m->way[BACK].confidence[j] == 1)
-            m->settled.confidence[j] = 1;
+        m->result.joint[j] = v3_mix(m->estimate[FORWARD].joint[j], m->estimate[BACKWARD].joint[j], 0.5);
+        if (m->estimate[BACKWARD].confidence[j] == 1)
+            m->result.confidence[j] = 1;
     }
 }
 
-// Where a limb's joint is if `way` is right about the limb: the other one counts, too, where it agrees.
-static struct vec3 place_by(const struct moment *m, int k, enum way way, enum joint joint)
+// Where a limb's joint is if `source` is right about the limb: the other one counts, too, where it agrees.
+static struct vec3 merged_joint(const struct smoother_frame *m, int k, enum estimate source, enum joint joint)
 {
-    if (way == ASIDE)
-        return m->way[ASIDE].joint[joint];
-    double off = farther(&m->way[AHEAD], &m->way[BACK], k) / AGREE_M, other = 0.5 * exp(-off * off);
-    return v3_mix(m->way[AHEAD].joint[joint], m->way[BACK].joint[joint], way == BACK ? 1 - other : other);
+    if (source == ALTERNATIVE)
+        return m->estimate[ALTERNATIVE].joint[joint];
+    double off = limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], k) / AGREE_M,
+           other = 0.5 * exp(-off * off);
+    return v3_mix(m->estimate[FORWARD].joint[joint], m->estimate[BACKWARD].joint[joint],
+                  source == BACKWARD ? 1 - other : other);
 }
 
 // The mean over what each choice says, as likely as it is: of a limb that nobody sees, what is least wrong.
-static void join_pair(struct moment *m, int first, const double likely[STATES])
+static void merge_pair(struct smoother_frame *m, int first, const double posterior[STATES])
 {
-    if (!m->looked_back || is_turned(m))
+    if (!m->has_backward || facing_differs(m))
         return;
     for (int k = first; k < first + 2; k++) {
         const enum joint joint[2] = {limb[k].bend, limb[k].tip};
         for (int i = 0; i < 2; i++) {
             struct vec3 mean = {0, 0, 0};
             for (int s = 0; s < STATES; s++) {
-                enum way way = k == first ? left_way(s) : right_way(s);
-                mean = v3_add(mean, v3_scale(place_by(m, k, way, joint[i]), likely[s]));
+                enum estimate source = k == first ? left_estimate(s) : right_estimate(s);
+                mean = v3_add(mean, v3_scale(merged_joint(m, k, source, joint[i]), posterior[s]));
             }
-            m->settled.joint[joint[i]] = mean;
+            m->result.joint[joint[i]] = mean;
         }
     }
 }
@@ -349,14 +357,14 @@ static void join_pair(struct moment *m, int first, const double likely[STATES])
 // Each place becomes the mean of itself and of the lines between a moment before and one after,
 // as many as meet it, the nearest first: trembling is averaged, straight motion stays what it is,
 // and where it bends the lines soon miss.
-static void smooth(const struct moment *m, int64_t count, const struct vec3 *is, struct vec3 *out)
+static void smooth(const struct smoother_frame *m, int64_t count, const struct vec3 *is, struct vec3 *out)
 {
     for (int64_t i = 0; i < count; i++) {
         double weight = 1, sum = 1;
         struct vec3 mean = is[i];
         for (int64_t k = 1; k <= i && i + k < count && weight > 1e-3; k++) {
             int64_t before = m[i].time_ns - m[i - k].time_ns, after = m[i + k].time_ns - m[i].time_ns;
-            if (before > AROUND_NS || after > AROUND_NS)
+            if (before > WINDOW_NS || after > WINDOW_NS)
                 break;
             struct vec3 line = v3_mix(is[i - k], is[i + k], (double)before / (double)(before + after));
             double off = v3_distance(line, is[i]) / LINE_M;
@@ -370,14 +378,15 @@ static void smooth(const struct moment *m, int64_t count, const struct vec3 *is,
 
 // Where the ways are changed at a distance, the limb is told on its way there, as much before as
 // after, not faster than a body moves.
-static void keep_speed(struct moment *m, int64_t count, enum joint j)
+static void limit_speed(struct smoother_frame *m, int64_t count, enum joint j)
 {
     bool fast = true;
-    for (int round = 0; fast && round < SLOWINGS; round++) {
+    for (int round = 0; fast && round < SPEED_ITERATIONS; round++) {
         fast = false;
         for (int64_t i = 1; i < count; i++) {
-            struct vec3 *is = &m[i].settled.joint[j], *was = &m[i - 1].settled.joint[j];
-            double far = v3_distance(*is, *was), most = FASTEST_M_S * (double)(m[i].time_ns - m[i - 1].time_ns) * 1e-9;
+            struct vec3 *is = &m[i].result.joint[j], *was = &m[i - 1].result.joint[j];
+            double far = v3_distance(*is, *was),
+                   most = SPEED_MAX_M_S * (double)(m[i].time_ns - m[i - 1].time_ns) * 1e-9;
             if (far <= 1.001 * most)
                 continue;
             struct vec3 back = v3_scale(v3_sub(*was, *is), 0.5 * (far - most) / far);
@@ -388,24 +397,24 @@ static void keep_speed(struct moment *m, int64_t count, enum joint j)
     }
 }
 
-static void smooth_joints(struct moment *m, int64_t count, struct vec3 *is, struct vec3 *smoothed)
+static void smooth_joints(struct smoother_frame *m, int64_t count, struct vec3 *is, struct vec3 *smoothed)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
         for (int64_t i = 0; i < count; i++)
-            is[i] = m[i].settled.joint[j];
-        for (int round = 0; round < SMOOTHINGS; round++) {
+            is[i] = m[i].result.joint[j];
+        for (int round = 0; round < SMOOTHING_ITERATIONS; round++) {
             smooth(m, count, is, smoothed);
             memcpy(is, smoothed, (size_t)count * sizeof *is);
         }
         for (int64_t i = 0; i < count; i++)
-            m[i].settled.joint[j] = is[i];
+            m[i].result.joint[j] = is[i];
     }
 }
 
 // Means of places shorten bones: each limb gets its person's lengths again.
-static void restore_lengths(struct moment *m, const struct body_build *build)
+static void restore_lengths(struct smoother_frame *m, const struct body_build *build)
 {
-    struct vec3 *joint = m->settled.joint;
+    struct vec3 *joint = m->result.joint;
     for (int k = 0; k < LIMB_COUNT; k++) {
         const enum joint chain[3] = {limb[k].root, limb[k].bend, limb[k].tip};
         for (int i = 1; i < 3; i++) {
@@ -417,69 +426,71 @@ static void restore_lengths(struct moment *m, const struct body_build *build)
 }
 
 // Moments that follow each other, of one person.
-static int64_t stretch_end(const struct settle *s, int64_t first)
+static int64_t segment_end(const struct smoother *s, int64_t first)
 {
     int64_t end = first + 1;
-    while (end < s->count && s->moment[end].person == s->moment[first].person &&
-           s->moment[end].time_ns - s->moment[end - 1].time_ns <= GAP_NS)
+    while (end < s->count && s->frame[end].person == s->frame[first].person &&
+           s->frame[end].time_ns - s->frame[end - 1].time_ns <= GAP_NS)
         end++;
     return end;
 }
 
-struct settle_room {
-    double (*likely)[STATES];
+struct smoother_scratch {
+    double (*posterior)[STATES];
     struct vec3 *is, *smoothed;
 };
 
-static void settle_stretch(struct settle *s, struct moment *m, int64_t count, const struct settle_room *room)
+static void smooth_segment(struct smoother *s, struct smoother_frame *m, int64_t count,
+                           const struct smoother_scratch *scratch)
 {
     const struct body_shape *shape = &s->shape[m->person];
     struct body_build build;
     for (int64_t i = 0; i < count; i++) {
-        body_build(shape, &m[i].pose, &build);
-        memcpy(m[i].way[AHEAD].joint, build.joint, sizeof build.joint);
+        body_forward_kinematics(shape, &m[i].pose, &build);
+        memcpy(m[i].estimate[FORWARD].joint, build.joint, sizeof build.joint);
     }
-    find_likely(m, count, TRUNK, room->likely);
+    forward_backward(m, count, TRUNK, scratch->posterior);
     for (int64_t i = 0; i < count; i++) {
-        const double *likely = room->likely[i];
-        m[i].round = likely[state_of(BACK, BACK)] > likely[state_of(AHEAD, AHEAD)] ? BACK : AHEAD;
-        join_ways(&m[i]);
+        const double *posterior = scratch->posterior[i];
+        m[i].facing =
+            posterior[state_of(BACKWARD, BACKWARD)] > posterior[state_of(FORWARD, FORWARD)] ? BACKWARD : FORWARD;
+        merge_estimates(&m[i]);
     }
     for (int first = 0; first < LIMB_COUNT; first += 2) {
-        find_likely(m, count, first, room->likely);
+        forward_backward(m, count, first, scratch->posterior);
         for (int64_t i = 0; i < count; i++)
-            join_pair(&m[i], first, room->likely[i]);
+            merge_pair(&m[i], first, scratch->posterior[i]);
     }
-    smooth_joints(m, count, room->is, room->smoothed);
-    for (int round = 0; round < REPAIRS; round++) {
+    smooth_joints(m, count, scratch->is, scratch->smoothed);
+    for (int round = 0; round < REPAIR_ITERATIONS; round++) {
         for (int j = 0; j < JOINT_COUNT; j++)
-            keep_speed(m, count, (enum joint)j);
+            limit_speed(m, count, (enum joint)j);
         for (int64_t i = 0; i < count; i++)
             restore_lengths(&m[i], &build);
     }
     for (int64_t i = 0; i < count; i++)
-        m[i].settled = skeleton_transform(s->calibration.color_from_depth, &m[i].settled);
+        m[i].result = skeleton_transform(s->calibration.color_from_depth, &m[i].result);
 }
 
-enum status settle_finish(struct settle *s)
+enum status smoother_solve(struct smoother *s)
 {
     size_t count = (size_t)s->count + 1;
-    struct settle_room room = {calloc(count, sizeof *room.likely), calloc(count, sizeof *room.is),
-                               calloc(count, sizeof *room.smoothed)};
-    bool enough = room.likely && room.is && room.smoothed;
+    struct smoother_scratch scratch = {calloc(count, sizeof *scratch.posterior), calloc(count, sizeof *scratch.is),
+                                       calloc(count, sizeof *scratch.smoothed)};
+    bool enough = scratch.posterior && scratch.is && scratch.smoothed;
     for (int64_t first = 0, end; enough && first < s->count; first = end) {
-        end = stretch_end(s, first);
-        if (s->moment[first].person >= 0)
-            settle_stretch(s, &s->moment[first], end - first, &room);
+        end = segment_end(s, first);
+        if (s->frame[first].person >= 0)
+            smooth_segment(s, &s->frame[first], end - first, &scratch);
     }
-    free(room.likely);
-    free(room.is);
-    free(room.smoothed);
+    free(scratch.posterior);
+    free(scratch.is);
+    free(scratch.smoothed);
     return enough ? OK : fail(ERR_MEMORY, "not enough memory to think a take over");
 }
 
-const struct skeleton *settle_skeleton(const struct settle *s, int64_t index)
+const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index)
 {
     assert(index >= 0 && index < s->count);
-    return s->moment[index].person >= 0 ? &s->moment[index].settled : NULL;
+    return s->frame[index].person >= 0 ? &s->frame[index].result : NULL;
 }

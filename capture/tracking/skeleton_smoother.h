@@ -16,24 +16,24 @@
 #pragma once
 #include "capture/tracking/tracker.h"
 
-struct settle;
+struct smoother;
 
-MUST_CHECK enum status settle_open(struct settle **out, const struct calibration *calibration); // ERR_MEMORY
-void settle_close(struct settle **s); // NULL is fine; sets *s = NULL
+MUST_CHECK enum status smoother_open(struct smoother **out, const struct calibration *calibration); // ERR_MEMORY
+void smoother_close(struct smoother **s); // NULL is fine; sets *s = NULL
 
 // After each frame of the take: what the tracker told of it, NULL where there is nobody or no depth. Where what was
 // followed turns out to be furniture, the frames before are taken back: nobody was there.
 // time_ns must rise. ERR_MEMORY: 2.5 KiB a frame are kept.
-MUST_CHECK enum status settle_note(struct settle *s, const struct tracker *t, int64_t time_ns,
-                                   const struct skeleton *told);
+MUST_CHECK enum status smoother_push(struct smoother *s, const struct tracker *t, int64_t time_ns,
+                                     const struct skeleton *online);
 
 // When all were noted: each frame that has depth, from the last to the first. The tracker is the
 // same. ERR_MEMORY.
-MUST_CHECK enum status settle_look_back(struct settle *s, struct tracker *t, int64_t index, const uint16_t *depth);
+MUST_CHECK enum status smoother_backward(struct smoother *s, struct tracker *t, int64_t index, const uint16_t *depth);
 
 // Decides and smooths. Frames that were not looked back at keep the way forward. ERR_MEMORY.
-MUST_CHECK enum status settle_finish(struct settle *s);
+MUST_CHECK enum status smoother_solve(struct smoother *s);
 
-// Frame `index` after settle_finish, colour camera's axes; NULL: nobody. Valid until settle_close.
+// Frame `index` after smoother_solve, colour camera's axes; NULL: nobody. Valid until smoother_close.
 // Confidence: seen where either way saw the joint, else as the way forward has it.
-const struct skeleton *settle_skeleton(const struct settle *s, int64_t index);
+const struct skeleton *smoother_skeleton(const struct smoother *s, int64_t index);

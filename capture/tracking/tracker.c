@@ -12,50 +12,51 @@
 #include <string.h>
 
 enum {
-    BALLS_MAX = 2 * 4 * SOLID_COUNT,
-    TURN_EVERY = 4,
-    TURN_START = 24,
+    SPHERES_MAX = 2 * 4 * SOLID_COUNT,
+    FLIP_EVERY = 4,
+    FLIP_START_FRAMES = 24,
     LEARN_EVERY = 2,
     HEM_EVERY = 4,
-    HEM_PICTURES = 8,
-    STILL_PICTURES = 12, // of those that are learned from, 0.8 s at 30 Hz; real people who were filmed reached 3
-    OTHER_EVERY = 5
+    HEM_FRAMES_MIN = 8,
+    STATIC_FRAMES_MIN = 12, // of those that are learned from, 0.8 s at 30 Hz; real people who were filmed reached 3
+    SECOND_PERSON_EVERY = 5
 };
 
-#define SURELY_EXPLAINED 0.97  // the share of somebody's points that lie within 6 cm of the body: of furniture less do,
-#define UNLIKELY         120.0 // or a fit's energy is beyond this: points of people's 25 to 60
-#define ELSEWHERE_M      0.08  // a limb that a search moves further than this was lost
+#define EXPLAINED_SHARE_MIN                                                                                            \
+    0.97                     // the share of somebody's points that lie within 6 cm of the body: of furniture less do,
+#define FIT_ENERGY_MAX 120.0 // or a fit's energy is beyond this: points of people's 25 to 60
+#define LIMB_JUMP_M    0.08  // a limb that a search moves further than this was lost
 
 struct tracker {
     struct tracker_options options;
     struct calibration calibration;
     struct segmenter *segmenter;
-    struct body_evidence *evidence;
-    struct fit_room *room;
-    uint8_t *mask, *spare;
-    bool following, back;          // back: frames come in falling order, their times negated here
-    int found_count;               // how often somebody was found anew
-    struct body_pose pose, before; // of the last two frames
-    struct body_steady shown;      // what was reported last
-    int64_t time_ns, before_ns;    // their times
-    bool moving;                   // `before` is there
-    struct body_pose other;        // in the next frame: where the other way had the body
-    bool has_other;
-    struct shape_belief shape;
+    struct depth_evidence *evidence;
+    struct fit_scratch *scratch;
+    uint8_t *mask, *second_mask;
+    bool following, backward;             // backward: frames come in falling order, their times negated here
+    int detection_count;                  // how often somebody was found anew
+    struct body_pose pose, previous_pose; // of the last two frames
+    struct pose_filter filter;            // what was reported last
+    int64_t time_ns, previous_ns;         // their times
+    bool moving;                          // `before` is there
+    struct body_pose prior_pose;          // in the next frame: where the other way had the body
+    bool has_prior;
+    struct shape_prior shape;
     double learned_s;
-    struct hem_belief hem;
-    struct body_pose taught; // the last one that taught much of the shape
-    int64_t lost_since_ns;   // 0: in sight
+    struct hem_estimate hem;
+    struct body_pose shape_pose; // the last one that taught much of the shape
+    int64_t lost_since_ns;       // 0: in sight
     int poor_frames, frames, empty_frames;
-    int furniture_frames;    // before this one, in which nobody was followed, as it turns out now
-    unsigned cut;            // which of the picture's edges cut the person when they were found, or last thought over
-    double turned_evidence;  // that the person looks the other way, as a logarithm of odds
-    double swapped_evidence; // the same for their legs
-    double elsewhere_evidence[LIMB_COUNT]; // and that a limb is elsewhere
-    bool found_elsewhere[LIMB_COUNT];      // in this frame it turned out to
-    bool turned;                           // in this frame they turned out to
+    int static_object_frames; // before this one, in which nobody was followed, as it turns out now
+    unsigned cropped;         // which of the picture's edges cut the person when they were found, or last thought over
+    double flip_log_odds;     // that the person looks the other way, as a logarithm of odds
+    double leg_swap_log_odds; // the same for their legs
+    double limb_log_odds[LIMB_COUNT]; // and that a limb is elsewhere
+    bool limb_relocated[LIMB_COUNT];  // in this frame it turned out to
+    bool flipped;                     // in this frame they turned out to
     bool seen_ever[JOINT_COUNT];
-    float out_of_picture_s[JOINT_COUNT];
+    float out_of_image_s[JOINT_COUNT];
     struct tracker_times times;
     int64_t mark_ns; // of processor time: until here it is told in `times`
 };
@@ -82,10 +83,10 @@ enum status tracker_open(struct tracker **out, const struct calibration *calibra
         return fail(ERR_MEMORY, "not enough memory to track a person");
     t->options = o;
     t->calibration = *calibration;
-    t->room = calloc(1, sizeof *t->room);
+    t->scratch = calloc(1, sizeof *t->scratch);
     t->mask = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
-    t->spare = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
-    status = t->room && t->mask && t->spare ? OK : fail(ERR_MEMORY, "not enough memory to track a person");
+    t->second_mask = calloc((size_t)calibration->depth.width, (size_t)calibration->depth.height);
+    status = t->scratch && t->mask && t->second_mask ? OK : fail(ERR_MEMORY, "not enough memory to track a person");
     if (status == OK)
         status = segmenter_open(&t->segmenter, &calibration->depth);
     if (status == OK)
@@ -106,9 +107,9 @@ void tracker_close(struct tracker **t)
         segmenter_close(&(*t)->segmenter);
     if ((*t)->evidence)
         evidence_close(&(*t)->evidence);
-    free((*t)->room);
+    free((*t)->scratch);
     free((*t)->mask);
-    free((*t)->spare);
+    free((*t)->second_mask);
     free(*t);
     *t = NULL;
 }
@@ -120,33 +121,33 @@ void tracker_set_floor(struct tracker *t, struct vec3 up, double height_m)
     segmenter_set_floor(t->segmenter, up, height_m);
 }
 
-struct tracker_times tracker_times(const struct tracker *t) { return t->times; }
+struct tracker_times tracker_last_times(const struct tracker *t) { return t->times; }
 
 // The time since the last call went into `step`.
-static void took(struct tracker *t, int64_t *step)
+static void add_elapsed(struct tracker *t, int64_t *step)
 {
     int64_t now_ns = clock_cpu_ns();
     *step += now_ns - t->mark_ns;
     t->mark_ns = now_ns;
 }
 
-static void forget_person(struct tracker *t)
+static void drop_person(struct tracker *t)
 {
     t->following = t->moving = false;
     t->poor_frames = 0;
-    t->turned_evidence = t->swapped_evidence = 0;
-    memset(t->elsewhere_evidence, 0, sizeof t->elsewhere_evidence);
-    memset(t->found_elsewhere, 0, sizeof t->found_elsewhere);
+    t->flip_log_odds = t->leg_swap_log_odds = 0;
+    memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
+    memset(t->limb_relocated, 0, sizeof t->limb_relocated);
     t->lost_since_ns = 0;
     memset(t->seen_ever, 0, sizeof t->seen_ever);
-    memset(t->out_of_picture_s, 0, sizeof t->out_of_picture_s);
-    segmenter_forget_person(t->segmenter);
+    memset(t->out_of_image_s, 0, sizeof t->out_of_image_s);
+    segmenter_drop_person(t->segmenter);
 }
 
 void tracker_reset(struct tracker *t)
 {
-    forget_person(t);
-    t->back = false;
+    drop_person(t);
+    t->backward = false;
     segmenter_reset(t->segmenter);
 }
 
@@ -155,55 +156,59 @@ void tracker_reset(struct tracker *t)
 static struct body_pose predicted(const struct tracker *t, int64_t time_ns)
 {
     struct body_pose pose = t->pose;
-    double past = (double)(t->time_ns - t->before_ns), ahead = (double)(time_ns - t->time_ns);
+    double past = (double)(t->time_ns - t->previous_ns), ahead = (double)(time_ns - t->time_ns);
     if (!t->moving || past <= 0 || ahead <= 0 || ahead > 2e8)
         return pose;
     double rate = 0.8 * fmin(ahead / past, 3);
-    pose.root = v3_add(t->pose.root, v3_scale(v3_sub(t->pose.root, t->before.root), rate));
+    pose.root = v3_add(t->pose.root, v3_scale(v3_sub(t->pose.root, t->previous_pose.root), rate));
     for (int s = 0; s < SEG_COUNT; s++) {
-        struct vec3 turn = quat_to_rotation_vector(quat_multiply(t->pose.turn[s], quat_conjugate(t->before.turn[s])));
-        pose.turn[s] = quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(turn, rate)), t->pose.turn[s]));
+        struct vec3 rotation =
+            quat_to_rotation_vector(quat_multiply(t->pose.rotation[s], quat_conjugate(t->previous_pose.rotation[s])));
+        pose.rotation[s] =
+            quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(rotation, rate)), t->pose.rotation[s]));
     }
     return pose;
 }
 
-// Adds a body's balls; returns how many there are then.
-static int add_balls(const struct body_build *build, struct ball balls[BALLS_MAX], int count)
+// Adds a body's spheres; returns how many there are then.
+static int add_spheres(const struct body_build *build, struct bounding_sphere spheres[SPHERES_MAX], int count)
 {
     for (int i = 0; i < build->solids; i++) {
         const struct body_solid *s = &build->solid[i];
         for (int k = 0; k < 4; k++) {
             double t = k / 3.0;
-            balls[count++] = (struct ball){v3_mix(s->a, s->b, t), s->radius_a + (s->radius_b - s->radius_a) * t +
-                                                                      s->width_a + (s->width_b - s->width_a) * t};
+            spheres[count++] =
+                (struct bounding_sphere){v3_mix(s->a, s->b, t), s->radius_a + (s->radius_b - s->radius_a) * t +
+                                                                    s->width_a + (s->width_b - s->width_a) * t};
         }
     }
     return count;
 }
 
 // Where the person is expected, by the way ahead and, once, by the other way.
-static int place_balls(struct tracker *t, const struct body_pose *expected, struct ball balls[BALLS_MAX])
+static int predict_spheres(struct tracker *t, const struct body_pose *expected,
+                           struct bounding_sphere spheres[SPHERES_MAX])
 {
     struct body_build build;
     int count = 0;
     if (t->following) {
-        body_build(&t->shape.mean, expected, &build);
-        count = add_balls(&build, balls, 0);
-        if (t->has_other) {
-            body_build(&t->shape.mean, &t->other, &build);
-            count = add_balls(&build, balls, count);
+        body_forward_kinematics(&t->shape.mean, expected, &build);
+        count = add_spheres(&build, spheres, 0);
+        if (t->has_prior) {
+            body_forward_kinematics(&t->shape.mean, &t->prior_pose, &build);
+            count = add_spheres(&build, spheres, count);
         }
     }
-    t->has_other = false;
+    t->has_prior = false;
     return count;
 }
 
-enum { MOST_SHOWN = 3 }; // of EVIDENCE_ABOUT
+enum { VISIBLE_PROBES_MIN = 3 }; // of EVIDENCE_PROBES
 
-static void report(struct tracker *t, const struct fit_result *fit, double passed_s, struct skeleton *out)
+static void fill_skeleton(struct tracker *t, const struct fit_result *fit, double dt_s, struct skeleton *out)
 {
     struct body_build build;
-    body_build(&fit->shape, &t->shown.pose, &build);
+    body_forward_kinematics(&fit->shape, &t->filter.pose, &build);
     double size = exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     static const double radius[JOINT_COUNT] = {
         [JOINT_HEAD] = 0.05,         [JOINT_NECK] = 0.04,        [JOINT_LEFT_SHOULDER] = 0.032,
@@ -216,11 +221,11 @@ static void report(struct tracker *t, const struct fit_result *fit, double passe
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 p = build.joint[j];
         bool outside;
-        int shown = evidence_shown(t->evidence, p, radius[j] * size, &outside);
-        t->seen_ever[j] |= shown > 0;
-        t->out_of_picture_s[j] = outside ? t->out_of_picture_s[j] + (float)passed_s : 0;
+        int visible = evidence_visible_count(t->evidence, p, radius[j] * size, &outside);
+        t->seen_ever[j] |= visible > 0;
+        t->out_of_image_s[j] = outside ? t->out_of_image_s[j] + (float)dt_s : 0;
         out->joint[j] = pose_apply(t->calibration.color_from_depth, p);
-        out->confidence[j] = shown >= MOST_SHOWN ? 1 : t->seen_ever[j] && t->out_of_picture_s[j] < 1 ? 0.5f : 0;
+        out->confidence[j] = visible >= VISIBLE_PROBES_MIN ? 1 : t->seen_ever[j] && t->out_of_image_s[j] < 1 ? 0.5f : 0;
     }
 }
 
@@ -230,38 +235,42 @@ static double novelty(const struct tracker *t, const struct body_pose *pose)
 {
     double sum = 0;
     for (int s = 0; s < SEG_COUNT; s++) {
-        struct vec3 turn = quat_to_rotation_vector(quat_multiply(pose->turn[s], quat_conjugate(t->taught.turn[s])));
-        sum += v3_dot(turn, turn);
+        struct vec3 rotation =
+            quat_to_rotation_vector(quat_multiply(pose->rotation[s], quat_conjugate(t->shape_pose.rotation[s])));
+        sum += v3_dot(rotation, rotation);
     }
     double angle = sqrt(sum / SEG_COUNT);
     return 0.002 + 0.1 * fmin(1, angle / 0.25) * fmin(1, angle / 0.25);
 }
 
-static void learn_shape(struct tracker *t, const struct fit_task *task, const struct fit_result *fit, double passed_s)
+static void learn_shape(struct tracker *t, const struct fit_task *task, const struct fit_result *fit, double dt_s)
 {
     t->shape.mean = fit->shape;
     for (int a = 0; a < SHAPE_COUNT; a++)
         for (int b = 0; b < SHAPE_COUNT; b++)
             t->shape.information[a][b] += task->learn_rate * fit->shape_information[a][b];
-    t->learned_s += passed_s;
+    t->learned_s += dt_s;
     if (task->learn_rate > 0.05)
-        t->taught = fit->pose;
+        t->shape_pose = fit->pose;
 }
 
-enum { CUT_LEFT = 1, CUT_RIGHT = 2, CUT_ABOVE = 4, CUT_BELOW = 8 };
+enum { CROP_LEFT = 1, CROP_RIGHT = 2, CROP_TOP = 4, CROP_BOTTOM = 8 };
 
 // Which of the picture's edges cut the person.
-static unsigned cuts(const struct body_evidence *e)
+static unsigned crop_edges(const struct depth_evidence *e)
 {
-    return (e->left <= e->picture.left + 2 ? CUT_LEFT : 0) | (e->right >= e->picture.right - 2 ? CUT_RIGHT : 0) |
-           (e->top <= e->picture.top + 2 ? CUT_ABOVE : 0) | (e->bottom >= e->picture.bottom - 2 ? CUT_BELOW : 0);
+    return (e->left <= e->bounds.left + 2 ? CROP_LEFT : 0) | (e->right >= e->bounds.right - 2 ? CROP_RIGHT : 0) |
+           (e->top <= e->bounds.top + 2 ? CROP_TOP : 0) | (e->bottom >= e->bounds.bottom - 2 ? CROP_BOTTOM : 0);
 }
 
-static bool is_whole(const struct body_evidence *e) { return !(cuts(e) & (CUT_LEFT | CUT_RIGHT | CUT_BELOW)); }
+static bool is_uncropped(const struct depth_evidence *e)
+{
+    return !(crop_edges(e) & (CROP_LEFT | CROP_RIGHT | CROP_BOTTOM));
+}
 
 // Sums up what pictures gain by another pose, as a logarithm of odds. One picture alone says
 // little: while something is lost, anything is better.
-static bool is_likelier(double *evidence, double gain, double enough)
+static bool accumulate_log_odds(double *evidence, double gain, double enough)
 {
     *evidence = fmax(0, 0.9 * *evidence + fmin(gain, 0.4 * enough));
     if (*evidence < enough)
@@ -271,82 +280,83 @@ static bool is_likelier(double *evidence, double gain, double enough)
 }
 
 // People walk ahead more often than backwards, as a logarithm of odds.
-static double backwards_odds(const struct tracker *t)
+static double walking_log_odds(const struct tracker *t)
 {
-    const double(*pelvis)[3] = (const double(*)[3])t->room->best.build.axes[SEG_PELVIS];
+    const double(*pelvis)[3] = (const double(*)[3])t->scratch->best.build.axes[SEG_PELVIS];
     struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
-    return (t->back ? -6 : 6) *
-           fmax(-1, fmin(1, -v3_dot(t->shown.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
+    return (t->backward ? -6 : 6) *
+           fmax(-1, fmin(1, -v3_dot(t->filter.speed[JOINT_WAIST], ahead) / 0.5)); // a slow walk: 0.5 m/s
 }
 
 // A person in front and one from behind look much alike, and so do legs that crossed. Now and
 // then, at the start more often, the other way round is tried too: true when it has been
-// likelier for a while; it is then in room->trial.
-static bool is_otherwise(struct tracker *t, const struct fit_task *task)
+// likelier for a while; it is then in scratch->trial.
+static bool is_flipped_likelier(struct tracker *t, const struct fit_task *task)
 {
     // A fresh fit of any pose gains about a tenth; legs that are badly explained gain more. Of
     // those in a skirt there is less to see, and the two ways are fitted alike.
-    double energy = t->room->best.energy;
-    int every = t->frames < TURN_START ? TURN_EVERY / 2 : TURN_EVERY;
-    if (!is_whole(t->evidence)) // without feet nothing tells
+    double energy = t->scratch->best.energy;
+    int every = t->frames < FLIP_START_FRAMES ? FLIP_EVERY / 2 : FLIP_EVERY;
+    if (!is_uncropped(t->evidence)) // without feet nothing tells
         return false;
     if (t->frames % every == 0)
-        return t->turned = is_likelier(&t->turned_evidence,
-                                       turned_round_gain(task, t->room) - 0.1 * energy + backwards_odds(t), 20);
-    bool tails = task->shape.mean.hem_m > 0;
+        return t->flipped = accumulate_log_odds(
+                   &t->flip_log_odds, flipped_log_odds(task, t->scratch) - 0.1 * energy + walking_log_odds(t), 20);
+    bool skirt = task->shape.mean.hem_m > 0;
     return t->frames % every == every / 2 &&
-           is_likelier(&t->swapped_evidence, legs_swapped_gain(task, t->room) - (tails ? 0.02 : 0.2) * energy,
-                       tails ? 10 : 20);
+           accumulate_log_odds(&t->leg_swap_log_odds,
+                               legs_swapped_log_odds(task, t->scratch) - (skirt ? 0.02 : 0.2) * energy,
+                               skirt ? 10 : 20);
 }
 
 // An arm may hide before the trunk so that nothing is left unexplained: one arm a frame is thought over.
-static void reconsider_arm(struct tracker *t, struct fit_task *task, int arm)
+static void try_arm_alternative(struct tracker *t, struct fit_task *task, int arm)
 {
-    if (!is_likelier(&t->elsewhere_evidence[arm], limb_elsewhere_gain(task, arm, t->room) - 0.5, 3))
+    if (!accumulate_log_odds(&t->limb_log_odds[arm], limb_alternative_log_odds(task, arm, t->scratch) - 0.5, 3))
         return;
-    task->expected = t->room->best.pose;
-    limb_copy(arm, &t->room->trial.pose, &task->expected);
+    task->expected = t->scratch->best.pose;
+    limb_copy(arm, &t->scratch->trial.pose, &task->expected);
     task->expected_sigma = 2;
-    body_fit(task, &task->expected, &t->room->best);
+    body_fit(task, &task->expected, &t->scratch->best);
 }
 
 // The person turns out to wear a skirt or a coat, or none: what was learned so far was not their shape.
-static void dress_otherwise(struct tracker *t)
+static void reset_clothing(struct tracker *t)
 {
     double scale_log = t->shape.mean.log[SHAPE_SCALE];
-    t->shape = shape_belief_start();
+    t->shape = shape_prior_default();
     t->shape.mean.log[SHAPE_SCALE] = scale_log;
     t->learned_s = 0;
 }
 
 // What the pictures say of a hem goes into the shape, for as long as that is learned.
-static void learn_hem(struct tracker *t, const struct fit_task *task)
+static void update_hem(struct tracker *t, const struct fit_task *task)
 {
-    const struct body_build *build = &t->room->best.build;
+    const struct body_build *build = &t->scratch->best.build;
     double height = exp(t->shape.mean.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct vec3 spine = v3(build->axes[SEG_PELVIS][0][1], build->axes[SEG_PELVIS][1][1], build->axes[SEG_PELVIS][2][1]);
     struct hem hem;
-    if (v3_dot(spine, task->up) < 0.95 || !hem_find(task, height, &hem)) // bent, it hangs elsewhere
+    if (v3_dot(spine, task->up) < 0.95 || !hem_detect(task, height, &hem)) // bent, it hangs elsewhere
         return;
-    hem_learn(&t->hem, &hem, v3_dot(task->up, build->origin[SEG_PELVIS]) + task->floor_m);
-    if (t->hem.count < HEM_PICTURES)
+    hem_update(&t->hem, &hem, v3_dot(task->up, build->origin[SEG_PELVIS]) + task->floor_m);
+    if (t->hem.count < HEM_FRAMES_MIN)
         return;
     bool wears = t->shape.mean.hem_m > 0, worn = hem_is_worn(t->hem.narrow, t->hem.wide_m, height, wears);
     if (worn != wears)
-        dress_otherwise(t);
+        reset_clothing(t);
     t->shape.mean.hem_m = worn ? t->hem.below_m : 0;
     t->shape.mean.hem_radius_m = worn ? 0.5 * t->hem.wide_m : 0;
 }
 
 // Lays the body into this frame from where it is expected. False: it is not there.
-static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
+static bool track_frame(struct tracker *t, struct fit_task *task, double dt_s)
 {
-    struct fit_result *best = &t->room->best;
+    struct fit_result *best = &t->scratch->best;
     task->learn_shape = false;
-    task->expected_sigma = fmin(6, fmax(1, passed_s * 30));
+    task->expected_sigma = fmin(6, fmax(1, dt_s * 30));
     int first = t->options.iterations / 2;
     task->iterations = first;
-    task->reach_m = 0.12;
+    task->kernel_m = 0.12;
     struct body_pose start = task->expected;
     if (first > 0) {
         task->rough = true;
@@ -355,114 +365,114 @@ static bool follow(struct tracker *t, struct fit_task *task, double passed_s)
         task->rough = false;
     }
     task->iterations = t->options.iterations - first;
-    task->reach_m = 0.06;
-    task->learn_shape = t->learned_s < t->options.learn_s && !t->back;
+    task->kernel_m = 0.06;
+    task->learn_shape = t->learned_s < t->options.learn_s && !t->backward;
     task->learn_rate = novelty(t, &start);
     body_fit(task, &start, best);
-    took(t, &t->times.fit);
+    add_elapsed(t, &t->times.fit);
     struct body_build fitted = best->build;
     double explained = explained_share(t->evidence, best, 0.06);
-    if (explained < 0.985 && limbs_search(task, t->room)) {
+    if (explained < 0.985 && limb_search(task, t->scratch)) {
         start = best->pose;
         task->shape.mean = best->shape;
-        body_fit(task, &start, &t->room->trial);
-        *best = t->room->trial;
+        body_fit(task, &start, &t->scratch->trial);
+        *best = t->scratch->trial;
     }
-    reconsider_arm(t, task, t->frames % 2);
+    try_arm_alternative(t, task, t->frames % 2);
     t->frames++;
-    t->turned = false;
-    if (is_otherwise(t, task)) {
-        task->expected = t->room->trial.pose;
+    t->flipped = false;
+    if (is_flipped_likelier(t, task)) {
+        task->expected = t->scratch->trial.pose;
         task->expected_sigma = 4;
         body_fit(task, &task->expected, best);
     }
-    took(t, &t->times.search);
+    add_elapsed(t, &t->times.search);
     for (int k = 0; k < LIMB_COUNT; k++)
-        t->found_elsewhere[k] = limb_moved_m(k, &fitted, &best->build) > ELSEWHERE_M;
+        t->limb_relocated[k] = limb_moved_m(k, &fitted, &best->build) > LIMB_JUMP_M;
     explained = explained_share(t->evidence, best, 0.10);
     t->poor_frames = explained < 0.7 ? t->poor_frames + 1 : 0;
     if (explained < 0.35 || t->poor_frames > 12)
         return false;
     if (task->learn_shape && explained_share(t->evidence, best, 0.06) > 0.985)
-        learn_shape(t, task, best, passed_s);
+        learn_shape(t, task, best, dt_s);
     else
-        t->learned_s += passed_s;
+        t->learned_s += dt_s;
     if (task->learn_shape && t->frames % HEM_EVERY == 0)
-        learn_hem(t, task);
+        update_hem(t, task);
     return true;
 }
 
-// What was found in room->best is from now on what the person looks like.
-static void believe(struct tracker *t, const struct fit_task *task)
+// What was found in scratch->best is from now on what the person looks like.
+static void adopt_fit(struct tracker *t, const struct fit_task *task)
 {
-    if (!t->back) { // looking back, whoever is found is known
+    if (!t->backward) { // looking back, whoever is found is known
         t->shape = task->shape;
-        t->shape.mean = t->room->best.shape;
+        t->shape.mean = t->scratch->best.shape;
     }
-    t->taught = t->room->best.pose;
+    t->shape_pose = t->scratch->best.pose;
     t->learned_s = 0;
-    t->hem = (struct hem_belief){0};
+    t->hem = (struct hem_estimate){0};
     t->frames = 0;
 }
 
-static bool start(struct tracker *t, struct fit_task *task)
+static bool detect_person(struct tracker *t, struct fit_task *task)
 {
-    bool found = start_search(task, t->room);
-    took(t, &t->times.search);
+    bool found = pose_init_search(task, t->scratch);
+    add_elapsed(t, &t->times.search);
     if (!found)
         return false;
-    t->found_count++;
-    t->cut = cuts(t->evidence);
-    believe(t, task);
+    t->detection_count++;
+    t->cropped = crop_edges(t->evidence);
+    adopt_fit(t, task);
     return true;
 }
 
 // Of somebody whom the picture's edge cuts, or who is just coming in, a leg may be taken for all of them, and what
 // follows holds on to that. When less of them is cut they are looked for once more, as if nothing was known.
-static void think_start_over(struct tracker *t, struct fit_task *task)
+static void reinitialise(struct tracker *t, struct fit_task *task)
 {
-    unsigned before = t->cut, now = cuts(t->evidence);
-    if (t->back || __builtin_popcount(now) >= __builtin_popcount(before))
+    unsigned before = t->cropped, now = crop_edges(t->evidence);
+    if (t->backward || __builtin_popcount(now) >= __builtin_popcount(before))
         return;
-    t->cut = now;
-    if (start_over(task, &t->room->best.pose, before & ~now & CUT_BELOW, t->room)) {
-        believe(t, task);
-        t->turned = true; // this was no motion
-        t->turned_evidence = t->swapped_evidence = 0;
-        memset(t->elsewhere_evidence, 0, sizeof t->elsewhere_evidence);
-        memset(t->found_elsewhere, 0, sizeof t->found_elsewhere);
+    t->cropped = now;
+    if (pose_reinit(task, &t->scratch->best.pose, before & ~now & CROP_BOTTOM, t->scratch)) {
+        adopt_fit(t, task);
+        t->flipped = true; // this was no motion
+        t->flip_log_odds = t->leg_swap_log_odds = 0;
+        memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
+        memset(t->limb_relocated, 0, sizeof t->limb_relocated);
     }
-    took(t, &t->times.search);
+    add_elapsed(t, &t->times.search);
 }
 
 // What has not moved by a thing for seconds and is not much like a person is none when somebody else is, surely: it is
 // a chair, perhaps, that was there before them.
-static bool is_furniture(struct tracker *t, struct fit_task *task, const uint16_t *depth)
+static bool is_static_object(struct tracker *t, struct fit_task *task, const uint16_t *depth)
 {
-    struct fit_result *best = &t->room->best;
-    if (t->back || t->frames % OTHER_EVERY || segmenter_motionless(t->segmenter) < STILL_PICTURES ||
-        (explained_share(t->evidence, best, 0.06) > SURELY_EXPLAINED && best->energy < UNLIKELY))
+    struct fit_result *best = &t->scratch->best;
+    if (t->backward || t->frames % SECOND_PERSON_EVERY || segmenter_static_frames(t->segmenter) < STATIC_FRAMES_MIN ||
+        (explained_share(t->evidence, best, 0.06) > EXPLAINED_SHARE_MIN && best->energy < FIT_ENERGY_MAX))
         return false;
     struct body_pose pose = best->pose;
     struct body_shape shape = best->shape;
     struct fit_task other = *task;
-    if (segmenter_other(t->segmenter, depth, t->spare) == OK &&
-        evidence_read(t->evidence, depth, t->spare, t->options.points) && start_search(&other, t->room) &&
-        explained_share(t->evidence, best, 0.06) > SURELY_EXPLAINED)
+    if (segmenter_second_person(t->segmenter, depth, t->second_mask) == OK &&
+        evidence_read(t->evidence, depth, t->second_mask, t->options.points) && pose_init_search(&other, t->scratch) &&
+        explained_share(t->evidence, best, 0.06) > EXPLAINED_SHARE_MIN)
         return true;
     if (!evidence_read(t->evidence, depth, t->mask, t->options.points))
         return true; // it was there a moment ago
-    body_judge(task, &pose, &shape, best);
+    body_evaluate(task, &pose, &shape, best);
     return false;
 }
 
 // The one who is followed is lost, or none. False: nobody else is there either.
-static bool look_elsewhere(struct tracker *t, const uint16_t *depth)
+static bool find_other_person(struct tracker *t, const uint16_t *depth)
 {
-    forget_person(t);
+    drop_person(t);
     bool there = segmenter_next(t->segmenter, depth, NULL, 0, t->mask) == OK &&
                  evidence_read(t->evidence, depth, t->mask, t->options.points);
-    took(t, &t->times.segment);
+    add_elapsed(t, &t->times.segment);
     return there;
 }
 
@@ -471,7 +481,7 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     memset(out, 0, sizeof *out);
     t->times = (struct tracker_times){0};
     t->mark_ns = clock_cpu_ns();
-    if (t->back)
+    if (t->backward)
         time_ns = -time_ns;
     size_t pixels = (size_t)t->calibration.depth.width * (size_t)t->calibration.depth.height;
     if (mask)
@@ -479,61 +489,61 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
     if (t->following && (time_ns <= t->time_ns ||
                          (t->lost_since_ns && (double)(time_ns - t->lost_since_ns) > t->options.patience_s * 1e9))) {
         if (time_ns > t->time_ns)
-            forget_person(t);
+            drop_person(t);
         t->moving = false;
     }
-    double passed_s = t->following && time_ns > t->time_ns ? fmin(1, (double)(time_ns - t->time_ns) * 1e-9) : 1.0 / 30;
+    double dt_s = t->following && time_ns > t->time_ns ? fmin(1, (double)(time_ns - t->time_ns) * 1e-9) : 1.0 / 30;
     struct body_pose expected = t->following ? predicted(t, time_ns) : t->pose;
-    struct ball balls[BALLS_MAX];
-    int ball_count = place_balls(t, &expected, balls);
-    enum status status = segmenter_next(t->segmenter, depth, balls, ball_count, t->mask);
-    took(t, &t->times.segment);
+    struct bounding_sphere spheres[SPHERES_MAX];
+    int sphere_count = predict_spheres(t, &expected, spheres);
+    enum status status = segmenter_next(t->segmenter, depth, spheres, sphere_count, t->mask);
+    add_elapsed(t, &t->times.segment);
     if (status < 0)
         return status;
-    struct fit_task task = {.every = 1, .evidence = t->evidence, .expected = expected, .shape = t->shape};
+    struct fit_task task = {.point_stride = 1, .evidence = t->evidence, .expected = expected, .shape = t->shape};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     bool there = status == OK && evidence_read(t->evidence, depth, t->mask, t->options.points);
-    took(t, &t->times.evidence);
-    t->furniture_frames = 0;
-    bool followed = there && t->following && follow(t, &task, passed_s);
-    if (followed && is_furniture(t, &task, depth)) {
-        t->furniture_frames = LEARN_EVERY * segmenter_motionless(t->segmenter);
-        segmenter_put_away(t->segmenter);
+    add_elapsed(t, &t->times.evidence);
+    t->static_object_frames = 0;
+    bool followed = there && t->following && track_frame(t, &task, dt_s);
+    if (followed && is_static_object(t, &task, depth)) {
+        t->static_object_frames = LEARN_EVERY * segmenter_static_frames(t->segmenter);
+        segmenter_absorb_static(t->segmenter);
         followed = false;
     }
     if (there && t->following && !followed)
-        there = look_elsewhere(t, depth);
+        there = find_other_person(t, depth);
     bool fresh = !t->following;
     if (there && !fresh)
-        think_start_over(t, &task);
+        reinitialise(t, &task);
     if (there && fresh)
-        there = t->following = start(t, &task);
+        there = t->following = detect_person(t, &task);
     if (!there) {
         if (t->following && !t->lost_since_ns)
             t->lost_since_ns = time_ns;
         else if (!t->following && t->empty_frames++ % LEARN_EVERY == 0) // what stands there now is furniture
-            segmenter_learn(t->segmenter);
+            segmenter_update_background(t->segmenter);
         t->moving = false;
         return NOTHING;
     }
     t->lost_since_ns = 0;
-    t->before = t->pose;
-    t->before_ns = t->time_ns;
-    t->pose = t->room->best.pose;
+    t->previous_pose = t->pose;
+    t->previous_ns = t->time_ns;
+    t->pose = t->scratch->best.pose;
     for (int k = 0; k < LIMB_COUNT; k++) // that was no motion, and does not go on
-        if (t->found_elsewhere[k])
-            limb_copy(k, &t->pose, &t->before);
-    t->moving = !fresh && !t->turned && time_ns > t->time_ns;
+        if (t->limb_relocated[k])
+            limb_copy(k, &t->pose, &t->previous_pose);
+    t->moving = !fresh && !t->flipped && time_ns > t->time_ns;
     if (fresh || !t->moving)
-        body_steady_start(&t->shown, &t->room->best.shape, &t->pose);
+        pose_filter_start(&t->filter, &t->scratch->best.shape, &t->pose);
     else
-        body_steady_next(&t->shown, &t->room->best.shape, &t->pose, passed_s);
+        pose_filter_update(&t->filter, &t->scratch->best.shape, &t->pose, dt_s);
     t->time_ns = time_ns;
-    took(t, &t->times.fit);
+    add_elapsed(t, &t->times.fit);
     if (fresh || t->frames % LEARN_EVERY == 0)
-        segmenter_learn(t->segmenter);
-    took(t, &t->times.segment);
-    report(t, &t->room->best, passed_s, out);
+        segmenter_update_background(t->segmenter);
+    add_elapsed(t, &t->times.segment);
+    fill_skeleton(t, &t->scratch->best, dt_s, out);
     if (mask)
         memcpy(mask, t->mask, pixels);
     return OK;
@@ -541,50 +551,50 @@ enum status tracker_next(struct tracker *t, int64_t time_ns, const uint16_t *dep
 
 // ------------------------------------------------------------- looking back
 
-void tracker_turn_back(struct tracker *t, const struct body_shape *shape)
+void tracker_begin_backward(struct tracker *t, const struct body_shape *shape)
 {
-    t->back = true;
+    t->backward = true;
     t->shape.mean = *shape;
     t->moving = false;
     t->lost_since_ns = 0;
-    t->turned_evidence = t->swapped_evidence = 0;
-    memset(t->elsewhere_evidence, 0, sizeof t->elsewhere_evidence);
+    t->flip_log_odds = t->leg_swap_log_odds = 0;
+    memset(t->limb_log_odds, 0, sizeof t->limb_log_odds);
 }
 
-void tracker_also_there(struct tracker *t, const struct body_pose *pose)
+void tracker_add_prior(struct tracker *t, const struct body_pose *pose)
 {
-    t->other = *pose;
-    t->has_other = true;
+    t->prior_pose = *pose;
+    t->has_prior = true;
 }
 
-const struct body_pose *tracker_pose(const struct tracker *t) { return &t->shown.pose; }
+const struct body_pose *tracker_pose(const struct tracker *t) { return &t->filter.pose; }
 
 const struct body_shape *tracker_shape(const struct tracker *t) { return &t->shape.mean; }
 
-int tracker_furniture_frames(const struct tracker *t) { return t->furniture_frames; }
+int tracker_static_object_frames(const struct tracker *t) { return t->static_object_frames; }
 
-int tracker_found_count(const struct tracker *t) { return t->found_count; }
+int tracker_detection_count(const struct tracker *t) { return t->detection_count; }
 
 // As far a reach as in the search for limbs: what is left unexplained has to count.
-static struct fit_task weighing(const struct tracker *t)
+static struct fit_task evaluation_task(const struct tracker *t)
 {
-    struct fit_task task = {.every = 1, .evidence = t->evidence, .shape = t->shape, .reach_m = 0.12};
+    struct fit_task task = {.point_stride = 1, .evidence = t->evidence, .shape = t->shape, .kernel_m = 0.12};
     task.have_floor = segmenter_floor(t->segmenter, &task.up, &task.floor_m);
     return task;
 }
 
-struct pose_odds tracker_weigh(struct tracker *t, const struct body_pose *other)
+struct pose_log_odds tracker_log_odds(struct tracker *t, const struct body_pose *other)
 {
-    struct fit_task task = weighing(t);
-    return pose_weigh(&task, &t->pose, other, t->room);
+    struct fit_task task = evaluation_task(t);
+    return pose_compare(&task, &t->pose, other, t->scratch);
 }
 
-double tracker_shin_aside(struct tracker *t, int leg, struct body_pose *out)
+double tracker_shin_alternative(struct tracker *t, int leg, struct body_pose *out)
 {
-    struct fit_task task = weighing(t);
+    struct fit_task task = evaluation_task(t);
     struct body_pose found;
-    double gain = shin_aside_gain(&task, leg, t->room, &found);
-    *out = t->shown.pose;
+    double gain = shin_alternative_log_odds(&task, leg, t->scratch, &found);
+    *out = t->filter.pose;
     if (gain > 0)
         limb_copy(leg, &found, out);
     return gain;

@@ -49,4 +49,4 @@ MUST_CHECK enum status tracker_next(struct tracker *t, int64_t time_ns, const ui
 struct tracker_times {
     int64_t segment, evidence, fit, search; // search: for limbs, the way round, a new person
 };
-struct tracker_times tracker_times(const struct tracker *t);
+struct tracker_times tracker_last_times(const struct tracker *t);

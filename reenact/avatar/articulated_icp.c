@@ -4,23 +4,23 @@
 
 #include <string.h>
 
-enum { ROUNDS = 8, UNKNOWNS = 6 * BONE_COUNT, POINTS = 4000 };
+enum { ITERATIONS = 8, UNKNOWNS = 6 * BONE_COUNT, POINTS = 4000 };
 
 // Least squares in units of metres: a reading is good to this much,
-static const double READING_M = 0.01;
+static const double DEPTH_SIGMA_M = 0.01;
 // readings of one part wander together, so that many count as no more than these,
-static const double PART_READINGS = 60;
-static const double JOINED_M = 0.004;                   // a joint's two sides meet within this,
-static const double BEFORE_M = 0.03, BEFORE_RAD = 0.12; // and a bone changes from the start by this.
-static const double TURNED_RAD = 0.02;                  // colours tell better than depth how round parts are turned
+static const double PART_SAMPLES_MOST = 60;
+static const double JOINT_SIGMA_M = 0.004;                        // a joint's two sides meet within this,
+static const double START_SIGMA_M = 0.03, START_SIGMA_RAD = 0.12; // and a bone changes from the start by this.
+static const double AXIAL_SIGMA_RAD = 0.02; // colours tell refined than depth how round parts are turned
 static const double OUTLIER_M = 0.025;
 // a place of the outline is good to this and odd by that, and a part's count as no more than these.
-static const double OUTLINE_PX = 1, OUTLINE_OUTLIER_PX = 4, PART_OUTLINE = 20;
-static const double OUTLINE_FACING = 0.5; // cosine: the shape ends there the way that the outline does
-static const double SURELY_SEEN = 1;      // frames; a surface that is only guessed holds nothing
-static const double LEAST_FACING = 0.1;   // cosine: what a reading shows faces the sensor
+static const double SILHOUETTE_SIGMA_PX = 1, SILHOUETTE_OUTLIER_PX = 4, PART_SILHOUETTE_MOST = 20;
+static const double SILHOUETTE_FACING = 0.5; // cosine: the shape ends there the way that the outline does
+static const double CERTAIN_FRAMES = 1;      // frames; a surface that is only guessed holds nothing
+static const double LEAST_FACING = 0.1;      // cosine: what a reading shows faces the sensor
 
-bool turned_by_colors(int bone)
+bool rotation_from_colors(int bone)
 {
     switch (bone) {
     case PART_LEFT_THIGH:
@@ -28,23 +28,24 @@ bool turned_by_colors(int bone)
     case PART_LEFT_SHIN:
     case PART_RIGHT_SHIN:
     case BONE_SKULL: return true;
-    default: return false; // a trunk is flat; arms came out no better for it (docs/figures.md)
+    default: return false; // a trunk is flat; arms came out no refined for it (docs/figures.md)
     }
 }
 
-struct adjustment adjustment_none(void)
+struct bone_corrections bone_corrections_identity(void)
 {
-    struct adjustment a;
+    struct bone_corrections a;
     for (int p = 0; p < BONE_COUNT; p++)
         a.bone[p] = POSE_IDENTITY;
     return a;
 }
 
-struct posture posture_adjusted(const struct posture *posture, const struct adjustment *adjustment)
+struct bone_transforms bone_corrections_apply(const struct bone_transforms *transforms,
+                                              const struct bone_corrections *corrections)
 {
-    struct posture out;
+    struct bone_transforms out;
     for (int p = 0; p < BONE_COUNT; p++)
-        out.bone[p] = pose_multiply(posture->bone[p], adjustment->bone[p]);
+        out.bone[p] = pose_multiply(transforms->bone[p], corrections->bone[p]);
     return out;
 }
 
@@ -53,9 +54,10 @@ static struct pose pose_mix(struct pose a, struct pose b, double t)
     return (struct pose){quat_slerp(a.rotation, b.rotation, t), v3_mix(a.translation, b.translation, t)};
 }
 
-struct adjustment adjustment_mix(const struct adjustment *a, const struct adjustment *b, double t)
+struct bone_corrections bone_corrections_mix(const struct bone_corrections *a, const struct bone_corrections *b,
+                                             double t)
 {
-    struct adjustment out;
+    struct bone_corrections out;
     for (int p = 0; p < BONE_COUNT; p++)
         out.bone[p] = pose_mix(a->bone[p], b->bone[p], t);
     return out;
@@ -63,12 +65,12 @@ struct adjustment adjustment_mix(const struct adjustment *a, const struct adjust
 
 // ---------------------------------------------------------------- normal equations
 
-struct system {
+struct icp_system {
     double a[UNKNOWNS][UNKNOWNS], b[UNKNOWNS]; // a x = b
 };
 
 // One equation: J x = value, over one or two parts.
-static void add_row(struct system *s, const int *at, const double *j, int count, double value, double weight)
+static void add_row(struct icp_system *s, const int *at, const double *j, int count, double value, double weight)
 {
     for (int r = 0; r < count; r++) {
         for (int c = 0; c < count; c++)
@@ -78,7 +80,7 @@ static void add_row(struct system *s, const int *at, const double *j, int count,
 }
 
 // Cholesky, in place, of what is positive definite because every unknown has a prior.
-static void factor(struct system *s)
+static void factor(struct icp_system *s)
 {
     for (int i = 0; i < UNKNOWNS; i++) {
         for (int j = 0; j <= i; j++) {
@@ -90,7 +92,7 @@ static void factor(struct system *s)
     }
 }
 
-static void solve(struct system *s)
+static void solve(struct icp_system *s)
 {
     factor(s);
     for (int i = 0; i < UNKNOWNS; i++) {
@@ -106,7 +108,7 @@ static void solve(struct system *s)
 }
 
 // The variance of unknown u, of a system that was solved: a column of the factor's inverse, squared.
-static double variance(const struct system *s, int u)
+static double variance(const struct icp_system *s, int u)
 {
     double column[UNKNOWNS], sum = 0;
     for (int i = u; i < UNKNOWNS; i++) {
@@ -121,20 +123,20 @@ static double variance(const struct system *s, int u)
 
 // ---------------------------------------------------------------- one round
 
-struct state {
-    const struct volume *volume;
-    const struct rest *rest;
-    const struct sight *sight;
-    const struct align_from *from;
-    struct posture start, now;
+struct icp_state {
+    const struct tsdf *tsdf;
+    const struct bind_pose *bind_pose;
+    const struct depth_frame *depth_frame;
+    const struct icp_input *from;
+    struct bone_transforms start, now;
     struct vec3 middle[BONE_COUNT]; // of each bone, about which it turns; camera axes
     int every;                      // pixels between two that are used
-    struct outline_place outline[OUTLINE_MOST];
-    int outline_count;
+    struct silhouette_point silhouette[SILHOUETTE_POINTS_MOST];
+    int silhouette_count;
 };
 
 // Camera-axes motion of bone p: x -> x + w cross (x - middle) + t; unknowns t, w.
-static void bone_row(const struct state *s, int p, struct vec3 at, struct vec3 along, int *index, double *j)
+static void bone_row(const struct icp_state *s, int p, struct vec3 at, struct vec3 along, int *index, double *j)
 {
     struct vec3 turn = v3_cross(v3_sub(at, s->middle[p]), along);
     const double values[6] = {along.x, along.y, along.z, turn.x, turn.y, turn.z};
@@ -144,13 +146,13 @@ static void bone_row(const struct state *s, int p, struct vec3 at, struct vec3 a
     }
 }
 
-static int points_of(const struct state *s, int count[PART_COUNT])
+static int count_samples(const struct icp_state *s, int count[PART_COUNT])
 {
     int total = 0;
     memset(count, 0, sizeof(int) * PART_COUNT);
-    for (int y = s->sight->top; y <= s->sight->bottom; y += s->every)
-        for (int x = s->sight->left; x <= s->sight->right; x += s->every) {
-            int p = s->sight->part[y * s->sight->width + x];
+    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->every)
+        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->every) {
+            int p = s->depth_frame->part[y * s->depth_frame->width + x];
             if (p < PART_COUNT) {
                 count[p]++;
                 total++;
@@ -159,93 +161,94 @@ static int points_of(const struct state *s, int count[PART_COUNT])
     return total;
 }
 
-static void add_readings(const struct state *s, struct system *system)
+static void add_depth_samples(const struct icp_state *s, struct icp_system *system)
 {
-    struct pose rest_from_camera[BONE_COUNT];
+    struct pose bind_from_camera[BONE_COUNT];
     int count[PART_COUNT];
-    points_of(s, count);
+    count_samples(s, count);
     for (int p = 0; p < BONE_COUNT; p++)
-        rest_from_camera[p] = pose_inverse(s->now.bone[p]);
-    for (int y = s->sight->top; y <= s->sight->bottom; y += s->every)
-        for (int x = s->sight->left; x <= s->sight->right; x += s->every) {
-            int i = y * s->sight->width + x, part = s->sight->part[i];
-            if (part >= PART_COUNT || !s->rest->known[part])
+        bind_from_camera[p] = pose_inverse(s->now.bone[p]);
+    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->every)
+        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->every) {
+            int i = y * s->depth_frame->width + x, part = s->depth_frame->part[i];
+            if (part >= PART_COUNT || !s->bind_pose->known[part])
                 continue;
-            struct vec3 at = source_rays_point(s->sight->rays, i, s->sight->depth[i]), gradient;
-            int p = rest_bone(s->rest, (enum part)part, at, rest_from_camera);
+            struct vec3 at = source_rays_point(s->depth_frame->rays, i, s->depth_frame->depth[i]), gradient;
+            int p = bind_pose_bone_at(s->bind_pose, (enum part)part, at, bind_from_camera);
             double distance, seen;
-            if (!volume_at(s->volume, pose_apply(rest_from_camera[p], at), &distance, &gradient, &seen) ||
+            if (!tsdf_sample(s->tsdf, pose_apply(bind_from_camera[p], at), &distance, &gradient, &seen) ||
                 v3_length(gradient) < 0.3)
                 continue;
             struct vec3 normal = quat_rotate(s->now.bone[p].rotation, v3_unit(gradient));
             if (-v3_dot(normal, v3_unit(at)) < LEAST_FACING)
                 continue; // a limb too near would be laid on it with its back, from behind
             double robust = OUTLIER_M * OUTLIER_M / (OUTLIER_M * OUTLIER_M + distance * distance);
-            double share = fmin(1, PART_READINGS / count[part]) * seen / (seen + SURELY_SEEN);
+            double share = fmin(1, PART_SAMPLES_MOST / count[part]) * seen / (seen + CERTAIN_FRAMES);
             int index[6];
             double j[6];
             bone_row(s, p, at, normal, index, j);
-            add_row(system, index, j, 6, distance, robust * robust * share / (READING_M * READING_M));
+            add_row(system, index, j, 6, distance, robust * robust * share / (DEPTH_SIGMA_M * DEPTH_SIGMA_M));
         }
 }
 
-// Of head and trunk depth has many readings, and they tell better than the outline how those are turned: a shape that
+// Of head and trunk depth has many readings, and they tell refined than the outline how those are turned: a shape that
 // is a little too wide would turn to be as narrow as it is seen.
-static bool turned_by_outline(int bone)
+static bool axial_from_silhouette(int bone)
 {
     return bone != BONE_SKULL && bone != PART_HEAD && bone != PART_UPPER_TORSO && bone != PART_LOWER_TORSO;
 }
 
 // Takes the turn about the bone itself out of its row.
-static void leave_turn(const struct state *s, int p, double j[6])
+static void remove_axial(const struct icp_state *s, int p, double j[6])
 {
-    const struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->rest->frame[p].z);
+    const struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->bind_pose->frame[p].z);
     const double about = j[3] * axis.x + j[4] * axis.y + j[5] * axis.z;
     j[3] -= about * axis.x, j[4] -= about * axis.y, j[5] -= about * axis.z;
 }
 
-// Lines of sight along the outline touch the shape. Depth alone hardly knows where limbs are sideways: it comes in
+// Viewing rays along the outline contact the shape. Depth alone hardly knows where limbs are sideways: it comes in
 // steps, and has few readings on what is thin and round.
-static void add_outline(const struct state *s, struct system *system)
+static void add_silhouette(const struct icp_state *s, struct icp_system *system)
 {
-    const struct calibration *calibration = volume_calibration(s->volume);
-    struct pose rest_from_camera[BONE_COUNT];
-    uint8_t bone[OUTLINE_MOST];
+    const struct calibration *calibration = tsdf_calibration(s->tsdf);
+    struct pose bind_from_camera[BONE_COUNT];
+    uint8_t bone[SILHOUETTE_POINTS_MOST];
     int count[BONE_COUNT] = {0};
     for (int p = 0; p < BONE_COUNT; p++)
-        rest_from_camera[p] = pose_inverse(s->now.bone[p]);
-    for (int i = 0; i < s->outline_count; i++) {
-        bone[i] = (uint8_t)outline_bone(s->rest, s->sight, &s->outline[i], rest_from_camera);
+        bind_from_camera[p] = pose_inverse(s->now.bone[p]);
+    for (int i = 0; i < s->silhouette_count; i++) {
+        bone[i] = (uint8_t)silhouette_point_bone(s->bind_pose, s->depth_frame, &s->silhouette[i], bind_from_camera);
         count[bone[i]]++;
     }
-    for (int i = 0; i < s->outline_count; i++) {
+    for (int i = 0; i < s->silhouette_count; i++) {
         const int p = bone[i];
-        struct outline_touch touch;
-        if (!s->rest->known[p] ||
-            !outline_touches(s->volume, calibration, s->sight, &s->outline[i], rest_from_camera[p], &touch))
+        struct silhouette_contact contact;
+        if (!s->bind_pose->known[p] || !silhouette_find_contact(s->tsdf, calibration, s->depth_frame, &s->silhouette[i],
+                                                                bind_from_camera[p], &contact))
             continue;
-        const struct vec3 normal = quat_rotate(s->now.bone[p].rotation, touch.normal);
-        if (-v3_dot(normal, touch.inward) < OUTLINE_FACING)
+        const struct vec3 normal = quat_rotate(s->now.bone[p].rotation, contact.normal);
+        if (-v3_dot(normal, contact.inward) < SILHOUETTE_FACING)
             continue;
-        const double pixel_m = s->sight->depth[s->outline[i].inside] * 1e-3 / calibration->depth.fx;
-        const double outlier = OUTLINE_OUTLIER_PX * pixel_m, good = OUTLINE_PX * pixel_m;
-        const double robust = outlier * outlier / (outlier * outlier + touch.gap * touch.gap);
+        const double pixel_m = s->depth_frame->depth[s->silhouette[i].inside] * 1e-3 / calibration->depth.fx;
+        const double outlier = SILHOUETTE_OUTLIER_PX * pixel_m, good = SILHOUETTE_SIGMA_PX * pixel_m;
+        const double robust = outlier * outlier / (outlier * outlier + contact.gap * contact.gap);
         int index[6];
         double j[6];
-        bone_row(s, p, touch.at, normal, index, j);
-        if (!turned_by_outline(p))
-            leave_turn(s, p, j);
-        add_row(system, index, j, 6, touch.gap, robust * robust * fmin(1, PART_OUTLINE / count[p]) / (good * good));
+        bone_row(s, p, contact.at, normal, index, j);
+        if (!axial_from_silhouette(p))
+            remove_axial(s, p, j);
+        add_row(system, index, j, 6, contact.gap,
+                robust * robust * fmin(1, PART_SILHOUETTE_MOST / count[p]) / (good * good));
     }
 }
 
-static void add_links(const struct state *s, struct system *system)
+static void add_links(const struct icp_state *s, struct icp_system *system)
 {
     for (int l = 0; l < BONE_LINKS; l++) {
         const struct bone_link *link = &bone_links[l];
-        if (!s->rest->known[link->a] || !s->rest->known[link->b])
+        if (!s->bind_pose->known[link->a] || !s->bind_pose->known[link->b])
             continue;
-        struct vec3 joint = s->rest->skeleton.joint[link->joint];
+        struct vec3 joint = s->bind_pose->skeleton.joint[link->joint];
         struct vec3 a = pose_apply(s->now.bone[link->a], joint), b = pose_apply(s->now.bone[link->b], joint);
         // As far apart as the joints themselves have them, for bones differ in length from frame to frame.
         struct vec3 apart =
@@ -258,13 +261,14 @@ static void add_links(const struct state *s, struct system *system)
             double j[12];
             bone_row(s, link->a, a, axes[axis], index, j);
             bone_row(s, link->b, b, v3_scale(axes[axis], -1), index + 6, j + 6);
-            add_row(system, index, j, 12, gaps[axis], 1 / (JOINED_M * JOINED_M));
+            add_row(system, index, j, 12, gaps[axis], 1 / (JOINT_SIGMA_M * JOINT_SIGMA_M));
         }
     }
 }
 
 // Pulls bone p back to `to`.
-static void add_prior(const struct state *s, struct system *system, int p, const struct pose *to, double m, double rad)
+static void add_prior(const struct icp_state *s, struct icp_system *system, int p, const struct pose *to, double m,
+                      double rad)
 {
     struct pose back = pose_multiply(*to, pose_inverse(s->now.bone[p])); // in camera axes
     struct vec3 move = v3_sub(pose_apply(back, s->middle[p]), s->middle[p]);
@@ -278,28 +282,28 @@ static void add_prior(const struct state *s, struct system *system, int p, const
 }
 
 // Keeps bone p from turning about itself.
-static void add_turned(const struct state *s, struct system *system, int p)
+static void add_axial_prior(const struct icp_state *s, struct icp_system *system, int p)
 {
-    struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->rest->frame[p].z);
+    struct vec3 axis = quat_rotate(s->now.bone[p].rotation, s->bind_pose->frame[p].z);
     struct vec3 turn =
         quat_to_rotation_vector(quat_multiply(s->start.bone[p].rotation, quat_conjugate(s->now.bone[p].rotation)));
     const int index[3] = {6 * p + 3, 6 * p + 4, 6 * p + 5};
     const double j[3] = {axis.x, axis.y, axis.z};
-    add_row(system, index, j, 3, v3_dot(axis, turn), 1 / (TURNED_RAD * TURNED_RAD));
+    add_row(system, index, j, 3, v3_dot(axis, turn), 1 / (AXIAL_SIGMA_RAD * AXIAL_SIGMA_RAD));
 }
 
-static void one_round(struct state *s, struct system *system)
+static void iterate(struct icp_state *s, struct icp_system *system)
 {
     memset(system, 0, sizeof *system);
     for (int p = 0; p < BONE_COUNT; p++) {
-        s->middle[p] = pose_apply(s->now.bone[p], part_frame_middle(&s->rest->frame[p]));
+        s->middle[p] = pose_apply(s->now.bone[p], bone_frame_midpoint(&s->bind_pose->frame[p]));
         add_prior(s, system, p, &s->from->joints.bone[p], s->from->joint_errors.m[p], s->from->joint_errors.rad[p]);
-        add_prior(s, system, p, &s->start.bone[p], BEFORE_M, BEFORE_RAD);
-        if (s->from->turned && turned_by_colors(p))
-            add_turned(s, system, p);
+        add_prior(s, system, p, &s->start.bone[p], START_SIGMA_M, START_SIGMA_RAD);
+        if (s->from->axial_fixed && rotation_from_colors(p))
+            add_axial_prior(s, system, p);
     }
-    add_readings(s, system);
-    add_outline(s, system);
+    add_depth_samples(s, system);
+    add_silhouette(s, system);
     add_links(s, system);
     solve(system);
     for (int p = 0; p < BONE_COUNT; p++) {
@@ -312,7 +316,7 @@ static void one_round(struct state *s, struct system *system)
     }
 }
 
-static void find_unsure(const struct system *system, struct bone_errors *unsure)
+static void find_uncertainty(const struct icp_system *system, struct joint_noise *uncertainty)
 {
     for (int p = 0; p < BONE_COUNT; p++) {
         double m2 = 0, rad2 = 0;
@@ -320,34 +324,35 @@ static void find_unsure(const struct system *system, struct bone_errors *unsure)
             m2 += variance(system, 6 * p + i) / 3;
             rad2 += variance(system, 6 * p + 3 + i) / 3;
         }
-        unsure->m[p] = sqrt(m2);
-        unsure->rad[p] = sqrt(rad2);
+        uncertainty->m[p] = sqrt(m2);
+        uncertainty->rad[p] = sqrt(rad2);
     }
 }
 
-struct adjustment align(const struct volume *volume, struct sight *sight, const struct align_from *from,
-                        struct bone_errors *unsure)
+struct bone_corrections articulated_icp(const struct tsdf *tsdf, struct depth_frame *depth_frame,
+                                        const struct icp_input *from, struct joint_noise *uncertainty)
 {
-    struct system system;
-    struct state s = {.volume = volume, .rest = volume_rest(volume), .sight = sight, .from = from};
-    s.start = s.now = posture_adjusted(&from->joints, &from->start);
+    struct icp_system system;
+    struct icp_state s = {.tsdf = tsdf, .bind_pose = tsdf_bind_pose(tsdf), .depth_frame = depth_frame, .from = from};
+    s.start = s.now = bone_corrections_apply(&from->joints, &from->start);
     s.every = 1;
     int count[PART_COUNT];
-    while (points_of(&s, count) > POINTS)
+    while (count_samples(&s, count) > POINTS)
         s.every++;
-    const int rounds = from->turned ? ROUNDS / 2 : ROUNDS; // from where it was laid before, half of them do
+    const int rounds =
+        from->axial_fixed ? ITERATIONS / 2 : ITERATIONS; // from where it was laid before, half of them do
     for (int round = 0; round < rounds; round++) {
         if (round == 0 || round == rounds / 2) {
-            struct skeleton better = posture_skeleton(s.rest, &s.now);
-            sight_label(sight, &better);
+            struct skeleton refined = bone_transforms_skeleton(s.bind_pose, &s.now);
+            depth_frame_relabel(depth_frame, &refined);
             if (round > 0) // by then they lie near where they end, or they would be laid on others' outlines
-                s.outline_count = outline_find(sight, s.outline);
+                s.silhouette_count = silhouette_find_points(depth_frame, s.silhouette);
         }
-        one_round(&s, &system);
+        iterate(&s, &system);
     }
-    if (unsure)
-        find_unsure(&system, unsure);
-    struct adjustment out;
+    if (uncertainty)
+        find_uncertainty(&system, uncertainty);
+    struct bone_corrections out;
     for (int p = 0; p < BONE_COUNT; p++)
         out.bone[p] = pose_multiply(pose_inverse(from->joints.bone[p]), s.now.bone[p]);
     return out;

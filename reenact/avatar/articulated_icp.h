@@ -1,4 +1,4 @@
-// Lays the person's likeness on what one frame saw of it: joints are a few
+// Lays the person's avatar on what one frame saw of it: joints are a few
 // centimetres wrong, depth and the person's outline are not. Every bone may move
 // and turn a little; parts that meet stay together, and what was not seen stays
 // where the joints say. Pure.
@@ -6,24 +6,26 @@
 #include "reenact/skeleton/joint_noise.h"
 #include "reenact/avatar/tsdf.h"
 
-// What turns the joints' posture into the better one, in each bone's rest axes.
-struct adjustment {
-    struct pose bone[BONE_COUNT]; // posture = joints' posture * adjustment
+// What turns the joints' transforms into the better one, in each bone's bind-pose axes.
+struct bone_corrections {
+    struct pose bone[BONE_COUNT]; // transforms = joints' transforms * corrections
 };
-struct adjustment adjustment_none(void);
-struct posture posture_adjusted(const struct posture *posture, const struct adjustment *adjustment);
-struct adjustment adjustment_mix(const struct adjustment *a, const struct adjustment *b, double t);
+struct bone_corrections bone_corrections_identity(void);
+struct bone_transforms bone_corrections_apply(const struct bone_transforms *transforms,
+                                              const struct bone_corrections *corrections);
+struct bone_corrections bone_corrections_mix(const struct bone_corrections *a, const struct bone_corrections *b,
+                                             double t);
 
 // What is known of a frame before it is looked at.
-struct align_from {
-    struct posture joints;           // that the frame's skeleton gives
-    struct bone_errors joint_errors; // how far that may be wrong
-    struct adjustment start;         // where to begin, for example the frame's before
-    bool turned; // it has head and legs turned as colours have them (axial_rotation.h), and so they stay
+struct icp_input {
+    struct bone_transforms joints;   // that the frame's skeleton gives
+    struct joint_noise joint_errors; // how far that may be wrong
+    struct bone_corrections start;   // where to begin, for example the frame's before
+    bool axial_fixed; // it has head and legs turned as colours have them (axial_rotation.h), and so they stay
 };
-// Of the volume's rest pose. unsure: how wrong bones may still be; NULL: nobody asks. The sight's labels are used and
-// made better.
-struct adjustment align(const struct volume *volume, struct sight *sight, const struct align_from *from,
-                        struct bone_errors *unsure);
+// Of the tsdf's bind pose. uncertainty: how wrong bones may still be; NULL: nobody asks. The depth_frame's labels are
+// used and made better.
+struct bone_corrections articulated_icp(const struct tsdf *tsdf, struct depth_frame *depth_frame,
+                                        const struct icp_input *from, struct joint_noise *uncertainty);
 
-bool turned_by_colors(int bone); // round: depth alone does not tell how it is turned about itself
+bool rotation_from_colors(int bone); // round: depth alone does not tell how it is turned about itself

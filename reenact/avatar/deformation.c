@@ -3,25 +3,25 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { POINTS = 3000, ROUNDS = 3, STEPS = 20, TILE_PX = 16, OUTLINE_EVERY_PX = 2 };
+enum { POINTS = 3000, ITERATIONS = 3, STEPS = 20, TILE_PX = 16, SILHOUETTE_STRIDE_PX = 2 };
 
 // Least squares in units of metres: a reading is good to this much,
-static const float READING_M = 0.01F;
-static const float OUTLINE_M = 0.01F; // a place of the outline to that,
-static const float BEND_M = 0.024F;   // neighbouring nodes shift alike within this,
-static const float SHIFT_M = 0.04F;   // and all of them little.
-static const double OUTLIER_M[ROUNDS] = {0.04, 0.03, 0.025};
-static const double COLOR_SIGMA_PX[ROUNDS] = {0, 2, 1.2}; // first the shape has to lie about right
-static const double ASIDE_PX = 12;      // an outline is looked for so far from where the surface has it
-static const double SURELY_SEEN = 1;    // frames
+static const float DEPTH_SIGMA_M = 0.01F;
+static const float SILHOUETTE_SIGMA_M = 0.01F; // a place of the outline to that,
+static const float SMOOTHNESS_M = 0.024F;      // neighbouring nodes shift alike within this,
+static const float SHIFT_PRIOR_M = 0.04F;      // and all of them little.
+static const double OUTLIER_M[ITERATIONS] = {0.04, 0.03, 0.025};
+static const double COLOR_SIGMA_PX[ITERATIONS] = {0, 2, 1.2}; // first the shape has to lie about right
+static const double SEARCH_PX = 12;     // an outline is looked for so far from where the surface has it
+static const double CERTAIN_FRAMES = 1; // frames
 static const double LEAST_FACING = 0.1; // cosine: what a reading shows faces the camera
 static const double GRAZING = 0.3;      // cosine: what may be at the outline
 
 // ---------------------------------------------------------------- the grid
 
-static int grid_count(const struct warp_grid *g) { return g->size[0] * g->size[1] * g->size[2]; }
+static int grid_count(const struct deformation_grid *g) { return g->size[0] * g->size[1] * g->size[2]; }
 
-static struct warp_grid grid_about(const struct surface *s)
+static struct deformation_grid grid_about(const struct surface_mesh *s)
 {
     struct vec3 low = s->points[0], high = low;
     for (int i = 1; i < s->point_count; i++) {
@@ -29,20 +29,20 @@ static struct warp_grid grid_about(const struct surface *s)
         low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
         high = v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
     }
-    const struct vec3 margin = {WARP_STEP_M, WARP_STEP_M, WARP_STEP_M};
-    struct warp_grid g = {.corner = v3_sub(low, margin)};
+    const struct vec3 margin = {DEFORMATION_STEP_M, DEFORMATION_STEP_M, DEFORMATION_STEP_M};
+    struct deformation_grid g = {.corner = v3_sub(low, margin)};
     struct vec3 extent = v3_sub(v3_add(high, margin), g.corner);
-    g.size[0] = (int)ceil(extent.x / WARP_STEP_M) + 1;
-    g.size[1] = (int)ceil(extent.y / WARP_STEP_M) + 1;
-    g.size[2] = (int)ceil(extent.z / WARP_STEP_M) + 1;
+    g.size[0] = (int)ceil(extent.x / DEFORMATION_STEP_M) + 1;
+    g.size[1] = (int)ceil(extent.y / DEFORMATION_STEP_M) + 1;
+    g.size[2] = (int)ceil(extent.z / DEFORMATION_STEP_M) + 1;
     return g;
 }
 
 // The cube of the grid that holds a point, and where in it; false: outside.
-static bool cube_of(const struct warp_grid *g, struct vec3 p, int *at, double in[3])
+static bool cube_of(const struct deformation_grid *g, struct vec3 p, int *at, double in[3])
 {
-    const double q[3] = {(p.x - g->corner.x) / WARP_STEP_M, (p.y - g->corner.y) / WARP_STEP_M,
-                         (p.z - g->corner.z) / WARP_STEP_M};
+    const double q[3] = {(p.x - g->corner.x) / DEFORMATION_STEP_M, (p.y - g->corner.y) / DEFORMATION_STEP_M,
+                         (p.z - g->corner.z) / DEFORMATION_STEP_M};
     int cell[3];
     for (int i = 0; i < 3; i++) {
         if (!(q[i] >= 0 && q[i] < g->size[i] - 1))
@@ -54,7 +54,7 @@ static bool cube_of(const struct warp_grid *g, struct vec3 p, int *at, double in
     return true;
 }
 
-static int corner_at(const struct warp_grid *g, int at, int corner)
+static int corner_at(const struct deformation_grid *g, int at, int corner)
 {
     return at + (corner & 1) + ((corner >> 1 & 1) + (corner >> 2) * g->size[1]) * g->size[0];
 }
@@ -68,9 +68,9 @@ static double corner_share(const double in[3], int corner)
 }
 
 // Nodes are the corners of the cubes that the surface passes through, and all that lies inside it.
-static void find_nodes(struct warp *w, const struct surface *surface)
+static void find_nodes(struct deformation *w, const struct surface_mesh *surface)
 {
-    const struct warp_grid *g = &w->grid;
+    const struct deformation_grid *g = &w->grid;
     int count = grid_count(g), at;
     double in[3];
     memset(w->node, -1, sizeof *w->node * (size_t)count);
@@ -81,120 +81,123 @@ static void find_nodes(struct warp *w, const struct surface *surface)
     w->node_count = 0;
     for (int i = 0; i < count; i++) {
         struct vec3 p =
-            v3_add(g->corner,
-                   v3_scale(v3(i % g->size[0], i / g->size[0] % g->size[1], i / g->size[0] / g->size[1]), WARP_STEP_M));
-        if (w->node[i] == 0 || rest_distance(&w->rest, p) < 0)
+            v3_add(g->corner, v3_scale(v3(i % g->size[0], i / g->size[0] % g->size[1], i / g->size[0] / g->size[1]),
+                                       DEFORMATION_STEP_M));
+        if (w->node[i] == 0 || bind_pose_distance(&w->bind_pose, p) < 0)
             w->node[i] = w->node_count++;
     }
 }
 
-static void join_nodes(struct warp *w)
+static void join_nodes(struct deformation *w)
 {
-    const struct warp_grid *g = &w->grid;
+    const struct deformation_grid *g = &w->grid;
     const int step[3] = {1, g->size[0], g->size[0] * g->size[1]};
     for (int i = 0; i < grid_count(g); i++) {
         const int at[3] = {i % g->size[0], i / g->size[0] % g->size[1], i / g->size[0] / g->size[1]};
         for (int a = 0; a < 3 && w->node[i] >= 0; a++)
-            w->beside[w->node[i]][a] = at[a] + 1 < g->size[a] ? w->node[i + step[a]] : -1;
+            w->neighbor[w->node[i]][a] = at[a] + 1 < g->size[a] ? w->node[i + step[a]] : -1;
     }
 }
 
-enum status warp_open(struct warp **out, const struct rest *rest, const struct surface *surface,
-                      const struct calibration *calibration)
+enum status deformation_open(struct deformation **out, const struct bind_pose *bind_pose,
+                             const struct surface_mesh *surface, const struct calibration *calibration)
 {
-    struct warp *w = *out = calloc(1, sizeof *w);
+    struct deformation *w = *out = calloc(1, sizeof *w);
     if (!w)
         return fail(ERR_MEMORY, "out of memory");
-    w->rest = *rest;
+    w->bind_pose = *bind_pose;
     w->depth_lens = calibration->depth;
-    w->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
+    w->depth_from_color = pose_inverse(calibration->color_from_depth);
     w->grid = grid_about(surface);
     size_t count = (size_t)grid_count(&w->grid);
     w->node = malloc(sizeof *w->node * count);
-    w->picture = malloc(4 * count);
+    w->quantized = malloc(4 * count);
     if (w->node)
         find_nodes(w, surface);
     size_t nodes = (size_t)w->node_count;
-    w->beside = malloc(sizeof *w->beside * nodes);
+    w->neighbor = malloc(sizeof *w->neighbor * nodes);
     w->shift = malloc(sizeof *w->shift * nodes);
-    w->right = malloc(sizeof *w->right * nodes);
+    w->rhs = malloc(sizeof *w->rhs * nodes);
     w->residual = malloc(sizeof *w->residual * nodes);
-    w->along = malloc(sizeof *w->along * nodes);
-    w->image = malloc(sizeof *w->image * nodes);
-    w->scale = malloc(sizeof *w->scale * nodes);
-    w->row_most = 3 * POINTS + 3 * WARP_COLOR_PLACES; // readings and outline; colours
+    w->direction = malloc(sizeof *w->direction * nodes);
+    w->product = malloc(sizeof *w->product * nodes);
+    w->diagonal = malloc(sizeof *w->diagonal * nodes);
+    w->row_most = 3 * POINTS + 3 * DEFORMATION_COLOR_POINTS; // depth_samples and outline; colours
     w->rows = malloc(sizeof *w->rows * (size_t)w->row_most);
-    w->readings = malloc(sizeof *w->readings * 2 * POINTS);
-    w->edges = malloc(sizeof *w->edges * POINTS);
-    w->brinks = malloc(sizeof *w->brinks * (size_t)surface->point_count);
-    w->color_places = malloc(sizeof *w->color_places * WARP_COLOR_PLACES);
+    w->depth_samples = malloc(sizeof *w->depth_samples * 2 * POINTS);
+    w->contour = malloc(sizeof *w->contour * POINTS);
+    w->candidates = malloc(sizeof *w->candidates * (size_t)surface->point_count);
+    w->color_points = malloc(sizeof *w->color_points * DEFORMATION_COLOR_POINTS);
     w->across = (calibration->depth.width + TILE_PX - 1) / TILE_PX;
     w->down = (calibration->depth.height + TILE_PX - 1) / TILE_PX;
     w->tile = malloc(sizeof *w->tile * (size_t)w->across * (size_t)w->down);
-    if (!w->node || !w->picture || !w->beside || !w->shift || !w->right || !w->residual || !w->along || !w->image ||
-        !w->scale || !w->rows || !w->readings || !w->edges || !w->brinks || !w->color_places || !w->tile) {
-        warp_close(out);
+    if (!w->node || !w->quantized || !w->neighbor || !w->shift || !w->rhs || !w->residual || !w->direction ||
+        !w->product || !w->diagonal || !w->rows || !w->depth_samples || !w->contour || !w->candidates ||
+        !w->color_points || !w->tile) {
+        deformation_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
     join_nodes(w);
-    warp_clear(w);
+    deformation_clear(w);
     return OK;
 }
 
-void warp_close(struct warp **out)
+void deformation_close(struct deformation **out)
 {
-    struct warp *w = *out;
+    struct deformation *w = *out;
     if (!w)
         return;
-    void *const all[] = {w->node, w->beside,   w->shift, w->right,  w->residual,     w->along, w->image,  w->scale,
-                         w->rows, w->readings, w->edges, w->brinks, w->color_places, w->tile,  w->picture};
+    void *const all[] = {w->node,      w->neighbor,   w->shift,        w->rhs,  w->residual,
+                         w->direction, w->product,    w->diagonal,     w->rows, w->depth_samples,
+                         w->contour,   w->candidates, w->color_points, w->tile, w->quantized};
     for (size_t i = 0; i < COUNT_OF(all); i++)
         free(all[i]);
     free(w);
     *out = NULL;
 }
 
-struct vec3 warp_at(const struct warp *w, struct vec3 rest)
+struct vec3 deformation_at(const struct deformation *w, struct vec3 bind_point)
 {
     struct vec3 sum = v3(0, 0, 0);
     double in[3];
     int at;
-    if (!cube_of(&w->grid, rest, &at, in))
+    if (!cube_of(&w->grid, bind_point, &at, in))
         return sum;
     for (int c = 0; c < 8; c++) {
-        const uint8_t *t = w->picture + 4 * corner_at(&w->grid, at, c);
+        const uint8_t *t = w->quantized + 4 * corner_at(&w->grid, at, c);
         sum = v3_add(sum, v3_scale(v3(t[0] - 128, t[1] - 128, t[2] - 128), corner_share(in, c)));
     }
-    return v3_scale(sum, WARP_MOST_M / 127);
+    return v3_scale(sum, DEFORMATION_SHIFT_MOST_M / 127);
 }
 
-// What everybody reads: a shift's component of WARP_MOST_M * t is 127 * t + 128, no finer than it is known.
-static void write_picture(struct warp *w)
+// What everybody reads: a shift's component of DEFORMATION_SHIFT_MOST_M * t is 127 * t + 128, no finer than it is
+// known.
+static void write_quantized(struct deformation *w)
 {
     for (int i = 0; i < grid_count(&w->grid); i++) {
-        uint8_t *t = w->picture + 4 * i;
+        uint8_t *t = w->quantized + 4 * i;
         memset(t, 128, 4);
         for (int a = 0; a < 3 && w->node[i] >= 0; a++) {
-            double part = (double)w->shift[w->node[i]][a] / WARP_MOST_M;
+            double part = (double)w->shift[w->node[i]][a] / DEFORMATION_SHIFT_MOST_M;
             t[a] = (uint8_t)(128.5 + 127 * (part < -1 ? -1 : part > 1 ? 1 : part));
         }
     }
 }
 
-void warp_clear(struct warp *w)
+void deformation_clear(struct deformation *w)
 {
     memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
-    write_picture(w);
+    write_quantized(w);
 }
 
 // ---------------------------------------------------------------- the evidence
 
-struct vec3 warp_shift_now(const struct warp *w, struct vec3 rest)
+struct vec3 deformation_current_shift(const struct deformation *w, struct vec3 bind_point)
 {
     struct vec3 sum = v3(0, 0, 0);
     double in[3];
     int at;
-    if (!cube_of(&w->grid, rest, &at, in))
+    if (!cube_of(&w->grid, bind_point, &at, in))
         return sum;
     for (int c = 0; c < 8; c++) {
         int node = w->node[corner_at(&w->grid, at, c)];
@@ -206,13 +209,13 @@ struct vec3 warp_shift_now(const struct warp *w, struct vec3 rest)
     return sum;
 }
 
-void warp_add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more, double weight)
+void deformation_add_row(struct deformation *w, struct vec3 bind_point, struct vec3 n, double more, double weight)
 {
     double in[3];
     int at;
-    if (w->row_count == w->row_most || !cube_of(&w->grid, rest, &at, in))
+    if (w->row_count == w->row_most || !cube_of(&w->grid, bind_point, &at, in))
         return;
-    struct row *r = &w->rows[w->row_count];
+    struct deformation_row *r = &w->rows[w->row_count];
     for (int c = 0; c < 8; c++) {
         r->node[c] = w->node[corner_at(&w->grid, at, c)];
         r->share[c] = (float)corner_share(in, c);
@@ -220,28 +223,28 @@ void warp_add_row(struct warp *w, struct vec3 rest, struct vec3 n, double more, 
             return;
     }
     r->n = (four){(float)n.x, (float)n.y, (float)n.z, 0};
-    r->value = (float)(v3_dot(n, warp_shift_now(w, rest)) + more);
+    r->value = (float)(v3_dot(n, deformation_current_shift(w, bind_point)) + more);
     r->weight = (float)weight;
     w->row_count++;
 }
 
-// Where a point in the camera's axes is in the rest pose, if it is of a part or of one that meets it, and the
+// Where a point in the camera's axes is in the bind pose, if it is of a part or of one that meets it, and the
 // direction from the camera to it.
-static struct vec3 into_rest(const struct warp *w, const struct pose back[BONE_COUNT], int part, struct vec3 at,
-                             struct vec3 *ray)
+static struct vec3 to_bind_pose(const struct deformation *w, const struct pose back[BONE_COUNT], int part,
+                                struct vec3 at, struct vec3 *ray)
 {
-    struct vec3 rest = pose_apply(back[rest_bone(&w->rest, (enum part)part, at, back)], at);
-    struct skin skin = rest_skin(&w->rest, rest);
-    struct vec3 mixed = v3(0, 0, 0), turned = v3(0, 0, 0);
+    struct vec3 bind_point = pose_apply(back[bind_pose_bone_at(&w->bind_pose, (enum part)part, at, back)], at);
+    struct skin_weights skin = bind_pose_skin_weights(&w->bind_pose, bind_point);
+    struct vec3 mixed = v3(0, 0, 0), rotated = v3(0, 0, 0);
     for (int i = 0; i < SKIN_BONES; i++) { // near enough to undoing the mix of maps where they differ little
         mixed = v3_add(mixed, v3_scale(pose_apply(back[skin.bone[i]], at), (double)skin.weight[i]));
-        turned = v3_add(turned, v3_scale(quat_rotate(back[skin.bone[i]].rotation, at), (double)skin.weight[i]));
+        rotated = v3_add(rotated, v3_scale(quat_rotate(back[skin.bone[i]].rotation, at), (double)skin.weight[i]));
     }
-    *ray = v3_unit(turned);
+    *ray = v3_unit(rotated);
     return mixed;
 }
 
-static int every_px(const struct sight *s)
+static int every_px(const struct depth_frame *s)
 {
     long pixels = 0;
     for (int y = s->top; y <= s->bottom; y++)
@@ -253,58 +256,60 @@ static int every_px(const struct sight *s)
     return every;
 }
 
-static void find_readings(struct warp *w, const struct sight *s, const struct posture *posture)
+static void find_depth_samples(struct deformation *w, const struct depth_frame *s,
+                               const struct bone_transforms *transforms)
 {
     struct pose back[BONE_COUNT];
     for (int p = 0; p < BONE_COUNT; p++)
-        back[p] = pose_inverse(posture->bone[p]);
+        back[p] = pose_inverse(transforms->bone[p]);
     int every = every_px(s);
-    w->reading_count = 0;
+    w->sample_count = 0;
     for (int y = s->top; y <= s->bottom; y += every)
         for (int x = s->left; x <= s->right; x += every) {
             int i = y * s->width + x, part = s->part[i];
-            if (part >= PART_COUNT || !w->rest.known[part] || w->reading_count == 2 * POINTS)
+            if (part >= PART_COUNT || !w->bind_pose.known[part] || w->sample_count == 2 * POINTS)
                 continue;
-            struct reading *r = &w->readings[w->reading_count++];
-            r->rest = into_rest(w, back, part, source_rays_point(s->rays, i, s->depth[i]), &r->ray);
+            struct deformation_sample *r = &w->depth_samples[w->sample_count++];
+            r->bind_point = to_bind_pose(w, back, part, source_rays_point(s->rays, i, s->depth[i]), &r->ray);
         }
 }
 
-static void add_readings(struct warp *w, const struct volume *volume, double outlier)
+static void add_depth_samples(struct deformation *w, const struct tsdf *tsdf, double outlier)
 {
-    for (int i = 0; i < w->reading_count; i++) {
-        const struct reading *r = &w->readings[i];
-        struct vec3 gradient, rest = v3_sub(r->rest, warp_shift_now(w, r->rest));
+    for (int i = 0; i < w->sample_count; i++) {
+        const struct deformation_sample *r = &w->depth_samples[i];
+        struct vec3 gradient, bind_point = v3_sub(r->bind_point, deformation_current_shift(w, r->bind_point));
         double distance, seen;
-        if (!volume_at(volume, rest, &distance, &gradient, &seen) || v3_length(gradient) < 0.3)
+        if (!tsdf_sample(tsdf, bind_point, &distance, &gradient, &seen) || v3_length(gradient) < 0.3)
             continue;
         struct vec3 n = v3_unit(gradient);
         if (-v3_dot(n, r->ray) < LEAST_FACING)
             continue;
         double robust = outlier * outlier / (outlier * outlier + distance * distance);
-        warp_add_row(w, rest, n, distance,
-                     robust * robust * seen / (seen + SURELY_SEEN) / (double)(READING_M * READING_M));
+        deformation_add_row(w, bind_point, n, distance,
+                            robust * robust * seen / (seen + CERTAIN_FRAMES) / (double)(DEPTH_SIGMA_M * DEPTH_SIGMA_M));
     }
 }
 
 // ---- the outline
 
 // Where a part is, in the depth camera's axes.
-struct placed {
+struct bone_matrix {
     double turn[3][3];
     struct vec3 at;
 };
 
-static void place_parts(const struct warp *w, const struct posture *posture, struct placed out[BONE_COUNT])
+static void compose_matrices(const struct deformation *w, const struct bone_transforms *transforms,
+                             struct bone_matrix out[BONE_COUNT])
 {
     for (int p = 0; p < BONE_COUNT; p++) {
-        struct pose pose = pose_multiply(w->depth_from_color, posture->bone[p]);
+        struct pose pose = pose_multiply(w->depth_from_color, transforms->bone[p]);
         quat_to_matrix(pose.rotation, out[p].turn);
         out[p].at = pose.translation;
     }
 }
 
-static struct vec3 turned(const struct placed *by, struct vec3 v)
+static struct vec3 rotated(const struct bone_matrix *by, struct vec3 v)
 {
     const double(*m)[3] = by->turn;
     return v3(m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
@@ -312,62 +317,65 @@ static struct vec3 turned(const struct placed *by, struct vec3 v)
 }
 
 // Where a place of the surface is now; false: it is not at the outline, or not in the picture.
-static bool place_brink(const struct warp *w, const struct warp_model *m, const struct placed placed[BONE_COUNT],
-                        int point, struct brink *out)
+static bool project_candidate(const struct deformation *w, const struct deformation_model *m,
+                              const struct bone_matrix matrices[BONE_COUNT], int point,
+                              struct silhouette_candidate *out)
 {
-    const struct skin *skin = &m->skins[point];
-    struct vec3 p = v3(0, 0, 0), n = p, rest = m->surface->points[point];
-    rest = v3_add(rest, warp_shift_now(w, rest));
+    const struct skin_weights *skin = &m->skins[point];
+    struct vec3 p = v3(0, 0, 0), n = p, bind_point = m->surface->points[point];
+    bind_point = v3_add(bind_point, deformation_current_shift(w, bind_point));
     for (int i = 0; i < SKIN_BONES; i++) {
-        const struct placed *by = &placed[skin->bone[i]];
+        const struct bone_matrix *by = &matrices[skin->bone[i]];
         const double weight = (double)skin->weight[i];
         if (!(weight > 0))
             continue;
-        p = v3_add(p, v3_scale(v3_add(turned(by, rest), by->at), weight));
-        n = v3_add(n, v3_scale(turned(by, m->surface->normals[point]), weight));
+        p = v3_add(p, v3_scale(v3_add(rotated(by, bind_point), by->at), weight));
+        n = v3_add(n, v3_scale(rotated(by, m->surface->normals[point]), weight));
     }
     const double along = v3_dot(n, p), n2 = v3_dot(n, n), flat = sqrt(n.x * n.x + n.y * n.y);
     if (!(p.z > 0.05) || along * along > GRAZING * GRAZING * n2 * v3_dot(p, p) || !(flat > 0.1 * sqrt(n2)))
         return false;
-    *out = (struct brink){lens_project(&w->depth_lens, p), n.x / flat, n.y / flat, p.z, point, -1};
+    *out = (struct silhouette_candidate){lens_project(&w->depth_lens, p), n.x / flat, n.y / flat, p.z, point, -1};
     return out->px.x >= 0 && out->px.y >= 0 && out->px.x < w->depth_lens.width && out->px.y < w->depth_lens.height;
 }
 
 // Sorts what may be at the outline into tiles of the picture. Who is not there in the first round is not asked again:
 // shifts turn nothing.
-static void find_brinks(struct warp *w, const struct warp_model *m, const struct posture *posture, bool first_round)
+static void find_candidates(struct deformation *w, const struct deformation_model *m,
+                            const struct bone_transforms *transforms, bool first_iteration)
 {
-    const int asked = first_round ? m->surface->point_count : w->brink_count;
-    struct placed placed[BONE_COUNT];
-    place_parts(w, posture, placed);
+    const int asked = first_iteration ? m->surface->point_count : w->candidate_count;
+    struct bone_matrix matrices[BONE_COUNT];
+    compose_matrices(w, transforms, matrices);
     memset(w->tile, -1, sizeof *w->tile * (size_t)w->across * (size_t)w->down);
-    w->brink_count = 0;
+    w->candidate_count = 0;
     for (int i = 0; i < asked; i++) {
-        struct brink b;
-        if (!place_brink(w, m, placed, first_round ? i : w->brinks[i].point, &b))
+        struct silhouette_candidate b;
+        if (!project_candidate(w, m, matrices, first_iteration ? i : w->candidates[i].point, &b))
             continue;
         int32_t *tile = &w->tile[(int)b.px.y / TILE_PX * w->across + (int)b.px.x / TILE_PX];
         b.next = *tile;
-        *tile = w->brink_count;
-        w->brinks[w->brink_count++] = b;
+        *tile = w->candidate_count;
+        w->candidates[w->candidate_count++] = b;
     }
 }
 
 // The brink nearest to the outline at px, which faces (nx, ny) there; NULL: none.
-static const struct brink *nearest_brink(const struct warp *w, const struct warp_model *m, struct pixel px, double nx,
-                                         double ny, int part)
+static const struct silhouette_candidate *nearest_candidate(const struct deformation *w,
+                                                            const struct deformation_model *m, struct pixel px,
+                                                            double nx, double ny, int part)
 {
-    const struct brink *best = NULL;
-    double least = ASIDE_PX * ASIDE_PX;
-    const int left = (int)fmax(px.x - ASIDE_PX, 0) / TILE_PX, right = (int)(px.x + ASIDE_PX) / TILE_PX;
-    const int top = (int)fmax(px.y - ASIDE_PX, 0) / TILE_PX, bottom = (int)(px.y + ASIDE_PX) / TILE_PX;
+    const struct silhouette_candidate *best = NULL;
+    double least = SEARCH_PX * SEARCH_PX;
+    const int left = (int)fmax(px.x - SEARCH_PX, 0) / TILE_PX, right = (int)(px.x + SEARCH_PX) / TILE_PX;
+    const int top = (int)fmax(px.y - SEARCH_PX, 0) / TILE_PX, bottom = (int)(px.y + SEARCH_PX) / TILE_PX;
     for (int y = top; y <= bottom && y < w->down; y++)
         for (int x = left; x <= right && x < w->across; x++)
-            for (int b = w->tile[y * w->across + x]; b >= 0; b = w->brinks[b].next) {
-                const struct brink *k = &w->brinks[b];
+            for (int b = w->tile[y * w->across + x]; b >= 0; b = w->candidates[b].next) {
+                const struct silhouette_candidate *k = &w->candidates[b];
                 double dx = k->px.x - px.x, dy = k->px.y - px.y, far = dx * dx + dy * dy;
                 if (far >= least || k->nx * nx + k->ny * ny < 0.7 ||
-                    !bones_meet((int)bone_part(m->skins[k->point].bone[0]), part))
+                    !bones_adjacent((int)bone_part(m->skins[k->point].bone[0]), part))
                     continue;
                 least = far;
                 best = k;
@@ -375,10 +383,10 @@ static const struct brink *nearest_brink(const struct warp *w, const struct warp
     return best;
 }
 
-static bool of_person(const struct sight *s, int i) { return s->part[i] != SIGHT_ROOM; }
+static bool of_person(const struct depth_frame *s, int i) { return s->part[i] != DEPTH_FRAME_BACKGROUND; }
 
 // Whether the room's pixel i is at the person's outline, and which way that faces there.
-static bool find_edge(const struct sight *s, int i, struct edge *out)
+static bool find_contour_point(const struct depth_frame *s, int i, struct contour_point *out)
 {
     static const int steps[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
     if (!of_person(s, i + 1) && !of_person(s, i - 1) && !of_person(s, i + s->width) && !of_person(s, i - s->width))
@@ -393,58 +401,59 @@ static bool find_edge(const struct sight *s, int i, struct edge *out)
         return false;
     nx /= length, ny /= length;
     for (int k = 0; k < 4; k++) {
-        const int inside = sight_inside(s, i, steps[k][1] * s->width + steps[k][0]);
+        const int inside = depth_frame_step_inside(s, i, steps[k][1] * s->width + steps[k][0]);
         if (inside < 0 || -(steps[k][0] * nx + steps[k][1] * ny) < 0.7)
             continue;
-        double in = 0.5 - SIGHT_RIM_PX; // from the room's pixel inwards
+        double in = 0.5 - DEPTH_FRAME_RIM_PX; // from the room's pixel inwards
         struct pixel px = {i % s->width + in * steps[k][0], i / s->width + in * steps[k][1]};
-        *out = (struct edge){px, nx, ny, s->part[inside]};
+        *out = (struct contour_point){px, nx, ny, s->part[inside]};
         return true;
     }
     return false;
 }
 
 // The person's outline in the picture; it does not change from round to round.
-static void find_edges(struct warp *w, const struct sight *s)
+static void find_contour(struct deformation *w, const struct depth_frame *s)
 {
-    enum { MARGIN = SIGHT_INWARD_PX + 1 };
-    w->edge_count = 0;
+    enum { MARGIN = DEPTH_FRAME_INWARD_PX + 1 };
+    w->contour_count = 0;
     int top = s->top - 1 > MARGIN ? s->top - 1 : MARGIN, left = s->left - 1 > MARGIN ? s->left - 1 : MARGIN;
     for (int y = top; y <= s->bottom + 1 && y < s->height - MARGIN; y++)
-        for (int x = left + (y - top) % OUTLINE_EVERY_PX; x <= s->right + 1 && x < s->width - MARGIN;
-             x += OUTLINE_EVERY_PX) {
+        for (int x = left + (y - top) % SILHOUETTE_STRIDE_PX; x <= s->right + 1 && x < s->width - MARGIN;
+             x += SILHOUETTE_STRIDE_PX) {
             int i = y * s->width + x;
-            if (!of_person(s, i) && w->edge_count < POINTS && find_edge(s, i, &w->edges[w->edge_count]))
-                w->edge_count++;
+            if (!of_person(s, i) && w->contour_count < POINTS &&
+                find_contour_point(s, i, &w->contour[w->contour_count]))
+                w->contour_count++;
         }
 }
 
-static void add_outline(struct warp *w, const struct warp_model *m)
+static void add_silhouette(struct deformation *w, const struct deformation_model *m)
 {
-    for (int i = 0; i < w->edge_count; i++) {
-        const struct edge *e = &w->edges[i];
-        const struct brink *b = nearest_brink(w, m, e->px, e->nx, e->ny, e->part);
+    for (int i = 0; i < w->contour_count; i++) {
+        const struct contour_point *e = &w->contour[i];
+        const struct silhouette_candidate *b = nearest_candidate(w, m, e->px, e->nx, e->ny, e->part);
         if (!b)
             continue;
         double gap = ((e->px.x - b->px.x) * b->nx + (e->px.y - b->px.y) * b->ny) * b->z / w->depth_lens.fx;
-        double outlier = ASIDE_PX / 2 * b->z / w->depth_lens.fx;
+        double outlier = SEARCH_PX / 2 * b->z / w->depth_lens.fx;
         double robust = outlier * outlier / (outlier * outlier + gap * gap);
-        warp_add_row(w, m->surface->points[b->point], m->surface->normals[b->point], gap,
-                     robust * robust / (double)(OUTLINE_M * OUTLINE_M));
+        deformation_add_row(w, m->surface->points[b->point], m->surface->normals[b->point], gap,
+                            robust * robust / (double)(SILHOUETTE_SIGMA_M * SILHOUETTE_SIGMA_M));
     }
 }
 
 // ---------------------------------------------------------------- least squares
 
 // out = A x, A from the rows, the bends and the shifts' own smallness.
-static void multiply(const struct warp *w, const four *x, four *out)
+static void multiply(const struct deformation *w, const four *x, four *out)
 {
-    const float still = 1 / (SHIFT_M * SHIFT_M), bend = 1 / (BEND_M * BEND_M);
+    const float shift_weight = 1 / (SHIFT_PRIOR_M * SHIFT_PRIOR_M), bend = 1 / (SMOOTHNESS_M * SMOOTHNESS_M);
     for (int i = 0; i < w->node_count; i++)
-        out[i] = still * x[i];
+        out[i] = shift_weight * x[i];
     for (int i = 0; i < w->node_count; i++)
         for (int k = 0; k < 3; k++) {
-            int j = w->beside[i][k];
+            int j = w->neighbor[i][k];
             if (j < 0)
                 continue;
             four apart = bend * (x[i] - x[j]);
@@ -452,7 +461,7 @@ static void multiply(const struct warp *w, const four *x, four *out)
             out[j] -= apart;
         }
     for (int r = 0; r < w->row_count; r++) {
-        const struct row *row = &w->rows[r];
+        const struct deformation_row *row = &w->rows[r];
         four shift = {0};
         for (int c = 0; c < 8; c++)
             shift += row->share[c] * x[row->node[c]];
@@ -463,18 +472,18 @@ static void multiply(const struct warp *w, const four *x, four *out)
     }
 }
 
-static void prepare(struct warp *w)
+static void prepare(struct deformation *w)
 {
-    const float still = 1 / (SHIFT_M * SHIFT_M), bend = 1 / (BEND_M * BEND_M);
-    memset(w->right, 0, sizeof *w->right * (size_t)w->node_count);
+    const float shift_weight = 1 / (SHIFT_PRIOR_M * SHIFT_PRIOR_M), bend = 1 / (SMOOTHNESS_M * SMOOTHNESS_M);
+    memset(w->rhs, 0, sizeof *w->rhs * (size_t)w->node_count);
     for (int i = 0; i < w->node_count; i++)
-        w->scale[i] = (four){0} + (still + 6 * bend);
+        w->diagonal[i] = (four){0} + (shift_weight + 6 * bend);
     for (int r = 0; r < w->row_count; r++) {
-        const struct row *row = &w->rows[r];
+        const struct deformation_row *row = &w->rows[r];
         for (int c = 0; c < 8; c++) {
             four j = row->share[c] * row->n;
-            w->right[row->node[c]] += row->weight * row->value * j;
-            w->scale[row->node[c]] += row->weight * j * j;
+            w->rhs[row->node[c]] += row->weight * row->value * j;
+            w->diagonal[row->node[c]] += row->weight * j * j;
         }
     }
 }
@@ -482,15 +491,15 @@ static void prepare(struct warp *w)
 static double total(const four_doubles *s) { return (*s)[0] + (*s)[1] + (*s)[2] + (*s)[3]; }
 
 // Conjugate gradients, scaled by the diagonal, from the shifts as they are.
-static void solve(struct warp *w)
+static void solve(struct deformation *w)
 {
     const int count = w->node_count;
-    four *x = w->shift, *r = w->residual, *d = w->along, *q = w->image, *scale = w->scale;
+    four *x = w->shift, *r = w->residual, *d = w->direction, *q = w->product, *scale = w->diagonal;
     prepare(w);
     multiply(w, x, q);
     four_doubles sizes = {0};
     for (int i = 0; i < count; i++) {
-        r[i] = w->right[i] - q[i];
+        r[i] = w->rhs[i] - q[i];
         d[i] = r[i] / scale[i];
         sizes += __builtin_convertvector(r[i] * d[i], four_doubles);
     }
@@ -514,20 +523,21 @@ static void solve(struct warp *w)
     }
 }
 
-void warp_fit(struct warp *w, const struct warp_model *model, const struct sight *sight, const struct posture *posture,
-              const struct warp_colors *colors)
+void deformation_fit(struct deformation *w, const struct deformation_model *model,
+                     const struct depth_frame *depth_frame, const struct bone_transforms *transforms,
+                     const struct deformation_colors *colors)
 {
     memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
-    find_readings(w, sight, posture);
-    find_edges(w, sight);
-    for (int round = 0; round < ROUNDS; round++) {
+    find_depth_samples(w, depth_frame, transforms);
+    find_contour(w, depth_frame);
+    for (int round = 0; round < ITERATIONS; round++) {
         w->row_count = 0;
-        add_readings(w, model->volume, OUTLIER_M[round]);
-        find_brinks(w, model, posture, round == 0);
-        add_outline(w, model);
+        add_depth_samples(w, model->tsdf, OUTLIER_M[round]);
+        find_candidates(w, model, transforms, round == 0);
+        add_silhouette(w, model);
         if (colors && COLOR_SIGMA_PX[round] > 0)
-            warp_add_colors(w, model, sight, posture, colors, COLOR_SIGMA_PX[round]);
+            deformation_add_colors(w, model, depth_frame, transforms, colors, COLOR_SIGMA_PX[round]);
         solve(w);
     }
-    write_picture(w);
+    write_quantized(w);
 }

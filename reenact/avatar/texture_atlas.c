@@ -6,22 +6,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TRIANGLES = 2500, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4, PLACES = 4, ROUNDS = 3 };
+enum { TRIANGLES = 2500, THREADS = 2, ROWS = 16, FARTHEST_CELLS = 4, SUBDIVISIONS = 4, ITERATIONS = 3 };
 
 static const double ERROR_M = 0.01; // that the shape may lose before it is laid on the fine one
-static const double TEXEL_M = 0.004, COARSER = 1.3, FAR_TOO_COARSE_M = 0.03; // the next where it does not fit
-static const float BEYOND = 1.5F; // texels: filtering looks so far over a triangle's edge
+static const double TEXEL_M = 0.004, COARSER = 1.3, TEXEL_MOST_M = 0.03; // the next where it does not fit
+static const float GUTTER = 1.5F; // texels: filtering looks so far over a triangle's edge
 
-// Finds the places of the fine surface: its points by cubes of the volume's step, and each point's triangles.
-struct finder {
-    const struct surface *surface;
+// Finds the places of the fine surface: its points by cubes of the tsdf's step, and each point's triangles.
+struct point_grid {
+    const struct surface_mesh *surface;
     struct vec3 low;
     int size[3];
     int32_t *head, *next;      // points of each cube; -1: none, no more
     int32_t *first, *triangle; // point i's triangles are numbers first[i] to first[i + 1] of `triangle`
 };
 
-static void finder_close(struct finder *f)
+static void point_grid_close(struct point_grid *f)
 {
     free(f->head);
     free(f->next);
@@ -29,14 +29,14 @@ static void finder_close(struct finder *f)
     free(f->triangle);
 }
 
-static void cube_of(const struct finder *f, struct vec3 p, int at[3])
+static void cube_of(const struct point_grid *f, struct vec3 p, int at[3])
 {
-    at[0] = (int)floor((p.x - f->low.x) / VOLUME_STEP_M);
-    at[1] = (int)floor((p.y - f->low.y) / VOLUME_STEP_M);
-    at[2] = (int)floor((p.z - f->low.z) / VOLUME_STEP_M);
+    at[0] = (int)floor((p.x - f->low.x) / TSDF_VOXEL_M);
+    at[1] = (int)floor((p.y - f->low.y) / TSDF_VOXEL_M);
+    at[2] = (int)floor((p.z - f->low.z) / TSDF_VOXEL_M);
 }
 
-static int32_t *head_of(const struct finder *f, const int at[3])
+static int32_t *head_of(const struct point_grid *f, const int at[3])
 {
     for (int k = 0; k < 3; k++)
         if (at[k] < 0 || at[k] >= f->size[k])
@@ -44,9 +44,9 @@ static int32_t *head_of(const struct finder *f, const int at[3])
     return &f->head[((size_t)at[2] * (size_t)f->size[1] + (size_t)at[1]) * (size_t)f->size[0] + (size_t)at[0]];
 }
 
-static void sort_in(struct finder *f)
+static void fill_grid(struct point_grid *f)
 {
-    const struct surface *s = f->surface;
+    const struct surface_mesh *s = f->surface;
     for (int i = s->point_count - 1; i >= 0; i--) {
         int at[3];
         cube_of(f, s->points[i], at);
@@ -64,11 +64,11 @@ static void sort_in(struct finder *f)
     f->first[s->point_count] = s->corner_count;
 }
 
-static enum status finder_open(struct finder *f, const struct surface *s)
+static enum status point_grid_open(struct point_grid *f, const struct surface_mesh *s)
 {
     struct vec3 high = s->points[0];
     size_t points = (size_t)s->point_count, cubes;
-    *f = (struct finder){.surface = s, .low = s->points[0]};
+    *f = (struct point_grid){.surface = s, .low = s->points[0]};
     for (int i = 0; i < s->point_count; i++) {
         struct vec3 p = s->points[i];
         f->low = v3(fmin(f->low.x, p.x), fmin(f->low.y, p.y), fmin(f->low.z, p.z));
@@ -83,17 +83,17 @@ static enum status finder_open(struct finder *f, const struct surface *s)
     f->first = calloc(points + 2, sizeof *f->first);
     f->triangle = malloc(sizeof *f->triangle * (size_t)s->corner_count);
     if (!f->head || !f->next || !f->first || !f->triangle) {
-        finder_close(f);
+        point_grid_close(f);
         return fail(ERR_MEMORY, "out of memory");
     }
     for (size_t i = 0; i < cubes; i++)
         f->head[i] = -1;
-    sort_in(f);
+    fill_grid(f);
     return OK;
 }
 
 // The nearest of the surface's points that face the same way; -1: none is near.
-static int32_t nearest_point(const struct finder *f, struct vec3 p, struct vec3 facing)
+static int32_t nearest_point(const struct point_grid *f, struct vec3 p, struct vec3 facing)
 {
     int middle[3], at[3];
     int32_t best = -1;
@@ -116,7 +116,7 @@ static int32_t nearest_point(const struct finder *f, struct vec3 p, struct vec3 
 }
 
 // The place of a triangle that is nearest to p, by its corners' shares; how far it is, squared.
-static double nearest_place(const struct vec3 *a, const struct vec3 *b, const struct vec3 *c, struct vec3 p,
+static double closest_point(const struct vec3 *a, const struct vec3 *b, const struct vec3 *c, struct vec3 p,
                             double share[3])
 {
     struct vec3 ab = v3_sub(*b, *a), ac = v3_sub(*c, *a), ap = v3_sub(p, *a);
@@ -137,26 +137,26 @@ static double nearest_place(const struct vec3 *a, const struct vec3 *b, const st
 
 // ---------------------------------------------------------------- the picture
 
-struct filling {
-    struct atlas *atlas;
-    const struct coat *coat;
-    const struct finder *finder;
+struct texel_fill {
+    struct texture_atlas *atlas;
+    const struct vertex_colors *vertex_colors;
+    const struct point_grid *grid;
     int32_t *owner; // of each texel: a triangle; -1: none is near
     float *off;     // how far beyond its edge it lies
 };
 
-static void write_texel(const struct filling *f, size_t texel, struct vec3 p, struct vec3 facing)
+static void write_texel(const struct texel_fill *f, size_t texel, struct vec3 p, struct vec3 facing)
 {
-    const struct surface *s = f->finder->surface;
-    int32_t point = nearest_point(f->finder, p, facing);
+    const struct surface_mesh *s = f->grid->surface;
+    int32_t point = nearest_point(f->grid, p, facing);
     double least = INFINITY, best[3] = {1, 0, 0};
     if (point < 0)
         return;
     const int32_t alone[3] = {point, point, point}, *of = alone; // where no triangle has it
-    for (int32_t i = f->finder->first[point]; i < f->finder->first[point + 1]; i++) {
-        const int32_t *c = s->corners + 3 * (size_t)f->finder->triangle[i];
+    for (int32_t i = f->grid->first[point]; i < f->grid->first[point + 1]; i++) {
+        const int32_t *c = s->corners + 3 * (size_t)f->grid->triangle[i];
         double share[3];
-        double away2 = nearest_place(&s->points[c[0]], &s->points[c[1]], &s->points[c[2]], p, share);
+        double away2 = closest_point(&s->points[c[0]], &s->points[c[1]], &s->points[c[2]], p, share);
         if (away2 < least) {
             least = away2;
             of = c;
@@ -168,20 +168,20 @@ static void write_texel(const struct filling *f, size_t texel, struct vec3 p, st
     for (int k = 0; k < 3; k++) {
         double sum = 0;
         for (int i = 0; i < 3; i++)
-            sum += best[i] * (double)f->coat->color[of[i]][k];
+            sum += best[i] * (double)f->vertex_colors->color[of[i]][k];
         f->atlas->color[3 * texel + (size_t)k] = (uint8_t)(255 * sqrt(fmin(fmax(sum, 0), 1)) + 0.5);
     }
-    double hundredths = fmin(fmax((double)f->coat->time_s[of[heaviest]] * 100 + 0.5, 0), UINT16_MAX);
-    uint8_t *when = f->atlas->when + 4 * texel;
-    when[0] = (uint8_t)((int)hundredths >> 8);
-    when[1] = (uint8_t)((int)hundredths & 255);
-    when[2] = f->coat->filled[of[heaviest]] ? 255 : 0;
-    when[3] = 255;
+    double hundredths = fmin(fmax((double)f->vertex_colors->time_s[of[heaviest]] * 100 + 0.5, 0), UINT16_MAX);
+    uint8_t *seen_time = f->atlas->seen_time + 4 * texel;
+    seen_time[0] = (uint8_t)((int)hundredths >> 8);
+    seen_time[1] = (uint8_t)((int)hundredths & 255);
+    seen_time[2] = f->vertex_colors->filled[of[heaviest]] ? 255 : 0;
+    seen_time[3] = 255;
 }
 
 // How much each corner of a triangle of the mesh has of a texel; they add up to 1, and are negative beyond an edge.
 // *off: how far beyond the farthest edge it lies, texels.
-static void shares_of(const struct unfolded *m, const int32_t *c, float x, float y, float share[3], float *off)
+static void barycentrics_of(const struct uv_mesh *m, const int32_t *c, float x, float y, float share[3], float *off)
 {
     const float *q[3] = {m->at[c[0]], m->at[c[1]], m->at[c[2]]};
     float area = (q[1][0] - q[0][0]) * (q[2][1] - q[0][1]) - (q[1][1] - q[0][1]) * (q[2][0] - q[0][0]);
@@ -195,9 +195,9 @@ static void shares_of(const struct unfolded *m, const int32_t *c, float x, float
 }
 
 // Every texel that a triangle covers, or that lies just beyond its edge, is the one's that it lies deepest in.
-static void share_out(struct filling *f)
+static void assign_texels(struct texel_fill *f)
 {
-    const struct unfolded *m = &f->atlas->mesh;
+    const struct uv_mesh *m = &f->atlas->mesh;
     for (int t = 0; t < m->corner_count; t += 3) {
         const int32_t *c = m->corners + t;
         float low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, share[3], off;
@@ -206,13 +206,13 @@ static void share_out(struct filling *f)
                 low[k] = fminf(low[k], m->at[c[i]][k]);
                 high[k] = fmaxf(high[k], m->at[c[i]][k]);
             }
-        int right = (int)fminf(high[0] + BEYOND, (float)m->width);
-        int bottom = (int)fminf(high[1] + BEYOND, (float)m->height);
-        for (int y = (int)fmaxf(low[1] - BEYOND, 0); y < bottom; y++)
-            for (int x = (int)fmaxf(low[0] - BEYOND, 0); x < right; x++) {
+        int right = (int)fminf(high[0] + GUTTER, (float)m->width);
+        int bottom = (int)fminf(high[1] + GUTTER, (float)m->height);
+        for (int y = (int)fmaxf(low[1] - GUTTER, 0); y < bottom; y++)
+            for (int x = (int)fmaxf(low[0] - GUTTER, 0); x < right; x++) {
                 size_t texel = (size_t)y * (size_t)m->width + (size_t)x;
-                shares_of(m, c, (float)x + 0.5F, (float)y + 0.5F, share, &off);
-                if (off < BEYOND && off < f->off[texel]) {
+                barycentrics_of(m, c, (float)x + 0.5F, (float)y + 0.5F, share, &off);
+                if (off < GUTTER && off < f->off[texel]) {
                     f->off[texel] = off;
                     f->owner[texel] = t / 3;
                 }
@@ -222,9 +222,9 @@ static void share_out(struct filling *f)
 
 static void write_rows(void *context, int rows)
 {
-    const struct filling *f = context;
-    const struct surface *s = f->finder->surface;
-    const struct unfolded *m = &f->atlas->mesh;
+    const struct texel_fill *f = context;
+    const struct surface_mesh *s = f->grid->surface;
+    const struct uv_mesh *m = &f->atlas->mesh;
     for (int y = rows * ROWS; y < (rows + 1) * ROWS && y < m->height; y++)
         for (int x = 0; x < m->width; x++) {
             size_t texel = (size_t)y * (size_t)m->width + (size_t)x;
@@ -233,7 +233,7 @@ static void write_rows(void *context, int rows)
             const int32_t *c = m->corners + 3 * (size_t)f->owner[texel];
             struct vec3 p = v3(0, 0, 0), facing = p;
             float share[3], off;
-            shares_of(m, c, (float)x + 0.5F, (float)y + 0.5F, share, &off);
+            barycentrics_of(m, c, (float)x + 0.5F, (float)y + 0.5F, share, &off);
             for (int i = 0; i < 3; i++) {
                 p = v3_add(p, v3_scale(f->atlas->points[c[i]], (double)share[i]));
                 facing = v3_add(facing, s->normals[m->points[c[i]]]);
@@ -242,20 +242,21 @@ static void write_rows(void *context, int rows)
         }
 }
 
-static enum status fill(struct atlas *a, const struct finder *finder, const struct coat *coat)
+static enum status fill(struct texture_atlas *a, const struct point_grid *grid,
+                        const struct vertex_colors *vertex_colors)
 {
-    struct filling f = {.atlas = a, .coat = coat, .finder = finder};
+    struct texel_fill f = {.atlas = a, .vertex_colors = vertex_colors, .grid = grid};
     size_t texels = (size_t)a->mesh.width * (size_t)a->mesh.height;
     enum status status = OK;
     a->color = calloc(texels, 3);
-    a->when = calloc(texels, 4);
+    a->seen_time = calloc(texels, 4);
     f.owner = malloc(sizeof *f.owner * texels);
     f.off = malloc(sizeof *f.off * texels);
-    if (a->color && a->when && f.owner && f.off) {
+    if (a->color && a->seen_time && f.owner && f.off) {
         for (size_t i = 0; i < texels; i++)
             f.owner[i] = -1, f.off[i] = INFINITY;
-        share_out(&f);
-        parallel(THREADS, (a->mesh.height + ROWS - 1) / ROWS, write_rows, &f);
+        assign_texels(&f);
+        parallel_for(THREADS, (a->mesh.height + ROWS - 1) / ROWS, write_rows, &f);
     } else {
         status = fail(ERR_MEMORY, "out of memory");
     }
@@ -267,14 +268,14 @@ static enum status fill(struct atlas *a, const struct finder *finder, const stru
 // ---------------------------------------------------------------- the mesh
 
 // The few triangles, by numbers of the fine surface's points; of the points that none of them has nothing is known.
-struct coarse {
+struct coarse_mesh {
     int32_t *corners;
     int corner_count;
     struct vec3 *points, *normals; // normals: unit
     double *moves, *weights;
 };
 
-static void coarse_free(struct coarse *c)
+static void coarse_mesh_free(struct coarse_mesh *c)
 {
     free(c->corners);
     free(c->points);
@@ -284,7 +285,7 @@ static void coarse_free(struct coarse *c)
 }
 
 // What a triangle says of its corners' normals counts by how large it is.
-static void find_normals(struct coarse *c, int point_count)
+static void find_normals(struct coarse_mesh *c, int point_count)
 {
     for (int i = 0; i < point_count; i++)
         c->normals[i] = v3(0, 0, 0);
@@ -300,22 +301,23 @@ static void find_normals(struct coarse *c, int point_count)
 }
 
 // How far off the fine surface a triangle lies, at places spread evenly over it, each corner to its share.
-static void measure_triangle(struct coarse *c, const struct finder *f, const int32_t *at)
+static void measure_triangle(struct coarse_mesh *c, const struct point_grid *f, const int32_t *at)
 {
     const struct vec3 *p = c->points, *n = c->normals;
     double area = v3_length(v3_cross(v3_sub(p[at[1]], p[at[0]]), v3_sub(p[at[2]], p[at[0]])));
-    for (int i = 0; i < PLACES; i++)
-        for (int j = 0; i + j < PLACES; j++) {
-            const double a = (i + 1.0 / 3) / PLACES, b = (j + 1.0 / 3) / PLACES, share[3] = {a, b, 1 - a - b};
+    for (int i = 0; i < SUBDIVISIONS; i++)
+        for (int j = 0; i + j < SUBDIVISIONS; j++) {
+            const double a = (i + 1.0 / 3) / SUBDIVISIONS, b = (j + 1.0 / 3) / SUBDIVISIONS,
+                         share[3] = {a, b, 1 - a - b};
             struct vec3 place = v3(0, 0, 0), facing = place;
             for (int k = 0; k < 3; k++) {
                 place = v3_add(place, v3_scale(p[at[k]], share[k]));
                 facing = v3_add(facing, v3_scale(n[at[k]], share[k]));
             }
-            const int32_t near = nearest_point(f, place, facing);
-            if (near < 0)
+            const int32_t nearest = nearest_point(f, place, facing);
+            if (nearest < 0)
                 continue;
-            double off = v3_dot(f->surface->normals[near], v3_sub(f->surface->points[near], place));
+            double off = v3_dot(f->surface->normals[nearest], v3_sub(f->surface->points[nearest], place));
             for (int k = 0; k < 3; k++) {
                 c->moves[at[k]] += share[k] * area * off;
                 c->weights[at[k]] += share[k] * area;
@@ -325,10 +327,10 @@ static void measure_triangle(struct coarse *c, const struct finder *f, const int
 
 // The points that are left lie on the fine surface, so of a round limb all that is between them lies within it, and it
 // would be drawn too thin. They move out until as much lies without as within.
-static void fit(struct coarse *c, const struct finder *f)
+static void fit(struct coarse_mesh *c, const struct point_grid *f)
 {
     const int count = f->surface->point_count;
-    for (int round = 0; round < ROUNDS; round++) {
+    for (int round = 0; round < ITERATIONS; round++) {
         find_normals(c, count);
         for (int i = 0; i < count; i++)
             c->moves[i] = c->weights[i] = 0;
@@ -341,15 +343,15 @@ static void fit(struct coarse *c, const struct finder *f)
     find_normals(c, count);
 }
 
-static enum status coarse_make(struct coarse *c, const struct surface *s)
+static enum status coarse_mesh_make(struct coarse_mesh *c, const struct surface_mesh *s)
 {
     const size_t count = (size_t)s->point_count;
     float(*points)[3] = malloc(sizeof *points * count);
-    *c = (struct coarse){.corners = malloc(sizeof *c->corners * (size_t)s->corner_count),
-                         .points = malloc(sizeof *c->points * count),
-                         .normals = malloc(sizeof *c->normals * count),
-                         .moves = malloc(sizeof *c->moves * count),
-                         .weights = malloc(sizeof *c->weights * count)};
+    *c = (struct coarse_mesh){.corners = malloc(sizeof *c->corners * (size_t)s->corner_count),
+                              .points = malloc(sizeof *c->points * count),
+                              .normals = malloc(sizeof *c->normals * count),
+                              .moves = malloc(sizeof *c->moves * count),
+                              .weights = malloc(sizeof *c->weights * count)};
     if (!points || !c->corners || !c->points || !c->normals || !c->moves || !c->weights) {
         free(points);
         return fail(ERR_MEMORY, "out of memory");
@@ -360,22 +362,22 @@ static enum status coarse_make(struct coarse *c, const struct surface *s)
         points[i][1] = (float)s->points[i].y;
         points[i][2] = (float)s->points[i].z;
     }
-    c->corner_count = simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count, 3 * TRIANGLES,
-                               (float)ERROR_M, c->corners);
+    c->corner_count = mesh_simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count,
+                                    3 * TRIANGLES, (float)ERROR_M, c->corners);
     free(points);
     return OK;
 }
 
-static enum status unfold_coarse(struct atlas *a, const struct surface *s, const struct coarse *c)
+static enum status unwrap_coarse(struct texture_atlas *a, const struct surface_mesh *s, const struct coarse_mesh *c)
 {
     double texel_m = TEXEL_M;
     enum status status;
     do
-        status = unfold(&a->mesh, s, c->corners, c->corner_count, texel_m);
-    while (status == ERR_INPUT && (texel_m *= COARSER) < FAR_TOO_COARSE_M);
+        status = uv_unwrap(&a->mesh, s, c->corners, c->corner_count, texel_m);
+    while (status == ERR_INPUT && (texel_m *= COARSER) < TEXEL_MOST_M);
     if (status != OK)
         return status;
-    const struct unfolded *m = &a->mesh;
+    const struct uv_mesh *m = &a->mesh;
     a->points = malloc(sizeof *a->points * (size_t)m->point_count);
     a->normals = malloc(sizeof *a->normals * (size_t)m->point_count);
     if (!a->points || !a->normals)
@@ -387,34 +389,35 @@ static enum status unfold_coarse(struct atlas *a, const struct surface *s, const
     return OK;
 }
 
-enum status atlas_make(struct atlas *out, const struct surface *s, const struct coat *coat)
+enum status texture_atlas_make(struct texture_atlas *out, const struct surface_mesh *s,
+                               const struct vertex_colors *vertex_colors)
 {
-    struct coarse coarse = {0};
-    struct finder finder;
-    *out = (struct atlas){0};
-    enum status status = finder_open(&finder, s);
+    struct coarse_mesh coarse = {0};
+    struct point_grid grid;
+    *out = (struct texture_atlas){0};
+    enum status status = point_grid_open(&grid, s);
     if (status != OK)
         return status;
-    status = coarse_make(&coarse, s);
+    status = coarse_mesh_make(&coarse, s);
     if (status == OK) {
-        fit(&coarse, &finder);
-        status = unfold_coarse(out, s, &coarse);
+        fit(&coarse, &grid);
+        status = unwrap_coarse(out, s, &coarse);
     }
     if (status == OK)
-        status = fill(out, &finder, coat);
-    coarse_free(&coarse);
-    finder_close(&finder);
+        status = fill(out, &grid, vertex_colors);
+    coarse_mesh_free(&coarse);
+    point_grid_close(&grid);
     if (status != OK)
-        atlas_free(out);
+        texture_atlas_free(out);
     return status;
 }
 
-void atlas_free(struct atlas *a)
+void texture_atlas_free(struct texture_atlas *a)
 {
-    unfolded_free(&a->mesh);
+    uv_mesh_free(&a->mesh);
     free(a->points);
     free(a->normals);
     free(a->color);
-    free(a->when);
-    *a = (struct atlas){0};
+    free(a->seen_time);
+    *a = (struct texture_atlas){0};
 }

@@ -6,33 +6,33 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double REACH_M = 0.12;       // about the parts' cylinders
-static const double END_REACH_M = 0.27;   // about hands and feet, which lie beyond the last joint
-static const float CYLINDER_TRUST = 0.5F; // in frames
-static const double TRUNK_DEEP = 0.7;     // of how wide it is; .6 to .85 do alike, as deep as wide is worse
-static const float NOWHERE_NEAR = 0.6F;   // of the largest distance
+static const double REACH_M = 0.12;         // about the parts' cylinders
+static const double END_REACH_M = 0.27;     // about hands and feet, which lie beyond the last joint
+static const float CYLINDER_WEIGHT = 0.5F;  // in frames
+static const double TRUNK_DEEP = 0.7;       // of how wide it is; .6 to .85 do alike, as deep as wide is worse
+static const float FREE_SPACE_SHARE = 0.6F; // of the largest distance
 
 enum { NORMAL_PASSES = 6, MOST_POINTS = 64000000 };
 
-static struct vec3 point_at(const struct volume *v, int at)
+static struct vec3 point_at(const struct tsdf *v, int at)
 {
     const int x = at % v->size[0], y = at / v->size[0] % v->size[1], z = at / v->size[0] / v->size[1];
     return v3_add(v->corner, v3(x * v->step, y * v->step, z * v->step));
 }
 
-static void find_size(struct volume *v)
+static void find_size(struct tsdf *v)
 {
     struct vec3 low = v3(INFINITY, INFINITY, INFINITY), high = v3(-INFINITY, -INFINITY, -INFINITY);
     for (int j = 0; j < JOINT_COUNT; j++) {
-        if (!(v->rest.skeleton.confidence[j] > 0))
+        if (!(v->bind_pose.skeleton.confidence[j] > 0))
             continue;
-        struct vec3 p = v->rest.skeleton.joint[j];
+        struct vec3 p = v->bind_pose.skeleton.joint[j];
         low = v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
         high = v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
     }
     double margin = END_REACH_M;
     for (int p = 0; p < PART_COUNT; p++)
-        margin = v->rest.known[p] ? fmax(margin, v->rest.radius[p] + REACH_M) : margin;
+        margin = v->bind_pose.known[p] ? fmax(margin, v->bind_pose.radius[p] + REACH_M) : margin;
     v->corner = v3_sub(low, v3(margin, margin, margin));
     struct vec3 extent = v3_sub(v3_add(high, v3(margin, margin, margin)), v->corner);
     v->size[0] = (int)ceil(extent.x / v->step) + 1;
@@ -44,10 +44,10 @@ static int within(double g, int size) { return g < 0 ? 0 : g > size ? size : (in
 
 // Lays the capsule from a to b into the grid: `distance` has the least there, and what
 // lies nearer than `reach` is marked in `keep`.
-static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, double reach, uint8_t *keep)
+static void rasterize_capsule(struct tsdf *v, struct vec3 a, struct vec3 b, double radius, double reach, uint8_t *keep)
 {
     struct vec3 along = v3_sub(b, a), low = v3_sub(a, v->corner), high = v3_sub(b, v->corner);
-    double length2 = v3_dot(along, along), wide = radius + fmax(reach, (double)VOLUME_OUTSIDE_M);
+    double length2 = v3_dot(along, along), wide = radius + fmax(reach, (double)TSDF_TRUNCATION_M);
     const double lows[] = {fmin(low.x, high.x), fmin(low.y, high.y), fmin(low.z, high.z)};
     const double highs[] = {fmax(low.x, high.x), fmax(low.y, high.y), fmax(low.z, high.z)};
     int from[3], to[3];
@@ -63,41 +63,42 @@ static void lay(struct volume *v, struct vec3 a, struct vec3 b, double radius, d
                 double t = length2 > 0 ? v3_dot(p, along) / length2 : 0;
                 t = t < 0 ? 0 : t > 1 ? 1 : t;
                 double gap = v3_length(v3_sub(p, v3_scale(along, t))) - radius;
-                v->points[at].distance = fminf(v->points[at].distance, (float)gap);
+                v->voxels[at].distance = fminf(v->voxels[at].distance, (float)gap);
                 keep[at] |= gap < reach;
             }
 }
 
-static void lay_body(struct volume *v, uint8_t *keep)
+static void rasterize_body(struct tsdf *v, uint8_t *keep)
 {
     static const enum joint ends[] = {JOINT_LEFT_HAND, JOINT_RIGHT_HAND, JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT, JOINT_HEAD};
-    const struct skeleton *s = &v->rest.skeleton;
+    const struct skeleton *s = &v->bind_pose.skeleton;
     for (int p = 0; p < PART_COUNT; p++)
-        if (v->rest.known[p])
-            lay(v, s->joint[part_ends[p].from], s->joint[part_ends[p].to], v->rest.radius[p], REACH_M, keep);
+        if (v->bind_pose.known[p])
+            rasterize_capsule(v, s->joint[part_ends[p].from], s->joint[part_ends[p].to], v->bind_pose.radius[p],
+                              REACH_M, keep);
     for (int p = 0; p < PART_COUNT; p++)
         for (size_t e = 0; e < COUNT_OF(ends); e++)
-            if (v->rest.known[p] && part_ends[p].to == ends[e])
-                lay(v, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
+            if (v->bind_pose.known[p] && part_ends[p].to == ends[e])
+                rasterize_capsule(v, s->joint[ends[e]], s->joint[ends[e]], 0, END_REACH_M, keep);
 }
 
-enum { STRETCH = 8192, THREADS = 2 };
+enum { CHUNK = 8192, THREADS = 2 };
 
-static void skin_stretch(void *context, int stretch)
+static void skin_chunk(void *context, int chunk)
 {
-    struct volume *v = context;
-    for (int c = stretch * STRETCH; c < (stretch + 1) * STRETCH && c < v->cell_count; c++)
-        v->cells[c].skin = rest_skin(&v->rest, point_at(v, v->cells[c].at));
+    struct tsdf *v = context;
+    for (int c = chunk * CHUNK; c < (chunk + 1) * CHUNK && c < v->cell_count; c++)
+        v->cells[c].skin = bind_pose_skin_weights(&v->bind_pose, point_at(v, v->cells[c].at));
 }
 
-static enum status open_cells(struct volume *v, int64_t count)
+static enum status open_cells(struct tsdf *v, int64_t count)
 {
     uint8_t *keep = calloc((size_t)count, 1);
     if (!keep)
         return fail(ERR_MEMORY, "out of memory");
     for (int i = 0; i < count; i++)
-        v->points[i].distance = VOLUME_OUTSIDE_M;
-    lay_body(v, keep);
+        v->voxels[i].distance = TSDF_TRUNCATION_M;
+    rasterize_body(v, keep);
     for (int i = 0; i < count; i++)
         v->cell_count += keep[i];
     v->cells = malloc(sizeof *v->cells * (size_t)(v->cell_count ? v->cell_count : 1));
@@ -105,27 +106,27 @@ static enum status open_cells(struct volume *v, int64_t count)
     for (int i = 0; i < count && v->cells; i++)
         if (keep[i]) {
             struct vec3 p = point_at(v, i);
-            v->cells[c++] = (struct cell){.at = i, .place = {(float)p.x, (float)p.y, (float)p.z}};
-            v->points[i] = (struct point){fmaxf(-VOLUME_OUTSIDE_M, v->points[i].distance), CYLINDER_TRUST, 0};
+            v->cells[c++] = (struct tsdf_cell){.at = i, .place = {(float)p.x, (float)p.y, (float)p.z}};
+            v->voxels[i] = (struct tsdf_voxel){fmaxf(-TSDF_TRUNCATION_M, v->voxels[i].distance), CYLINDER_WEIGHT, 0};
         }
     free(keep);
     if (!v->cells)
         return fail(ERR_MEMORY, "out of memory");
-    parallel(THREADS, (v->cell_count + STRETCH - 1) / STRETCH, skin_stretch, v);
+    parallel_for(THREADS, (v->cell_count + CHUNK - 1) / CHUNK, skin_chunk, v);
     return OK;
 }
 
-enum status volume_open(struct volume **out, const struct rest *rest, const struct calibration *calibration,
-                        double step_m)
+enum status tsdf_open(struct tsdf **out, const struct bind_pose *bind_pose, const struct calibration *calibration,
+                      double step_m)
 {
     *out = NULL;
-    struct volume *v = calloc(1, sizeof *v);
+    struct tsdf *v = calloc(1, sizeof *v);
     if (!v)
         return fail(ERR_MEMORY, "out of memory");
     v->step = step_m;
-    v->rest = *rest;
+    v->bind_pose = *bind_pose;
     v->calibration = *calibration;
-    v->depth_from_color = calibration->registered ? POSE_IDENTITY : pose_inverse(calibration->color_from_depth);
+    v->depth_from_color = pose_inverse(calibration->color_from_depth);
     find_size(v);
     int64_t count = (int64_t)v->size[0] * v->size[1] * v->size[2];
     enum status status = OK;
@@ -133,138 +134,139 @@ enum status volume_open(struct volume **out, const struct rest *rest, const stru
         status = fail(ERR_INPUT, "the take's joints lie too far apart to be one person's");
     if (status == OK) {
         const struct lens *lens = &calibration->depth;
-        v->points = calloc((size_t)count, sizeof *v->points);
-        v->witnesses = malloc(sizeof *v->witnesses * (size_t)lens->width * (size_t)lens->height);
-        status = v->points && v->witnesses ? open_cells(v, count) : fail(ERR_MEMORY, "out of memory");
+        v->voxels = calloc((size_t)count, sizeof *v->voxels);
+        v->samples = malloc(sizeof *v->samples * (size_t)lens->width * (size_t)lens->height);
+        status = v->voxels && v->samples ? open_cells(v, count) : fail(ERR_MEMORY, "out of memory");
     }
     if (status != OK) {
-        volume_close(&v);
+        tsdf_close(&v);
         return status;
     }
     *out = v;
     return OK;
 }
 
-void volume_close(struct volume **v)
+void tsdf_close(struct tsdf **v)
 {
     if (!*v)
         return;
     free((*v)->cells);
-    free((*v)->heeding);
+    free((*v)->active_cells);
     free((*v)->blocks);
-    free((*v)->points);
-    free((*v)->witnesses);
+    free((*v)->voxels);
+    free((*v)->samples);
     free(*v);
     *v = NULL;
 }
 
 // ---------------------------------------------------------------- what nobody saw
 
-static bool of_trunk(int bone) { return bone == PART_UPPER_TORSO || bone == PART_LOWER_TORSO; }
+static bool is_trunk(int bone) { return bone == PART_UPPER_TORSO || bone == PART_LOWER_TORSO; }
 
-// From a trunk's surface to a place, along the way from its bone; negative: inside. (Rest axes: z is the back.)
-static double flat_gap(const struct rest *rest, int bone, struct vec3 place)
+// From a trunk's surface to a place, along the way from its bone; negative: inside. (Bind-pose axes: z is the back.)
+static double flattened_distance(const struct bind_pose *bind_pose, int bone, struct vec3 place)
 {
-    const struct part_frame *f = &rest->frame[bone];
+    const struct bone_frame *f = &bind_pose->frame[bone];
     const struct vec3 in = v3_sub(place, f->origin);
     const double along = fmin(fmax(v3_dot(in, f->z), 0), f->length);
     const struct vec3 off = v3_sub(in, v3_scale(f->z, along));
     const double wide = v3_length(v3(off.x, off.y, off.z / TRUNK_DEEP)); // were it as deep as wide
-    return wide > 0 ? v3_length(off) * (1 - rest->radius[bone] / wide) : -TRUNK_DEEP * rest->radius[bone];
+    return wide > 0 ? v3_length(off) * (1 - bind_pose->radius[bone] / wide) : -TRUNK_DEEP * bind_pose->radius[bone];
 }
 
-void volume_flatten_unseen(struct volume *v)
+void tsdf_flatten_unseen_trunk(struct tsdf *v)
 {
     for (int c = 0; c < v->cell_count; c++) {
-        struct point *point = &v->points[v->cells[c].at];
+        struct tsdf_voxel *point = &v->voxels[v->cells[c].at];
         const int bone = v->cells[c].skin.bone[0];
-        if (!of_trunk(bone) || point->trust != CYLINDER_TRUST)
+        if (!is_trunk(bone) || point->weight != CYLINDER_WEIGHT)
             continue;
-        const float gap = (float)flat_gap(&v->rest, bone, point_at(v, v->cells[c].at));
-        point->distance = fmaxf(point->distance, fminf(gap, VOLUME_OUTSIDE_M));
+        const float gap = (float)flattened_distance(&v->bind_pose, bone, point_at(v, v->cells[c].at));
+        point->distance = fmaxf(point->distance, fminf(gap, TSDF_TRUNCATION_M));
     }
 }
 
 // ---------------------------------------------------------------- growing, leaving alone
 
-struct growth {
-    struct volume *volume;
+struct offset_job {
+    struct tsdf *tsdf;
     const struct bone_chart *out_m;
 };
 
-static void grow_cell(const struct growth *g, const struct cell *cell)
+static void offset_cell(const struct offset_job *g, const struct tsdf_cell *cell)
 {
-    float *distance = &g->volume->points[cell->at].distance;
-    if (*distance >= VOLUME_OUTSIDE_M) // nobody asks
+    float *distance = &g->tsdf->voxels[cell->at].distance;
+    if (*distance >= TSDF_TRUNCATION_M) // nobody asks
         return;
     const struct vec3 place = v3((double)cell->place[0], (double)cell->place[1], (double)cell->place[2]);
     for (int i = 0; i < SKIN_BONES; i++) {
         const int bone = cell->skin.bone[i];
         if (!(cell->skin.weight[i] > 0))
             continue;
-        const struct chart_place here = chart_place_of(&g->volume->rest.frame[bone], place);
+        const struct chart_sample here = chart_sample_at(&g->tsdf->bind_pose.frame[bone], place);
         *distance -= cell->skin.weight[i] * bone_chart_at(&g->out_m[bone], &here);
     }
 }
 
-static void grow_stretch(void *context, int stretch)
+static void offset_chunk(void *context, int chunk)
 {
-    const struct growth *g = context;
-    for (int c = stretch * STRETCH; c < (stretch + 1) * STRETCH && c < g->volume->cell_count; c++)
-        grow_cell(g, &g->volume->cells[c]);
+    const struct offset_job *g = context;
+    for (int c = chunk * CHUNK; c < (chunk + 1) * CHUNK && c < g->tsdf->cell_count; c++)
+        offset_cell(g, &g->tsdf->cells[c]);
 }
 
-void volume_grow(struct volume *v, const struct bone_chart out_m[BONE_COUNT])
+void tsdf_offset(struct tsdf *v, const struct bone_chart out_m[BONE_COUNT])
 {
-    struct growth growth = {v, out_m};
-    parallel(THREADS, (v->cell_count + STRETCH - 1) / STRETCH, grow_stretch, &growth);
+    struct offset_job job = {v, out_m};
+    parallel_for(THREADS, (v->cell_count + CHUNK - 1) / CHUNK, offset_chunk, &job);
 }
 
 // Both grids begin at the same corner.
-static const struct point *nearest_known(const struct volume *v, const struct volume *known, const struct cell *cell)
+static const struct tsdf_voxel *known_voxel(const struct tsdf *v, const struct tsdf *known,
+                                            const struct tsdf_cell *cell)
 {
     const int at[3] = {cell->at % v->size[0], cell->at / v->size[0] % v->size[1], cell->at / v->size[0] / v->size[1]};
-    int near[3];
+    int nearest[3];
     for (int i = 0; i < 3; i++) {
-        near[i] = (int)(at[i] * v->step / known->step + 0.5);
-        near[i] = near[i] < known->size[i] ? near[i] : known->size[i] - 1;
+        nearest[i] = (int)(at[i] * v->step / known->step + 0.5);
+        nearest[i] = nearest[i] < known->size[i] ? nearest[i] : known->size[i] - 1;
     }
-    return &known->points[(near[2] * known->size[1] + near[1]) * known->size[0] + near[0]];
+    return &known->voxels[(nearest[2] * known->size[1] + nearest[1]) * known->size[0] + nearest[0]];
 }
 
-enum status volume_leave_empty(struct volume *v, const struct volume *known)
+enum status tsdf_copy_free_space(struct tsdf *v, const struct tsdf *known)
 {
-    const struct cell *cells = v->heeding ? v->heeding : v->cells;
-    int count = v->heeding ? v->heeding_count : v->cell_count, left = 0;
-    struct cell *still = malloc(sizeof *still * (size_t)(count ? count : 1));
-    if (!still)
+    const struct tsdf_cell *cells = v->active_cells ? v->active_cells : v->cells;
+    int count = v->active_cells ? v->active_count : v->cell_count, left = 0;
+    struct tsdf_cell *active = malloc(sizeof *active * (size_t)(count ? count : 1));
+    if (!active)
         return fail(ERR_MEMORY, "out of memory");
     for (int c = 0; c < count; c++) {
-        const struct point *point = nearest_known(v, known, &cells[c]);
-        if (point->trust > CYLINDER_TRUST && point->distance >= NOWHERE_NEAR * VOLUME_OUTSIDE_M) {
-            v->points[cells[c].at].distance = point->distance;
-            v->points[cells[c].at].trust = point->trust;
+        const struct tsdf_voxel *point = known_voxel(v, known, &cells[c]);
+        if (point->weight > CYLINDER_WEIGHT && point->distance >= FREE_SPACE_SHARE * TSDF_TRUNCATION_M) {
+            v->voxels[cells[c].at].distance = point->distance;
+            v->voxels[cells[c].at].weight = point->weight;
         } else {
-            still[left++] = cells[c];
+            active[left++] = cells[c];
         }
     }
-    free(v->heeding);
+    free(v->active_cells);
     free(v->blocks);
     v->blocks = NULL;
-    v->heeding = still;
-    v->heeding_count = left;
+    v->active_cells = active;
+    v->active_count = left;
     return OK;
 }
 
 // ---------------------------------------------------------------- looking up
 
-const struct rest *volume_rest(const struct volume *v) { return &v->rest; }
+const struct bind_pose *tsdf_bind_pose(const struct tsdf *v) { return &v->bind_pose; }
 
-const struct calibration *volume_calibration(const struct volume *v) { return &v->calibration; }
+const struct calibration *tsdf_calibration(const struct tsdf *v) { return &v->calibration; }
 
-bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struct vec3 *gradient, double *seen)
+bool tsdf_sample(const struct tsdf *v, struct vec3 bind_point, double *distance, struct vec3 *gradient, double *seen)
 {
-    struct vec3 g = v3_scale(v3_sub(rest, v->corner), 1 / v->step);
+    struct vec3 g = v3_scale(v3_sub(bind_point, v->corner), 1 / v->step);
     int x = (int)floor(g.x), y = (int)floor(g.y), z = (int)floor(g.z);
     if (x < 0 || y < 0 || z < 0 || x + 1 >= v->size[0] || y + 1 >= v->size[1] || z + 1 >= v->size[2])
         return false;
@@ -272,8 +274,8 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
     float least_seen = INFINITY;
     for (int i = 0; i < 8; i++) {
         int at = ((z + (i >> 2)) * v->size[1] + y + (i >> 1 & 1)) * v->size[0] + x + (i & 1);
-        const struct point *p = &v->points[at];
-        if (!(p->trust > 0))
+        const struct tsdf_voxel *p = &v->voxels[at];
+        if (!(p->weight > 0))
             return false;
         f[i >> 2][i >> 1 & 1][i & 1] = (double)p->distance;
         least_seen = p->seen < least_seen ? p->seen : least_seen;
@@ -291,10 +293,10 @@ bool volume_at(const struct volume *v, struct vec3 rest, double *distance, struc
     gradient->y = (c[0][1] - c[0][0]) * (1 - t) + (c[1][1] - c[1][0]) * t;
     gradient->z = high - low;
     *gradient = v3_scale(*gradient, 1 / v->step);
-    return fabs(*distance) < (double)VOLUME_OUTSIDE_M * 0.98;
+    return fabs(*distance) < (double)TSDF_TRUNCATION_M * 0.98;
 }
 
-enum status volume_smooth(struct volume *v, int passes)
+enum status tsdf_smooth(struct tsdf *v, int passes)
 {
     size_t count = (size_t)(v->size[0] * v->size[1] * v->size[2]);
     float *from = malloc(sizeof *from * count);
@@ -304,11 +306,11 @@ enum status volume_smooth(struct volume *v, int passes)
     for (int pass = 0; pass < passes; pass++)
         for (int axis = 0; axis < 3; axis++) {
             for (size_t i = 0; i < count; i++)
-                from[i] = v->points[i].distance;
+                from[i] = v->voxels[i].distance;
             for (int c = 0; c < v->cell_count; c++) {
                 int at = v->cells[c].at, a = at - step[axis], b = at + step[axis];
-                if (v->points[a].trust > 0 && v->points[b].trust > 0) // (a cell is never at the grid's border)
-                    v->points[at].distance = (from[a] + 2 * from[at] + from[b]) / 4;
+                if (v->voxels[a].weight > 0 && v->voxels[b].weight > 0) // (a cell is never at the grid's border)
+                    v->voxels[at].distance = (from[a] + 2 * from[at] + from[b]) / 4;
             }
         }
     free(from);
@@ -317,25 +319,25 @@ enum status volume_smooth(struct volume *v, int passes)
 
 // ---------------------------------------------------------------- surface (naive surface nets)
 
-void surface_free(struct surface *s)
+void surface_mesh_free(struct surface_mesh *s)
 {
     free(s->points);
     free(s->normals);
     free(s->corners);
-    *s = (struct surface){0};
+    *s = (struct surface_mesh){0};
 }
 
 // The point of the cube whose lowest grid point is `at`: the mean of where its edges cross the surface.
-static bool cube_point(const struct volume *v, int at, struct vec3 *out)
+static bool cube_point(const struct tsdf *v, int at, struct vec3 *out)
 {
     const int dx = 1, dy = v->size[0], dz = v->size[0] * v->size[1];
     float d[8];
     int inside = 0;
     for (int i = 0; i < 8; i++) {
         int corner = at + (i & 1) * dx + (i >> 1 & 1) * dy + (i >> 2) * dz;
-        if (!(v->points[corner].trust > 0))
+        if (!(v->voxels[corner].weight > 0))
             return false;
-        d[i] = v->points[corner].distance;
+        d[i] = v->voxels[corner].distance;
         inside += d[i] < 0;
     }
     if (inside == 0 || inside == 8)
@@ -356,7 +358,7 @@ static bool cube_point(const struct volume *v, int at, struct vec3 *out)
     return true;
 }
 
-static void add_quad(struct surface *s, const int32_t q[4], bool turned)
+static void add_quad(struct surface_mesh *s, const int32_t q[4], bool turned)
 {
     static const int order[2][6] = {{0, 1, 2, 0, 2, 3}, {0, 2, 1, 0, 3, 2}};
     for (int i = 0; i < 4; i++)
@@ -367,7 +369,7 @@ static void add_quad(struct surface *s, const int32_t q[4], bool turned)
 }
 
 // Normals noisy as the readings would make the light flicker over the skin: each takes the mean of its neighbours'.
-static enum status even_normals(struct surface *s)
+static enum status smooth_normals(struct surface_mesh *s)
 {
     struct vec3 *sum = malloc(sizeof *sum * (size_t)(s->point_count + 1));
     if (!sum)
@@ -386,9 +388,9 @@ static enum status even_normals(struct surface *s)
     return OK;
 }
 
-enum status volume_surface(const struct volume *v, struct surface *out)
+enum status tsdf_extract_surface(const struct tsdf *v, struct surface_mesh *out)
 {
-    *out = (struct surface){0};
+    *out = (struct surface_mesh){0};
     const int step[3] = {1, v->size[0], v->size[0] * v->size[1]};
     int count = v->size[0] * v->size[1] * v->size[2], most = 0;
     int32_t *number = malloc(sizeof *number * (size_t)count);
@@ -403,7 +405,7 @@ enum status volume_surface(const struct volume *v, struct surface *out)
     out->corners = malloc(sizeof *out->corners * 18 * (size_t)(most + 1));
     if (!number || !out->points || !out->normals || !out->corners) {
         free(number);
-        surface_free(out);
+        surface_mesh_free(out);
         return fail(ERR_MEMORY, "out of memory");
     }
     for (int c = 0; c < v->cell_count; c++) {
@@ -413,26 +415,26 @@ enum status volume_surface(const struct volume *v, struct surface *out)
         double distance, seen;
         struct vec3 *normal = &out->normals[out->point_count];
         *normal = v3(0, 0, 0);
-        volume_at(v, p, &distance, normal, &seen);
+        tsdf_sample(v, p, &distance, normal, &seen);
         *normal = v3_unit(*normal);
         out->points[out->point_count++] = p;
     }
     for (int c = 0; c < v->cell_count; c++)
         for (int axis = 0; axis < 3; axis++) { // each edge that crosses joins the four cubes about it
             int at = v->cells[c].at, to = at + step[axis], b = step[(axis + 1) % 3], d = step[(axis + 2) % 3];
-            if (to >= count || at < b + d || !(v->points[to].trust > 0) ||
-                (v->points[at].distance < 0) == (v->points[to].distance < 0))
+            if (to >= count || at < b + d || !(v->voxels[to].weight > 0) ||
+                (v->voxels[at].distance < 0) == (v->voxels[to].distance < 0))
                 continue;
             const int32_t quad[4] = {number[at], number[at - b], number[at - b - d], number[at - d]};
-            add_quad(out, quad, v->points[at].distance >= 0);
+            add_quad(out, quad, v->voxels[at].distance >= 0);
         }
     free(number);
     if (!out->corner_count) {
-        surface_free(out);
+        surface_mesh_free(out);
         return NOTHING;
     }
-    enum status status = even_normals(out);
+    enum status status = smooth_normals(out);
     if (status != OK)
-        surface_free(out);
+        surface_mesh_free(out);
     return status;
 }

@@ -1,4 +1,4 @@
-// The colours of the likeness's surface, gathered over the take: what every frame
+// The colours of the avatar's surface, gathered over the take: what every frame
 // that saw a place of the body says about it, and the room's light, so that a
 // place has one colour, however it was turned when it was seen. Pure.
 #pragma once
@@ -9,31 +9,33 @@
 // Light that falls on a surface by where it faces (world axes): spherical
 // harmonics up to the second order; the sum is held within LEAST and MOST, for it
 // means nothing where no surface ever faced. 1 is the mean.
-enum { LIGHT_TERMS = 9 };
-#define LIGHT_LEAST 0.4F
-#define LIGHT_MOST  1.6F
-struct light {
-    float term[LIGHT_TERMS];
+enum { SH_TERMS = 9 };
+#define IRRADIANCE_LEAST 0.4F
+#define IRRADIANCE_MOST  1.6F
+struct sh_irradiance {
+    float term[SH_TERMS];
 };
-float light_on(const struct light *light, const float n[3]); // n: unit
+float sh_irradiance_at(const struct sh_irradiance *light, const float n[3]); // n: unit
 
-struct coat {
+struct vertex_colors {
     float (*color)[3]; // of each point of the surface, linear, in the mean light
     float *time_s;     // when it was seen best, since the take's first frame
     uint8_t *filled;   // 1: nobody saw it; its colour is made up (color_inpainting.h)
-    struct light light;
+    struct sh_irradiance light;
 };
 
-struct coat_maker;
-// rest, surface (in it) and skins (of its points) must outlive it. ERR_MEMORY.
-MUST_CHECK enum status coat_open(struct coat_maker **out, const struct rest *rest, const struct surface *surface,
-                                 const struct skin *skins, const struct calibration *calibration);
-void coat_close(struct coat_maker **m);
+struct vertex_color_builder;
+// bind_pose, surface (in it) and skins (of its points) must outlive it. ERR_MEMORY.
+MUST_CHECK enum status vertex_color_open(struct vertex_color_builder **out, const struct bind_pose *bind_pose,
+                                         const struct surface_mesh *surface, const struct skin_weights *skins,
+                                         const struct calibration *calibration);
+void vertex_color_close(struct vertex_color_builder **m);
 
-// What one frame saw, the person being in `posture` (colour camera's axes), bent by `warp`.
-void coat_add(struct coat_maker *m, const struct sight *sight, const uint8_t *rgb, const struct posture *posture,
-              const struct warp *warp, struct pose world_from_camera, double time_s);
+// What one frame saw, the person being in `transforms` (colour camera's axes), bent by `deformation`.
+void vertex_color_add(struct vertex_color_builder *m, const struct depth_frame *depth_frame, const uint8_t *rgb,
+                      const struct bone_transforms *transforms, const struct deformation *deformation,
+                      struct pose world_from_camera, double time_s);
 
-// ERR_MEMORY. coat_free.
-MUST_CHECK enum status coat_make(struct coat_maker *m, struct coat *out);
-void coat_free(struct coat *c);
+// ERR_MEMORY. vertex_colors_free.
+MUST_CHECK enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_colors *out);
+void vertex_colors_free(struct vertex_colors *c);

@@ -2,11 +2,11 @@
 
 enum { PASSES = 4, INNER_PX = 3 };
 
-static const float SQUARELY = 0.5F; // of loaded_point's seen
-static const double NEAR_M = 0.05;  // the reading that vouches for a place lies this near
-static const double ODD = 0.2;      // of colours from 0 to 1: what is so far off counts a quarter
-static const double PRIOR = 1;      // squares of such colours, summed: what is held against few places
-static const double MOST = 1.4;
+static const float MIN_FACING = 0.5F;         // of loaded_point's seen
+static const double DEPTH_TOLERANCE_M = 0.05; // the reading that vouches for a place lies this near
+static const double OUTLIER_SCALE = 0.2;      // of colours from 0 to 1: what is so far off counts a quarter
+static const double PRIOR = 1;                // squares of such colours, summed: what is held against few places
+static const double MAX_GAIN = 1.4;
 
 // Which pixel of the frame's own a place in a window's picture is; -1: outside.
 static int pixel_of(const float at[2], const float window[4], int width, int height)
@@ -16,42 +16,42 @@ static int pixel_of(const float at[2], const float window[4], int width, int hei
 }
 
 // The frame's colour of a point that it saw squarely, well within a surface; NULL: it did not.
-static const uint8_t *shown_at(const struct brightness_look *look, const struct loaded_frame *f,
-                               const struct loaded_point *p)
+static const uint8_t *sample_color(const struct exposure_input *in, const struct frame_layer *f,
+                                   const struct frame_layer_point *p)
 {
-    const struct sight *s = look->sight;
-    if (p->seen < SQUARELY)
+    const struct depth_frame *s = in->depth_frame;
+    if (p->visibility < MIN_FACING)
         return NULL;
-    const int depth = pixel_of(p->in_depth, f->windows[1], s->width, s->height);
-    const int color = pixel_of(p->in_color, f->windows[0], look->color->width, look->color->height);
-    if (depth < 0 || color < 0 || s->part[depth] >= PART_COUNT || s->edge[depth] < INNER_PX ||
-        fabs(s->depth[depth] * 1e-3 - (double)p->away_m) > NEAR_M)
+    const int depth = pixel_of(p->depth_uv, f->windows[1], s->width, s->height);
+    const int color = pixel_of(p->color_uv, f->windows[0], in->color->width, in->color->height);
+    if (depth < 0 || color < 0 || s->part[depth] >= PART_COUNT || s->edge_distance[depth] < INNER_PX ||
+        fabs(s->depth[depth] * 1e-3 - (double)p->depth_m) > DEPTH_TOLERANCE_M)
         return NULL;
-    return look->rgb + 3 * (size_t)color;
+    return in->rgb + 3 * (size_t)color;
 }
 
-float brightness_of(const struct brightness_look *look, const struct loaded_frame *f)
+float exposure_estimate(const struct exposure_input *in, const struct frame_layer *f)
 {
-    const struct coat *coat = &look->likeness->coat;
-    const int32_t *points = look->likeness->atlas.mesh.points;
+    const struct vertex_colors *vertex_colors = &in->avatar->vertex_colors;
+    const int32_t *points = in->avatar->atlas.mesh.points;
     double ratio = 1;
     for (int pass = 0; pass < PASSES; pass++) {
         double both = PRIOR, own = PRIOR;
         for (int i = 0; i < f->point_count; i++) {
-            const uint8_t *rgb = coat->filled[points[i]] ? NULL : shown_at(look, f, &f->points[i]);
+            const uint8_t *rgb = vertex_colors->filled[points[i]] ? NULL : sample_color(in, f, &f->points[i]);
             double shown[3], known[3], off2 = 0;
             for (int c = 0; c < 3 && rgb; c++) {
                 shown[c] = rgb[c] / 255.0;
-                known[c] = (double)(sqrtf(coat->color[points[i]][c]) * f->points[i].light);
+                known[c] = (double)(sqrtf(vertex_colors->color[points[i]][c]) * f->points[i].irradiance);
                 off2 += (shown[c] - ratio * known[c]) * (shown[c] - ratio * known[c]);
             }
-            const double trust = 1 / (1 + off2 / (ODD * ODD));
+            const double weight = 1 / (1 + off2 / (OUTLIER_SCALE * OUTLIER_SCALE));
             for (int c = 0; c < 3 && rgb; c++) {
-                both += trust * trust * shown[c] * known[c];
-                own += trust * trust * known[c] * known[c];
+                both += weight * weight * shown[c] * known[c];
+                own += weight * weight * known[c] * known[c];
             }
         }
-        ratio = fmin(fmax(both / own, 1 / MOST), MOST);
+        ratio = fmin(fmax(both / own, 1 / MAX_GAIN), MAX_GAIN);
     }
     return (float)ratio;
 }

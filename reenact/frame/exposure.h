@@ -4,13 +4,13 @@
 #pragma once
 #include "reenact/frame/frame_layer.h"
 
-struct brightness_look {
-    const struct likeness *likeness;
-    const struct sight *sight;
+struct exposure_input {
+    const struct avatar *avatar;
+    const struct depth_frame *depth_frame;
     const struct lens *color; // the frame's
     const uint8_t *rgb;       // likewise
 };
 
 // f: what the frame knows of the mesh's points, their light as it was for all frames. The ratio of the colours' roots,
 // 1 where too little is seen to say, and never far from it.
-float brightness_of(const struct brightness_look *look, const struct loaded_frame *f);
+float exposure_estimate(const struct exposure_input *in, const struct frame_layer *f);

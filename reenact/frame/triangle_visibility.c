@@ -1,40 +1,40 @@
 #include "reenact/frame/triangle_visibility.h"
 
-static const double TOO_FAR_M = 0.09; // from there on depth_agreement.glsl lets nothing of the frame through
+static const double DEPTH_TOLERANCE_M = 0.09; // from there on depth_agreement.glsl lets nothing of the frame through
 static const double SLACK_PX = 1e-3, SLACK_M = 1e-4; // for what is lost where shaders round
 
 // A triangle in the frame's depth: its corners in texels, and how far away it is there.
-struct laid {
+struct depth_triangle {
     double at[3][2];
-    double away_m, slope[2]; // at its first corner, and what a texel adds
+    double depth_m, slope[2]; // at its first corner, and what a texel adds
 };
 
 // False: it is seen from its edge, so that nothing can be said of its inside.
-static bool lay(const struct loaded_frame *f, const int32_t *corners, struct laid *out)
+static bool project_triangle(const struct frame_layer *f, const int32_t *corners, struct depth_triangle *out)
 {
-    double aside[2][3]; // from its first corner to the others: texels, metres
+    double edges[2][3]; // from its first corner to the others: texels, metres
     for (int k = 0; k < 3; k++) {
-        const struct loaded_point *p = &f->points[corners[k]];
-        out->at[k][0] = (double)p->in_depth[0] * f->depth.width;
-        out->at[k][1] = (double)p->in_depth[1] * f->depth.height;
+        const struct frame_layer_point *p = &f->points[corners[k]];
+        out->at[k][0] = (double)p->depth_uv[0] * f->depth.width;
+        out->at[k][1] = (double)p->depth_uv[1] * f->depth.height;
         if (k == 0) {
-            out->away_m = (double)p->away_m;
+            out->depth_m = (double)p->depth_m;
             continue;
         }
-        aside[k - 1][0] = out->at[k][0] - out->at[0][0];
-        aside[k - 1][1] = out->at[k][1] - out->at[0][1];
-        aside[k - 1][2] = (double)p->away_m - out->away_m;
+        edges[k - 1][0] = out->at[k][0] - out->at[0][0];
+        edges[k - 1][1] = out->at[k][1] - out->at[0][1];
+        edges[k - 1][2] = (double)p->depth_m - out->depth_m;
     }
-    const double area = aside[0][0] * aside[1][1] - aside[0][1] * aside[1][0];
+    const double area = edges[0][0] * edges[1][1] - edges[0][1] * edges[1][0];
     if (fabs(area) < 1e-6)
         return false;
-    out->slope[0] = (aside[0][2] * aside[1][1] - aside[1][2] * aside[0][1]) / area;
-    out->slope[1] = (aside[1][2] * aside[0][0] - aside[0][2] * aside[1][0]) / area;
+    out->slope[0] = (edges[0][2] * edges[1][1] - edges[1][2] * edges[0][1]) / area;
+    out->slope[1] = (edges[1][2] * edges[0][0] - edges[0][2] * edges[1][0]) / area;
     return true;
 }
 
 // Whether some of a texel's square may be the triangle's: it lies beyond none of the edges.
-static bool meets(const struct laid *l, int x, int y)
+static bool texel_overlaps(const struct depth_triangle *l, int x, int y)
 {
     bool all = true;
     for (int k = 0; k < 3; k++) {
@@ -48,25 +48,25 @@ static bool meets(const struct laid *l, int x, int y)
 }
 
 // Whether a texel may bear out some of the triangle.
-static bool bears_out(const struct loaded_picture *depth, const struct laid *l, int x, int y)
+static bool texel_agrees(const struct frame_layer_image *depth, const struct depth_triangle *l, int x, int y)
 {
     const uint8_t *texel = depth->pixels + 4 * ((size_t)y * (size_t)depth->width + (size_t)x);
     const double seen_m = (texel[0] * 256 + texel[1]) * 1e-3;
-    const double middle_m = l->away_m + l->slope[0] * (x + 0.5 - l->at[0][0]) + l->slope[1] * (y + 0.5 - l->at[0][1]);
+    const double middle_m = l->depth_m + l->slope[0] * (x + 0.5 - l->at[0][0]) + l->slope[1] * (y + 0.5 - l->at[0][1]);
     const double reach_m = (0.5 + SLACK_PX) * (fabs(l->slope[0]) + fabs(l->slope[1])) + SLACK_M;
-    return texel[2] > 0 && fabs(middle_m - seen_m) - reach_m < TOO_FAR_M;
+    return texel[2] > 0 && fabs(middle_m - seen_m) - reach_m < DEPTH_TOLERANCE_M;
 }
 
-static bool may_be_own(const struct loaded_frame *f, const int32_t *corners)
+static bool may_be_visible(const struct frame_layer *f, const int32_t *corners)
 {
-    struct laid l;
+    struct depth_triangle l;
     int low[2], high[2];
     float most = 0;
     for (int k = 0; k < 3; k++)
-        most = fmaxf(most, f->points[corners[k]].seen);
-    if (!f->seen || !(most > 0))
+        most = fmaxf(most, f->points[corners[k]].visibility);
+    if (!f->has_images || !(most > 0))
         return false;
-    if (!lay(f, corners, &l))
+    if (!project_triangle(f, corners, &l))
         return true;
     for (int a = 0; a < 2; a++) {
         // Beyond the picture a texture goes on as its rim is, which bears out nothing.
@@ -76,13 +76,13 @@ static bool may_be_own(const struct loaded_frame *f, const int32_t *corners)
     }
     for (int y = low[1]; y <= high[1]; y++)
         for (int x = low[0]; x <= high[0]; x++)
-            if (meets(&l, x, y) && bears_out(&f->depth, &l, x, y))
+            if (texel_overlaps(&l, x, y) && texel_agrees(&f->depth, &l, x, y))
                 return true;
     return false;
 }
 
-void own_triangles_find(const struct unfolded *mesh, const struct loaded_frame *f, bool *out)
+void triangle_visibility_find(const struct uv_mesh *mesh, const struct frame_layer *f, bool *out)
 {
     for (int t = 0; t < mesh->corner_count / 3; t++)
-        out[t] = may_be_own(f, mesh->corners + 3 * (size_t)t);
+        out[t] = may_be_visible(f, mesh->corners + 3 * (size_t)t);
 }

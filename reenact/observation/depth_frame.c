@@ -5,42 +5,42 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PERSON = 0, SAME_MM = 60, RAGGED_PX = 2 };
-enum { NOISE_STEPS = 2 }; // by more of part_step_mm noise does not part two readings
-enum { ROOM_MM = 100 };   // so far behind the person it is the room for sure
+enum { PERSON = 0, SURFACE_MM = 60, SHADOW_SLACK_PX = 2 };
+enum { NOISE_STEPS = 2 };     // by more of depth_step_mm noise does not part two readings
+enum { BACKGROUND_MM = 100 }; // so far behind the person it is the room for sure
 
-static const double LAMP_ASIDE_M = 0.08; // of sensors that project a pattern, at most
+static const double PROJECTOR_BASELINE_M = 0.08; // of sensors that project a pattern, at most
 
-enum status sight_open(struct sight *out, const struct take *take, const struct source_rays *rays)
+enum status depth_frame_open(struct depth_frame *out, const struct take *take, const struct source_rays *rays)
 {
     const struct lens *lens = &take_calibration(take)->depth;
-    *out = (struct sight){.width = lens->width,
-                          .height = lens->height,
-                          .rays = rays,
-                          .body = take_body(take),
-                          .edge_most = SIGHT_EDGE_MOST};
+    *out = (struct depth_frame){.width = lens->width,
+                                .height = lens->height,
+                                .rays = rays,
+                                .body = take_body(take),
+                                .max_edge_distance = DEPTH_FRAME_MAX_EDGE_PX};
     size_t pixels = (size_t)lens->width * (size_t)lens->height;
     out->depth = malloc(sizeof(uint16_t) * pixels);
     out->part = malloc(pixels);
-    out->edge = malloc(pixels);
-    out->half = malloc(pixels);
-    if (out->depth && out->part && out->edge && out->half)
+    out->edge_distance = malloc(pixels);
+    out->half_width = malloc(pixels);
+    if (out->depth && out->part && out->edge_distance && out->half_width)
         return OK;
-    sight_close(out);
+    depth_frame_close(out);
     return fail(ERR_MEMORY, "out of memory");
 }
 
-void sight_close(struct sight *s)
+void depth_frame_close(struct depth_frame *s)
 {
     free(s->depth);
     free(s->part);
-    free(s->edge);
-    free(s->half);
-    *s = (struct sight){0};
+    free(s->edge_distance);
+    free(s->half_width);
+    *s = (struct depth_frame){0};
 }
 
 // Of the person's pixels within the bounds so far.
-static void find_bounds(struct sight *s)
+static void find_bounds(struct depth_frame *s)
 {
     int top = s->top, bottom = s->bottom, left = s->left, right = s->right;
     s->left = s->width, s->top = s->height, s->right = s->bottom = -1;
@@ -53,88 +53,88 @@ static void find_bounds(struct sight *s)
 }
 
 // The middle one of the person's readings in and about one of his pixels. He has none on the picture's rim
-// (part_pixel_solid).
-int sight_middle_mm(const struct sight *s, int i)
+// (part_pixel_on_surface).
+int depth_frame_median_mm(const struct depth_frame *s, int i)
 {
-    int near[9], count = 0;
+    int samples[9], count = 0;
     for (int dy = -s->width; dy <= s->width; dy += s->width)
         for (int dx = -1; dx <= 1; dx++) {
             if (s->part[i + dy + dx] >= PART_COUNT)
                 continue;
             int k = count++;
-            for (; k > 0 && near[k - 1] > s->depth[i + dy + dx]; k--)
-                near[k] = near[k - 1];
-            near[k] = s->depth[i + dy + dx];
+            for (; k > 0 && samples[k - 1] > s->depth[i + dy + dx]; k--)
+                samples[k] = samples[k - 1];
+            samples[k] = s->depth[i + dy + dx];
         }
-    return (near[(count - 1) / 2] + near[count / 2]) / 2;
+    return (samples[(count - 1) / 2] + samples[count / 2]) / 2;
 }
 
 // Of two pixels beside each other. What no noise does is an edge; less is one if it is there without noise, too.
-static bool same_surface(const struct sight *s, int a, int b)
+static bool same_surface(const struct depth_frame *s, int a, int b)
 {
     bool person = s->part[a] < PART_COUNT;
     if (person != (s->part[b] < PART_COUNT))
         return false;
     if (!person)
         return true;
-    const int step_mm = part_step_mm(s->depth[a]), most_mm = step_mm > SAME_MM ? step_mm : SAME_MM;
+    const int step_mm = depth_step_mm(s->depth[a]), most_mm = step_mm > SURFACE_MM ? step_mm : SURFACE_MM;
     const int apart_mm = abs(s->depth[a] - s->depth[b]);
-    return apart_mm <= most_mm ||
-           (apart_mm <= NOISE_STEPS * step_mm && abs(sight_middle_mm(s, a) - sight_middle_mm(s, b)) <= most_mm);
+    return apart_mm <= most_mm || (apart_mm <= NOISE_STEPS * step_mm &&
+                                   abs(depth_frame_median_mm(s, a) - depth_frame_median_mm(s, b)) <= most_mm);
 }
 
 // One pixel's edge is no farther than its neighbour's and one; between two surfaces it is at both.
-static inline void pass_edge(struct sight *s, int i, int from)
+static inline void relax_edge(struct depth_frame *s, int i, int from)
 {
     if (same_surface(s, i, from)) {
-        int far = s->edge[from] + 1;
-        s->edge[i] = (uint8_t)(far < s->edge[i] ? far : s->edge[i]);
+        int far = s->edge_distance[from] + 1;
+        s->edge_distance[i] = (uint8_t)(far < s->edge_distance[i] ? far : s->edge_distance[i]);
     } else {
-        s->edge[i] = s->edge[from] = 0;
+        s->edge_distance[i] = s->edge_distance[from] = 0;
     }
 }
 
 // A distance in two sweeps, there and back. Farther from the person than is told apart there is nothing to find.
-static void find_edges(struct sight *s)
+static void find_edge_distances(struct depth_frame *s)
 {
-    const int w = s->width, h = s->height, most = s->edge_most;
+    const int w = s->width, h = s->height, most = s->max_edge_distance;
     int left = s->left > most ? s->left - most : 0;
     int top = s->top > most ? s->top - most : 0;
     int right = s->right + most < w ? s->right + most : w - 1;
     int bottom = s->bottom + most < h ? s->bottom + most : h - 1;
-    memset(s->edge, most, (size_t)w * (size_t)h);
+    memset(s->edge_distance, most, (size_t)w * (size_t)h);
     for (int y = top; y <= bottom; y++)
         for (int x = left; x <= right; x++) {
             if (x > left)
-                pass_edge(s, y * w + x, y * w + x - 1);
+                relax_edge(s, y * w + x, y * w + x - 1);
             if (y > top)
-                pass_edge(s, y * w + x, y * w + x - w);
+                relax_edge(s, y * w + x, y * w + x - w);
         }
     for (int y = bottom; y >= top; y--)
         for (int x = right; x >= left; x--) {
             if (x < right)
-                pass_edge(s, y * w + x, y * w + x + 1);
+                relax_edge(s, y * w + x, y * w + x + 1);
             if (y < bottom)
-                pass_edge(s, y * w + x, y * w + x + w);
+                relax_edge(s, y * w + x, y * w + x + w);
         }
 }
 
 // Runs of one surface along a line of pixels `step` apart.
-static void find_runs(struct sight *s, int first, int step, int count)
+static void find_runs(struct depth_frame *s, int first, int step, int count)
 {
     for (int from = 0, to; from < count; from = to) {
         for (to = from + 1; to < count && same_surface(s, first + (to - 1) * step, first + to * step);)
             to++;
         int half = (to - from) / 2;
         for (int i = from; i < to; i++)
-            if (half < s->half[first + i * step])
-                s->half[first + i * step] = (uint8_t)half;
+            if (half < s->half_width[first + i * step])
+                s->half_width[first + i * step] = (uint8_t)half;
     }
 }
 
-static void find_widths(struct sight *s)
+static void find_widths(struct depth_frame *s)
 {
-    memset(s->half, UINT8_MAX, (size_t)s->width * (size_t)s->height);
+    memset(s->half_width, UINT8_MAX, (size_t)s->width * (size_t)s->height);
     for (int y = s->top; y <= s->bottom; y++)
         find_runs(s, y * s->width + s->left, 1, s->right - s->left + 1);
     for (int x = s->left; x <= s->right; x++)
@@ -143,7 +143,7 @@ static void find_widths(struct sight *s)
 
 // Beside its eye the sensor has a lamp, and the person keeps the light off a strip of the room along one side. What has
 // no reading there is as far away as the room beyond it.
-static void fill_shadow(struct sight *s, double fx)
+static void fill_projector_shadow(struct depth_frame *s, double fx)
 {
     for (int y = s->top; y <= s->bottom; y++) {
         const int row = y * s->width;
@@ -152,33 +152,34 @@ static void fill_shadow(struct sight *s, double fx)
                 continue;
             const int from = last;
             last = x;
-            if (from < 0 || from + 1 == x || (s->part[row + from] == SIGHT_ROOM) == (s->part[row + x] == SIGHT_ROOM))
+            if (from < 0 || from + 1 == x ||
+                (s->part[row + from] == DEPTH_FRAME_BACKGROUND) == (s->part[row + x] == DEPTH_FRAME_BACKGROUND))
                 continue;
-            const bool room_first = s->part[row + from] == SIGHT_ROOM;
-            const uint16_t room = s->depth[row + (room_first ? from : x)];
-            const uint16_t person = s->depth[row + (room_first ? x : from)];
-            const double wide = fx * LAMP_ASIDE_M * 1000 * (1.0 / person - 1.0 / room);
-            for (int i = row + from + 1; i < row + x && x - from - 1 <= wide + RAGGED_PX; i++)
-                if (s->part[i] == SIGHT_ROOM)
-                    s->depth[i] = room;
+            const bool background_first = s->part[row + from] == DEPTH_FRAME_BACKGROUND;
+            const uint16_t background = s->depth[row + (background_first ? from : x)];
+            const uint16_t person = s->depth[row + (background_first ? x : from)];
+            const double wide = fx * PROJECTOR_BASELINE_M * 1000 * (1.0 / person - 1.0 / background);
+            for (int i = row + from + 1; i < row + x && x - from - 1 <= wide + SHADOW_SLACK_PX; i++)
+                if (s->part[i] == DEPTH_FRAME_BACKGROUND)
+                    s->depth[i] = background;
         }
     }
 }
 
-enum status sight_read(struct sight *s, struct take *take, int64_t frame)
+enum status depth_frame_read(struct depth_frame *s, struct take *take, int64_t frame)
 {
     const struct take_entry *e = take_entry(take, frame);
     if (!e->has_depth || !e->has_skeleton)
         return NOTHING;
-    struct take_pictures seen;
-    enum status status = take_read(take, frame, TAKE_DEPTH | TAKE_MASK, &seen);
+    struct take_images images;
+    enum status status = take_read(take, frame, TAKE_DEPTH | TAKE_MASK, &images);
     if (status != OK)
         return status;
     int count = s->width * s->height;
-    memcpy(s->depth, seen.depth, sizeof(uint16_t) * (size_t)count);
-    s->has_mask = seen.mask != NULL;
-    memset(s->part, SIGHT_ROOM, (size_t)count);
-    const uint8_t *mask = seen.mask, *end = mask ? mask + count : NULL;
+    memcpy(s->depth, images.depth, sizeof(uint16_t) * (size_t)count);
+    s->has_mask = images.mask != NULL;
+    memset(s->part, DEPTH_FRAME_BACKGROUND, (size_t)count);
+    const uint8_t *mask = images.mask, *end = mask ? mask + count : NULL;
     for (int i = 0; i < count; i++) {
         if (mask && !mask[i]) { // most of a picture: on to the next pixel of the person
             const uint8_t *next = memchr(mask + i, 1, (size_t)(end - mask - i));
@@ -186,51 +187,52 @@ enum status sight_read(struct sight *s, struct take *take, int64_t frame)
                 break;
             i = (int)(next - mask);
         }
-        s->part[i] = part_pixel_solid(seen.depth, mask, s->width, s->height, i) ? PERSON : SIGHT_RIM;
+        s->part[i] = part_pixel_on_surface(images.depth, mask, s->width, s->height, i) ? PERSON : DEPTH_FRAME_MIXED;
     }
     s->left = s->top = 0, s->right = s->width - 1, s->bottom = s->height - 1;
     find_bounds(s);
-    const struct skeleton joints = carried_skeleton(take, frame);
-    sight_label(s, &joints);
+    const struct skeleton joints = inpaint_skeleton(take, frame);
+    depth_frame_relabel(s, &joints);
     find_bounds(s);
-    fill_shadow(s, take_calibration(take)->depth.fx);
-    find_edges(s);
+    fill_projector_shadow(s, take_calibration(take)->depth.fx);
+    find_edge_distances(s);
     find_widths(s);
     return OK;
 }
 
-int sight_inside(const struct sight *s, int i, int step)
+int depth_frame_step_inside(const struct depth_frame *s, int i, int step)
 {
     int inside = i + step;
-    for (int k = 1; k < SIGHT_INWARD_PX && s->part[inside] == SIGHT_RIM; k++)
+    for (int k = 1; k < DEPTH_FRAME_INWARD_PX && s->part[inside] == DEPTH_FRAME_MIXED; k++)
         inside += step;
-    return s->part[inside] < PART_COUNT && s->depth[i] >= s->depth[inside] + ROOM_MM ? inside : -1;
+    return s->part[inside] < PART_COUNT && s->depth[i] >= s->depth[inside] + BACKGROUND_MM ? inside : -1;
 }
 
-void sight_label(struct sight *s, const struct skeleton *skeleton)
+void depth_frame_relabel(struct depth_frame *s, const struct skeleton *skeleton)
 {
-    struct part_bones bones = part_bones_of(skeleton, s->body);
-    double outside = part_outside_m(s->has_mask);
-    const uint8_t nobody = s->has_mask ? SIGHT_RIM : SIGHT_ROOM; // the mask knows better than the joints
+    struct part_capsules bones = part_capsules_of(skeleton, s->body);
+    double outside = part_max_distance_m(s->has_mask);
+    const uint8_t unlabelled =
+        s->has_mask ? DEPTH_FRAME_MIXED : DEPTH_FRAME_BACKGROUND; // the mask knows better than the joints
     for (int y = s->top; y <= s->bottom; y++)
         for (int x = s->left; x <= s->right; x++) {
             int i = y * s->width + x;
             if (s->part[i] >= PART_COUNT)
                 continue;
             int part = part_nearest(&bones, source_rays_point(s->rays, i, s->depth[i]), outside);
-            s->part[i] = part < 0 ? nobody : (uint8_t)part;
+            s->part[i] = part < 0 ? unlabelled : (uint8_t)part;
         }
 }
 
-enum { WELL_WITHIN_PX = 2 }; // JPEG halves colour, which carries it over two pixels
+enum { INTERIOR_PX = 2 }; // JPEG halves colour, which carries it over two pixels
 
 // A place well within a surface; x < 0: none.
-struct from {
+struct interior_pixel {
     int16_t x, y;
 };
 
 // Where it stands nearer to pixel (x, y), the other.
-static inline void pass_from(struct from *from, struct from other, int x, int y)
+static inline void keep_nearer(struct interior_pixel *from, struct interior_pixel other, int x, int y)
 {
     if (other.x < 0)
         return;
@@ -239,54 +241,55 @@ static inline void pass_from(struct from *from, struct from other, int x, int y)
 }
 
 // The person's box and a pixel about it, for who looks at places between pixels.
-struct box {
+struct actor_box {
     int left, top, w, h;
 };
 
-static struct box box_about(const struct sight *s)
+static struct actor_box padded_actor_box(const struct depth_frame *s)
 {
     int left = s->left > 0 ? s->left - 1 : 0, top = s->top > 0 ? s->top - 1 : 0;
     int right = s->right + 1 < s->width ? s->right + 1 : s->right;
     int bottom = s->bottom + 1 < s->height ? s->bottom + 1 : s->bottom;
-    return (struct box){left, top, right - left + 1, bottom - top + 1};
+    return (struct actor_box){left, top, right - left + 1, bottom - top + 1};
 }
 
 // Of each pixel of the box the nearest place well within a surface, in two sweeps, there and back.
-static void find_froms(const struct sight *s, const struct box *box, struct from *from)
+static void find_interior_pixels(const struct depth_frame *s, const struct actor_box *box, struct interior_pixel *from)
 {
     const int w = box->w, h = box->h;
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
             int i = y * w + x, at = (box->top + y) * s->width + box->left + x;
-            bool within = s->part[at] < PART_COUNT && s->edge[at] >= WELL_WITHIN_PX;
-            from[i] = within ? (struct from){(int16_t)x, (int16_t)y} : (struct from){-1, -1};
+            bool within = s->part[at] < PART_COUNT && s->edge_distance[at] >= INTERIOR_PX;
+            from[i] = within ? (struct interior_pixel){(int16_t)x, (int16_t)y} : (struct interior_pixel){-1, -1};
             if (x > 0)
-                pass_from(&from[i], from[i - 1], x, y);
+                keep_nearer(&from[i], from[i - 1], x, y);
             if (y > 0)
-                pass_from(&from[i], from[i - w], x, y);
+                keep_nearer(&from[i], from[i - w], x, y);
         }
     for (int y = h - 1; y >= 0; y--)
         for (int x = w - 1; x >= 0; x--) {
             int i = y * w + x;
             if (x + 1 < w)
-                pass_from(&from[i], from[i + 1], x, y);
+                keep_nearer(&from[i], from[i + 1], x, y);
             if (y + 1 < h)
-                pass_from(&from[i], from[i + w], x, y);
+                keep_nearer(&from[i], from[i + w], x, y);
         }
 }
 
-enum status sight_colors(const struct sight *s, const struct calibration *calibration, const uint8_t *rgb, uint8_t *out)
+enum status depth_frame_clean_colors(const struct depth_frame *s, const struct calibration *calibration,
+                                     const uint8_t *rgb, uint8_t *out)
 {
     const struct lens *color = &calibration->color;
     if (out != rgb)
         memcpy(out, rgb, 3 * (size_t)color->width * (size_t)color->height);
     if (!calibration->registered || color->width != s->width || color->height != s->height || s->right < s->left)
         return OK;
-    const struct box box = box_about(s);
-    struct from *from = malloc(sizeof *from * (size_t)box.w * (size_t)box.h);
+    const struct actor_box box = padded_actor_box(s);
+    struct interior_pixel *from = malloc(sizeof *from * (size_t)box.w * (size_t)box.h);
     if (!from)
         return fail(ERR_MEMORY, "out of memory");
-    find_froms(s, &box, from);
+    find_interior_pixels(s, &box, from);
     for (int i = 0; i < box.w * box.h; i++) {
         const int at = (box.top + i / box.w) * s->width + box.left + i % box.w;
         const int of = (box.top + from[i].y) * s->width + box.left + from[i].x;

@@ -2,9 +2,9 @@
 
 #include <stdlib.h>
 
-struct part_bones part_bones_of(const struct skeleton *skeleton, const struct body *body)
+struct part_capsules part_capsules_of(const struct skeleton *skeleton, const struct body *body)
 {
-    struct part_bones b = {0};
+    struct part_capsules b = {0};
     for (int p = 0; p < PART_COUNT; p++) {
         if (!part_is_known(body, skeleton, (enum part)p))
             continue;
@@ -15,12 +15,12 @@ struct part_bones part_bones_of(const struct skeleton *skeleton, const struct bo
         b.along2[i] = v3_dot(b.along[i], b.along[i]);
         b.radius[i] = body->radius_rate[p] * sqrt(b.along2[i]);
         b.middle[i] = v3_add(b.from[i], v3_scale(b.along[i], 0.5));
-        b.reach[i] = 0.5 * sqrt(b.along2[i]) + b.radius[i];
+        b.bounding_radius[i] = 0.5 * sqrt(b.along2[i]) + b.radius[i];
     }
     return b;
 }
 
-uint16_t part_label(const struct part_bones *b, struct vec3 p, double shared_m, double outside_m)
+uint16_t part_label(const struct part_capsules *b, struct vec3 p, double shared_m, double outside_m)
 {
     double gap[PART_COUNT], best = outside_m;
     for (int i = 0; i < b->count; i++) {
@@ -39,13 +39,13 @@ uint16_t part_label(const struct part_bones *b, struct vec3 p, double shared_m, 
     return parts;
 }
 
-int part_nearest(const struct part_bones *b, struct vec3 p, double outside_m)
+int part_nearest(const struct part_capsules *b, struct vec3 p, double outside_m)
 {
     double best = outside_m;
     int nearest = -1;
     for (int i = 0; i < b->count; i++) {
         struct vec3 d = v3_sub(p, b->from[i]), from_middle = v3_sub(p, b->middle[i]);
-        double away = best + b->reach[i];
+        double away = best + b->bounding_radius[i];
         if (v3_dot(from_middle, from_middle) > away * away)
             continue; // a ball about the part is farther than the nearest
         double t = b->along2[i] > 0 ? v3_dot(d, b->along[i]) / b->along2[i] : 0;
@@ -61,11 +61,11 @@ int part_nearest(const struct part_bones *b, struct vec3 p, double outside_m)
     return nearest;
 }
 
-double part_outside_m(bool has_mask) { return has_mask ? 0.25 : 0.10; }
+double part_max_distance_m(bool has_mask) { return has_mask ? 0.25 : 0.10; }
 
-bool part_pixel_solid(const uint16_t *depth, const uint8_t *mask, int width, int height, int i)
+bool part_pixel_on_surface(const uint16_t *depth, const uint8_t *mask, int width, int height, int i)
 {
-    int same_mm = 30 + part_step_mm(depth[i]);
+    int same_mm = 30 + depth_step_mm(depth[i]);
     int x = i % width, y = i / width;
     if (!depth[i] || (mask && !mask[i]) || x == 0 || y == 0 || x == width - 1 || y == height - 1)
         return false;

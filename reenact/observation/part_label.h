@@ -4,37 +4,37 @@
 #include "capture/recording/recording.h"
 
 // The known parts of one skeleton. Metres, the skeleton's axes.
-struct part_bones {
+struct part_capsules {
     int count;
     enum part part[PART_COUNT];
     struct vec3 from[PART_COUNT], along[PART_COUNT];
     double along2[PART_COUNT], radius[PART_COUNT];
     struct vec3 middle[PART_COUNT];
-    double reach[PART_COUNT]; // from the middle to the farthest of the part
+    double bounding_radius[PART_COUNT]; // from the middle to the farthest of the part
 };
-struct part_bones part_bones_of(const struct skeleton *skeleton, const struct body *body);
+struct part_capsules part_capsules_of(const struct skeleton *skeleton, const struct body *body);
 
 enum { PART_LABEL_PERSON = 1 << 15 };
 
 // Bit p: within shared_m of the nearest part, p is as near; and PART_LABEL_PERSON.
 // 0: farther than outside_m outside every part.
-uint16_t part_label(const struct part_bones *bones, struct vec3 p, double shared_m, double outside_m);
+uint16_t part_label(const struct part_capsules *bones, struct vec3 p, double shared_m, double outside_m);
 
 // The nearest part alone, the lowest of several; -1: farther than outside_m from every part.
-int part_nearest(const struct part_bones *bones, struct vec3 p, double outside_m);
+int part_nearest(const struct part_capsules *bones, struct vec3 p, double outside_m);
 
 // How far outside all parts a pixel may lie and still be this person: the mask
 // knows best, but where there is none, not far.
-double part_outside_m(bool has_mask);
+double part_max_distance_m(bool has_mask);
 
 // How far one reading may lie from its neighbour on the same surface because depth comes in steps: they grow with the
 // square of the depth (45 mm at 4 m for a Kinect), and noise makes two or three of them.
-static inline int part_step_mm(int depth_mm) { return (int)((int64_t)depth_mm * depth_mm / 160000); }
+static inline int depth_step_mm(int depth_mm) { return (int)((int64_t)depth_mm * depth_mm / 160000); }
 
 // True where the pixel is the person's (mask NULL: is there) and at least two of
 // its four neighbours lie on one surface with it. At the edges of things depth
 // pictures hold readings that hang between the person and what is behind.
-bool part_pixel_solid(const uint16_t *depth, const uint8_t *mask, int width, int height, int i);
+bool part_pixel_on_surface(const uint16_t *depth, const uint8_t *mask, int width, int height, int i);
 
 // Every depth pixel's direction, made once for a take.
 struct source_rays;

@@ -6,58 +6,58 @@
 // Neighbouring parts share the pixels between them, as far as this.
 static const double SHARED_M = 0.03;
 
-void source_picture_free(struct source_picture *picture)
+void source_image_free(struct source_image *image)
 {
-    free(picture->rgb);
-    free(picture->parts);
-    *picture = (struct source_picture){.frame = -1};
+    free(image->rgb);
+    free(image->parts);
+    *image = (struct source_image){.frame = -1};
 }
 
 // ---------------------------------------------------------------- whose pixel is it
 
 // Marks the colour pixels that a depth pixel covers.
-static void mark(struct source_picture *picture, struct pixel at, double half, uint16_t parts)
+static void label_footprint(struct source_image *image, struct pixel at, double half, uint16_t parts)
 {
     int x0 = (int)ceil(at.x - half), x1 = (int)floor(at.x + half);
     int y0 = (int)ceil(at.y - half), y1 = (int)floor(at.y + half);
-    for (int y = y0 < 0 ? 0 : y0; y <= y1 && y < picture->height; y++)
-        for (int x = x0 < 0 ? 0 : x0; x <= x1 && x < picture->width; x++)
-            picture->parts[y * picture->width + x] |= parts;
+    for (int y = y0 < 0 ? 0 : y0; y <= y1 && y < image->height; y++)
+        for (int x = x0 < 0 ? 0 : x0; x <= x1 && x < image->width; x++)
+            image->parts[y * image->width + x] |= parts;
 }
 
-static void label(struct source_picture *picture, const struct take *take, const struct take_pictures *seen,
-                  const struct source_rays *rays)
+static void label_pixels(struct source_image *image, const struct take *take, const struct take_images *images,
+                         const struct source_rays *rays)
 {
     const struct calibration *c = take_calibration(take);
-    struct part_bones bones = part_bones_of(&take_entry(take, picture->frame)->skeleton, take_body(take));
+    struct part_capsules bones = part_capsules_of(&take_entry(take, image->frame)->skeleton, take_body(take));
     bool same = c->registered && c->depth.width == c->color.width && c->depth.height == c->color.height;
     double half = fmax(0.5, 0.55 * c->color.fx / c->depth.fx);
-    double outside = part_outside_m(seen->mask != NULL);
+    double outside = part_max_distance_m(images->mask != NULL);
     for (int i = 0; i < source_rays_count(rays); i++) {
-        if (!part_pixel_solid(seen->depth, seen->mask, c->depth.width, c->depth.height, i))
+        if (!part_pixel_on_surface(images->depth, images->mask, c->depth.width, c->depth.height, i))
             continue;
-        struct vec3 p = source_rays_point(rays, i, seen->depth[i]);
+        struct vec3 p = source_rays_point(rays, i, images->depth[i]);
         uint16_t parts = part_label(&bones, p, SHARED_M, outside);
         if (!parts)
             continue;
         if (same)
-            picture->parts[i] = parts;
+            image->parts[i] = parts;
         else if (p.z > 1e-3)
-            mark(picture, lens_project(&c->color, p), half, parts);
+            label_footprint(image, lens_project(&c->color, p), half, parts);
     }
 }
 
 // Takes the person's outermost pixels away: their colours are half the background's.
-static enum status shave(struct source_picture *picture)
+static enum status erode_labels(struct source_image *image)
 {
-    int w = picture->width, h = picture->height;
+    int w = image->width, h = image->height;
     uint16_t *rows = malloc(sizeof(uint16_t) * 2 * (size_t)w);
     if (!rows)
         return fail(ERR_MEMORY, "out of memory");
     uint16_t *above = rows, *here = rows + w; // as they were before shaving
     memset(above, 0, sizeof(uint16_t) * (size_t)w);
     for (int y = 0; y < h; y++) {
-        uint16_t *row = picture->parts + (size_t)y * w;
+        uint16_t *row = image->parts + (size_t)y * w;
         memcpy(here, row, sizeof(uint16_t) * (size_t)w);
         for (int x = 0; x < w; x++) {
             bool inner =
@@ -73,50 +73,50 @@ static enum status shave(struct source_picture *picture)
     return OK;
 }
 
-enum status source_picture_load(struct source_picture *picture, struct take *take, int64_t frame,
-                                const struct source_rays *rays)
+enum status source_image_load(struct source_image *image, struct take *take, int64_t frame,
+                              const struct source_rays *rays)
 {
     const struct calibration *c = take_calibration(take);
     size_t pixels = (size_t)c->color.width * (size_t)c->color.height;
-    if (!picture->rgb)
-        picture->rgb = malloc(pixels * 3);
-    if (rays && !picture->parts)
-        picture->parts = malloc(pixels * sizeof(uint16_t));
-    if (!picture->rgb || (rays && !picture->parts)) {
-        source_picture_free(picture);
+    if (!image->rgb)
+        image->rgb = malloc(pixels * 3);
+    if (rays && !image->parts)
+        image->parts = malloc(pixels * sizeof(uint16_t));
+    if (!image->rgb || (rays && !image->parts)) {
+        source_image_free(image);
         return fail(ERR_MEMORY, "out of memory");
     }
-    picture->frame = -1;
-    picture->labelled = false;
-    picture->width = c->color.width;
-    picture->height = c->color.height;
-    struct take_pictures seen = {0};
+    image->frame = -1;
+    image->labelled = false;
+    image->width = c->color.width;
+    image->height = c->color.height;
+    struct take_images images = {0};
     unsigned want = rays ? TAKE_COLOR | TAKE_DEPTH | TAKE_MASK : TAKE_COLOR;
-    enum status status = take_read(take, frame, want, &seen);
+    enum status status = take_read(take, frame, want, &images);
     if (status != OK) {
-        source_picture_free(picture);
+        source_image_free(image);
         return status;
     }
-    if (!seen.color)
+    if (!images.color)
         return NOTHING;
-    memcpy(picture->rgb, seen.color, pixels * 3);
-    picture->frame = frame;
+    memcpy(image->rgb, images.color, pixels * 3);
+    image->frame = frame;
     if (!rays)
         return OK;
-    memset(picture->parts, 0, pixels * sizeof(uint16_t));
-    if (seen.depth && take_entry(take, frame)->has_skeleton)
-        label(picture, take, &seen, rays);
-    status = shave(picture);
-    picture->labelled = true;
+    memset(image->parts, 0, pixels * sizeof(uint16_t));
+    if (images.depth && take_entry(take, frame)->has_skeleton)
+        label_pixels(image, take, &images, rays);
+    status = erode_labels(image);
+    image->labelled = true;
     if (status != OK)
-        source_picture_free(picture);
+        source_image_free(image);
     return status;
 }
 
 // ---------------------------------------------------------------- a part's patch
 
 // The pixels around a part in its frame; false when it is not in the picture.
-static bool window_of(const struct take *take, int64_t frame, enum part p, struct source_patch *w, double *area)
+static bool part_window(const struct take *take, int64_t frame, enum part p, struct source_patch *w, double *area)
 {
     const struct lens *lens = &take_calibration(take)->color;
     const struct skeleton *s = &take_entry(take, frame)->skeleton;
@@ -146,14 +146,14 @@ static bool window_of(const struct take *take, int64_t frame, enum part p, struc
 }
 
 // For each pixel of the window the row of the nearest good pixel in its column; -1: none.
-static void nearest_in_columns(const struct source_picture *picture, const struct source_patch *w, uint16_t bit,
+static void nearest_in_columns(const struct source_image *image, const struct source_patch *w, uint16_t bit,
                                int16_t *row)
 {
     for (int x = 0; x < w->width; x++) {
         int last = -1;
         for (int y = 0; y < w->height; y++) {
-            size_t at = (size_t)(w->top + y) * picture->width + w->left + x;
-            if (picture->parts[at] & bit)
+            size_t at = (size_t)(w->top + y) * image->width + w->left + x;
+            if (image->parts[at] & bit)
                 last = y;
             row[y * w->width + x] = (int16_t)last;
         }
@@ -169,7 +169,7 @@ static void nearest_in_columns(const struct source_picture *picture, const struc
 }
 
 // Exact nearest good pixel; the leftmost, then the upper one on a tie.
-static void fill(const struct source_picture *picture, struct source_patch *w, const int16_t *row)
+static void fill(const struct source_image *image, struct source_patch *w, const int16_t *row)
 {
     for (int y = 0; y < w->height; y++)
         for (int x = 0; x < w->width; x++) {
@@ -186,25 +186,25 @@ static void fill(const struct source_picture *picture, struct source_patch *w, c
                         by = cy;
                     }
                 }
-            size_t from = ((size_t)(w->top + by) * picture->width + w->left + bx) * 3;
-            memcpy(w->rgb + ((size_t)y * w->width + x) * 3, picture->rgb + from, 3);
+            size_t from = ((size_t)(w->top + by) * image->width + w->left + bx) * 3;
+            memcpy(w->rgb + ((size_t)y * w->width + x) * 3, image->rgb + from, 3);
         }
 }
 
-enum status source_patch_make(const struct source_picture *picture, const struct take *take, enum part p,
+enum status source_patch_make(const struct source_image *image, const struct take *take, enum part p,
                               struct source_patch *out)
 {
-    assert(picture->frame >= 0 && picture->labelled);
+    assert(image->frame >= 0 && image->labelled);
     *out = (struct source_patch){0};
     struct source_patch w;
     double area;
-    if (!window_of(take, picture->frame, p, &w, &area))
+    if (!part_window(take, image->frame, p, &w, &area))
         return NOTHING;
     uint16_t bit = (uint16_t)(1 << p);
     long good = 0;
     for (int y = 0; y < w.height; y++)
         for (int x = 0; x < w.width; x++)
-            good += (picture->parts[(size_t)(w.top + y) * picture->width + w.left + x] & bit) != 0;
+            good += (image->parts[(size_t)(w.top + y) * image->width + w.left + x] & bit) != 0;
     if (good < 12 || good < area * 0.25)
         return NOTHING;
     int16_t *row = malloc(sizeof(int16_t) * (size_t)w.width * (size_t)w.height);
@@ -214,8 +214,8 @@ enum status source_patch_make(const struct source_picture *picture, const struct
         free(w.rgb);
         return fail(ERR_MEMORY, "out of memory");
     }
-    nearest_in_columns(picture, &w, bit, row);
-    fill(picture, &w, row);
+    nearest_in_columns(image, &w, bit, row);
+    fill(image, &w, row);
     free(row);
     *out = w;
     return OK;

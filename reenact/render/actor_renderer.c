@@ -10,25 +10,26 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BROUGHT_BYTES = 512 << 10 };
-enum { ROOM_FINER = 2 }; // texels of the room's depth along a pixel's side
+enum { UPLOAD_BYTES = 512 << 10 };
+enum { ROOM_SUPERSAMPLING = 2 }; // texels of the room's depth along a pixel's side
 enum { SHADOW_PX = 2 }; // pixels of the picture along one of the shadow's: it is soft, and each looks at the whole body
 
-static const double CYLINDERS_OFF_M = 0.03; // of a person who is not known yet
+static const double TYPICAL_CYLINDER_ERROR_M = 0.03; // of a person who is not known yet
 
-struct painter {
+struct renderer {
     struct gpu *gpu;
     struct take *take;
-    struct lens lens, drawn; // the tablet's; the one that is drawn for, with `fineness` of its pixels along a side
-    double fineness;
+    struct lens lens,
+        drawn; // the tablet's; the one that is drawn for, with `resolution_scale` of its pixels along a side
+    double resolution_scale;
     enum detail detail;
-    struct motion *motion;
-    struct cylinder_painter *cylinders;
+    struct skeleton_track *motion;
+    struct cylinder_renderer *cylinders;
     struct source_rays *rays; // NULL: the take has no depth
-    struct around_painter *around;
-    struct likeness_painter *likeness; // NULL: too little of the person was seen; rounded cylinders then
+    struct occlusion_shadow *occlusion;
+    struct avatar_renderer *avatar; // NULL: too little of the person was seen; rounded cylinders then
     struct gpu_program *compose_program;
-    struct gpu_mesh *whole; // one triangle over everything
+    struct gpu_mesh *fullscreen; // one triangle over everything
     struct gpu_texture *camera;
     struct gpu_target *plain, *smooth, *composed; // actor at paper, actor at full, result
     struct gpu_target *actor;                     // the one of the two last drawn into
@@ -38,43 +39,43 @@ struct painter {
     struct gpu_texture *no_shadow;                // a transparent pixel
     bool shaded;                                  // the picture last drawn has a shadow
     struct gpu_target *source;                    // where each pixel is from; NULL: not asked for
-    bool coding;                                  // it is asked for now
-    bool waiting;                                 // for a likeness, or for it to be on the GPU
-    bool later;                                   // it comes from somebody else
+    bool writes_source;                           // it is asked for now
+    bool upload_pending;                          // for a avatar, or for it to be on the GPU
+    bool avatar_later;                            // it comes from somebody else
     double error_px;                              // that DETAIL_AUTO may be wrong by
-    double cylinders_off_m;                       // from the person's surface
+    double cylinder_error_m;                      // from the person's surface
 };
 
-struct painter_options painter_default_options(void)
+struct renderer_options renderer_default_options(void)
 {
-    return (struct painter_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20, .error_px = 1};
+    return (struct renderer_options){.detail = DETAIL_FULL, .texture_bytes = (size_t)64 << 20, .error_px = 1};
 }
 
 // ---------------------------------------------------------------- opening
 
-static void set_view_lens(struct painter *p)
+static void set_view_lens(struct renderer *p)
 {
-    cylinder_painter_set_lens(p->cylinders, &p->drawn);
-    if (p->likeness)
-        likeness_painter_set_lens(p->likeness, &p->drawn);
-    around_painter_set_lens(p->around, &p->drawn);
+    cylinder_renderer_set_lens(p->cylinders, &p->drawn);
+    if (p->avatar)
+        avatar_renderer_set_lens(p->avatar, &p->drawn);
+    occlusion_shadow_set_lens(p->occlusion, &p->drawn);
 }
 
-static enum status open_programs(struct painter *p)
+static enum status open_programs(struct renderer *p)
 {
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
-    static const char *const compose_samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
-    const struct gpu_program_text compose = {.name = "compose",
-                                             .vertex = shader_find("fullscreen.vert"),
-                                             .fragment = shader_find("compose.frag"),
-                                             .samplers = compose_samplers,
-                                             .sampler_count = 3};
-    enum status status = gpu_mesh_open(&p->whole, p->gpu, corners, 2, 3, order, 3);
+    static const char *const compose_samplers[] = {"camera_image", "actor_image", "shadow_image"};
+    const struct gpu_program_source compose = {.name = "compose",
+                                               .vertex = shader_find("fullscreen.vert"),
+                                               .fragment = shader_find("compose.frag"),
+                                               .samplers = compose_samplers,
+                                               .sampler_count = 3};
+    enum status status = gpu_mesh_open(&p->fullscreen, p->gpu, corners, 2, 3, order, 3);
     if (status == OK)
         status = gpu_texture_open(&p->no_shadow, p->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, (const uint8_t[4]){0});
     if (status == OK)
-        status = around_painter_open(&p->around, p->gpu, &p->lens);
+        status = occlusion_shadow_open(&p->occlusion, p->gpu, &p->lens);
     if (status == OK)
         status = gpu_program_open(&p->compose_program, p->gpu, &compose);
     if (status == OK)
@@ -82,32 +83,33 @@ static enum status open_programs(struct painter *p)
     return status;
 }
 
-static enum status open_targets(struct painter *p, bool sources, bool shadow)
+static enum status open_targets(struct renderer *p, bool sources, bool shadow)
 {
     int w = p->lens.width, h = p->lens.height;
     enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
-    if (status == OK && (p->detail != DETAIL_FULL || p->later))
+    if (status == OK && (p->detail != DETAIL_FULL || p->avatar_later))
         status = gpu_target_open(&p->plain, p->gpu, w, h);
     if (status == OK && p->detail != DETAIL_PAPER)
         status = gpu_target_open(&p->smooth, p->gpu, w, h);
     if (status == OK)
-        status = gpu_target_open_flat(&p->composed, p->gpu, w, h);
+        status = gpu_target_open_color(&p->composed, p->gpu, w, h);
     if (status == OK && sources)
         status = gpu_target_open(&p->source, p->gpu, w, h);
     if (status == OK && shadow)
         status = gpu_target_open(&p->shadow, p->gpu, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
     p->actor = p->plain ? p->plain : p->smooth;
-    p->coding = sources;
+    p->writes_source = sources;
     return status;
 }
 
 // What the room hides of him.
-static enum status open_hidden(struct painter *p)
+static enum status open_hidden(struct renderer *p)
 {
-    return gpu_target_open_depth(&p->hidden, p->gpu, ROOM_FINER * p->lens.width, ROOM_FINER * p->lens.height);
+    return gpu_target_open_depth(&p->hidden, p->gpu, ROOM_SUPERSAMPLING * p->lens.width,
+                                 ROOM_SUPERSAMPLING * p->lens.height);
 }
 
-static void close_targets(struct painter *p)
+static void close_targets(struct renderer *p)
 {
     gpu_target_close(&p->hidden);
     gpu_target_close(&p->plain);
@@ -121,42 +123,42 @@ static void close_targets(struct painter *p)
 static void use(struct gpu_target *t, int width, int height)
 {
     if (t)
-        gpu_target_use(t, width, height);
+        gpu_target_resize(t, width, height);
 }
 
 // As finely as is wanted, in the top left of targets of the lens's size: so nothing has to be made when that changes.
-static void use_targets(struct painter *p)
+static void use_targets(struct renderer *p)
 {
-    p->drawn = lens_coarser(&p->lens, p->fineness);
+    p->drawn = lens_resized(&p->lens, p->resolution_scale);
     const int w = p->drawn.width, h = p->drawn.height;
     set_view_lens(p);
     use(p->plain, w, h);
     use(p->smooth, w, h);
     use(p->source, w, h);
-    use(p->hidden, ROOM_FINER * w, ROOM_FINER * h);
+    use(p->hidden, ROOM_SUPERSAMPLING * w, ROOM_SUPERSAMPLING * h);
     use(p->shadow, (w + 1) / SHADOW_PX, (h + 1) / SHADOW_PX);
 }
 
-void painter_set_fineness(struct painter *p, double fineness)
+void renderer_set_resolution_scale(struct renderer *p, double resolution_scale)
 {
-    if (fineness == p->fineness)
+    if (resolution_scale == p->resolution_scale)
         return;
-    p->fineness = fineness;
+    p->resolution_scale = resolution_scale;
     use_targets(p);
 }
 
-enum status painter_set_lens(struct painter *p, const struct lens *lens)
+enum status renderer_set_lens(struct renderer *p, const struct lens *lens)
 {
     enum status status = lens_check(lens, "tablet's");
     if (status != OK)
         return status;
     bool resized = lens->width != p->lens.width || lens->height != p->lens.height, sources = p->source,
-         shadow = p->shadow, hidden = p->hidden, coding = p->coding;
+         shadow = p->shadow, hidden = p->hidden, writes_source = p->writes_source;
     p->lens = *lens;
     if (resized) {
         close_targets(p);
         status = open_targets(p, sources, shadow);
-        p->coding = coding;
+        p->writes_source = writes_source;
     }
     if (resized && status == OK && hidden)
         status = open_hidden(p);
@@ -164,70 +166,73 @@ enum status painter_set_lens(struct painter *p, const struct lens *lens)
     return status;
 }
 
-enum status painter_give_likeness(struct painter *p, struct likeness *likeness)
+enum status renderer_set_avatar(struct renderer *p, struct avatar *avatar)
 {
-    p->waiting = false;
-    if (!likeness || !p->likeness) {
-        if (likeness)
-            likeness_free(likeness);
-        likeness_painter_close(&p->likeness);
+    p->upload_pending = false;
+    if (!avatar || !p->avatar) {
+        if (avatar)
+            avatar_free(avatar);
+        avatar_renderer_close(&p->avatar);
         return OK;
     }
-    p->cylinders_off_m = level_cylinders_off_m(likeness);
-    enum status status = likeness_painter_give(p->likeness, likeness);
+    p->cylinder_error_m = lod_cylinder_error_m(avatar);
+    enum status status = avatar_renderer_set_avatar(p->avatar, avatar);
     if (status != OK)
-        likeness_painter_close(&p->likeness);
-    p->waiting = status == OK;
+        avatar_renderer_close(&p->avatar);
+    p->upload_pending = status == OK;
     return status;
 }
 
-const struct likeness *painter_likeness(const struct painter *p)
+const struct avatar *renderer_avatar(const struct renderer *p)
 {
-    return p->likeness && !p->waiting ? likeness_painter_likeness(p->likeness) : NULL;
+    return p->avatar && !p->upload_pending ? avatar_renderer_avatar(p->avatar) : NULL;
 }
 
-enum status painter_give_frame(struct painter *p, struct loaded_frame *loaded)
+enum status renderer_add_frame(struct renderer *p, struct frame_layer *loaded)
 {
-    if (p->likeness)
-        return likeness_painter_give_frame(p->likeness, loaded);
-    loaded_frame_free(loaded);
+    if (p->avatar)
+        return avatar_renderer_add_frame(p->avatar, loaded);
+    frame_layer_free(loaded);
     return OK;
 }
 
-int64_t painter_near(const struct painter *p, int64_t frame, int64_t within_ns)
+int64_t renderer_nearest_resident_frame(const struct renderer *p, int64_t frame, int64_t within_ns)
 {
-    return p->likeness ? likeness_painter_near(p->likeness, frame, within_ns) : -1;
+    return p->avatar ? avatar_renderer_nearest_resident(p->avatar, frame, within_ns) : -1;
 }
 
-enum status painter_give_room(struct painter *p, struct room *room)
+enum status renderer_set_room(struct renderer *p, struct occluder_mesh *room)
 {
     const bool any = room->corner_count > 0;
-    enum status status = around_painter_give(p->around, room);
+    enum status status = occlusion_shadow_set_room(p->occlusion, room);
     if (status == OK && any && p->smooth && !p->hidden)
         status = open_hidden(p);
     use_targets(p);
     return status;
 }
 
-bool painter_settled(const struct painter *p) { return !p->waiting || !likeness_painter_given(p->likeness); }
+bool renderer_upload_done(const struct renderer *p)
+{
+    return !p->upload_pending || !avatar_renderer_has_avatar(p->avatar);
+}
 
-static enum status open_likeness(struct painter *p, const struct painter_options *options)
+static enum status open_avatar(struct renderer *p, const struct renderer_options *options)
 {
     const struct calibration *c = take_calibration(p->take);
     if (p->detail == DETAIL_PAPER || !(c->depth.width > 0))
         return OK;
     enum status status = source_rays_open(&p->rays, c);
     if (status == OK)
-        status = likeness_painter_open(&p->likeness, p->gpu, p->take, p->rays, &p->lens, options->texture_bytes / 2);
-    p->waiting = status == OK;
-    if (status != OK || p->later)
+        status = avatar_renderer_open(&p->avatar, p->gpu, p->take, p->rays, &p->lens, options->texture_bytes / 2);
+    p->upload_pending = status == OK;
+    if (status != OK || p->avatar_later)
         return status;
-    struct likeness likeness;
-    status = likeness_make(&likeness, p->take, p->rays, LIKENESS_FRAMES, options->watch);
+    struct avatar avatar;
+    status = avatar_make(&avatar, p->take, p->rays, AVATAR_FRAMES, options->watch);
     if (status < 0)
         return status;
-    status = painter_give_likeness(p, status == OK ? &likeness : NULL);
-    p->waiting = status == OK && p->likeness && !likeness_painter_bring(p->likeness, SIZE_MAX);
+    status = renderer_set_avatar(p, status == OK ? &avatar : NULL);
+    p->upload_pending = status == OK && p->avatar && !avatar_renderer_upload_step(p->avatar, SIZE_MAX);
     return status;
 }
 
@@ -239,8 +244,8 @@ static bool has_floor(const struct take *take)
     return located;
 }
 
-enum status painter_open(struct painter **out, struct gpu *gpu, struct take *take, const struct lens *lens,
-                         const struct painter_options *options)
+enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *take, const struct lens *lens,
+                          const struct renderer_options *options)
 {
     *out = NULL;
     enum status status = lens_check(lens, "tablet's");
@@ -251,49 +256,49 @@ enum status painter_open(struct painter **out, struct gpu *gpu, struct take *tak
     if (take_body(take)->representative_frame < 0)
         return fail(ERR_INPUT, "the take has no measured body, so nobody can be drawn; "
                                "record again with the arms once held away from the body");
-    struct painter *p = calloc(1, sizeof *p);
+    struct renderer *p = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
     p->gpu = gpu;
     p->take = take;
     p->lens = p->drawn = *lens;
-    p->fineness = 1;
+    p->resolution_scale = 1;
     p->detail = options->detail;
     p->error_px = options->error_px;
-    p->cylinders_off_m = CYLINDERS_OFF_M;
-    p->later = options->likeness_later && options->detail != DETAIL_PAPER;
-    status = motion_open(&p->motion, take);
+    p->cylinder_error_m = TYPICAL_CYLINDER_ERROR_M;
+    p->avatar_later = options->avatar_later && options->detail != DETAIL_PAPER;
+    status = skeleton_track_open(&p->motion, take);
     const size_t bytes = options->texture_bytes / (p->detail == DETAIL_PAPER ? 1 : 2);
     if (status == OK)
-        status = cylinder_painter_open(&p->cylinders, gpu, take, bytes);
+        status = cylinder_renderer_open(&p->cylinders, gpu, take, bytes);
     if (status == OK)
-        status = open_likeness(p, options);
+        status = open_avatar(p, options);
     if (status == OK)
         status = open_programs(p);
     if (status == OK)
         status = open_targets(p, options->sources, options->shadow && has_floor(take));
     if (status != OK) {
-        painter_close(&p);
+        renderer_close(&p);
         return status;
     }
     *out = p;
     return OK;
 }
 
-void painter_close(struct painter **out)
+void renderer_close(struct renderer **out)
 {
-    struct painter *p = *out;
+    struct renderer *p = *out;
     if (!p)
         return;
-    likeness_painter_close(&p->likeness);
+    avatar_renderer_close(&p->avatar);
     source_rays_close(&p->rays);
-    around_painter_close(&p->around);
+    occlusion_shadow_close(&p->occlusion);
     gpu_texture_close(&p->no_shadow);
-    gpu_mesh_close(&p->whole);
+    gpu_mesh_close(&p->fullscreen);
     close_targets(p);
     gpu_program_close(&p->compose_program);
-    cylinder_painter_close(&p->cylinders);
-    motion_close(&p->motion);
+    cylinder_renderer_close(&p->cylinders);
+    skeleton_track_close(&p->motion);
     free(p);
     *out = NULL;
 }
@@ -301,72 +306,74 @@ void painter_close(struct painter **out)
 // ---------------------------------------------------------------- the actor
 
 // What is being drawn.
-struct scene {
+struct draw_state {
     int64_t shown;
     struct skeleton in_viewer;
-    struct selection whole; // at paper
+    struct frame_selection whole; // at paper
 };
 
-static void clear(struct painter *p)
+static void clear(struct renderer *p)
 {
     gpu_target_clear(p->actor);
-    if (p->coding)
+    if (p->writes_source)
         gpu_target_clear(p->source);
 }
 
 // An empty picture, but for the room that may hide the actor.
-static void begin(struct painter *p, const struct painter_view *view, const struct scene *scene)
+static void begin_target(struct renderer *p, const struct renderer_view *view, const struct draw_state *state)
 {
-    const struct room_hidden body = room_hidden_body(&scene->in_viewer);
-    const bool smoothly = p->actor == p->smooth && p->likeness && p->hidden;
+    const struct occlusion_frustum body = occlusion_frustum_body(&state->in_viewer);
+    const bool smoothly = p->actor == p->smooth && p->avatar && p->hidden;
     clear(p);
     if (smoothly)
         gpu_target_clear(p->hidden);
     p->hides = false;
     if (view->viewer_from_room)
-        p->hides = around_painter_room(p->around, smoothly ? p->hidden : p->actor, view->viewer_from_room, &body);
-    if (view->viewer_from_room && p->coding)
-        around_painter_room(p->around, p->source, view->viewer_from_room, &body);
+        p->hides =
+            occlusion_shadow_draw_room(p->occlusion, smoothly ? p->hidden : p->actor, view->viewer_from_room, &body);
+    if (view->viewer_from_room && p->writes_source)
+        occlusion_shadow_draw_room(p->occlusion, p->source, view->viewer_from_room, &body);
 }
 
-static void draw_shadow(struct painter *p, const struct painter_view *view, const struct skeleton *skeleton)
+static void draw_shadow(struct renderer *p, const struct renderer_view *view, const struct skeleton *skeleton)
 {
     if (!p->shadow)
         return;
-    const struct around_view about = {view->world_from_camera, view->viewer_from_room, skeleton, take_body(p->take)};
+    const struct occlusion_shadow_view about = {view->world_from_camera, view->viewer_from_room, skeleton,
+                                                take_body(p->take)};
     gpu_target_clear(p->shadow);
-    around_painter_shadow(p->around, p->shadow, &about);
+    occlusion_shadow_draw(p->occlusion, p->shadow, &about);
     p->shaded = true;
 }
 
-// A little more of the likeness comes to the GPU, and then what it is drawn with is tried out, with nobody to be seen.
-static enum status wait_less(struct painter *p)
+// A little more of the avatar comes to the GPU, and then what it is drawn with is tried out, with nobody to be seen.
+static enum status upload_more(struct renderer *p)
 {
-    if (!likeness_painter_given(p->likeness) || !likeness_painter_bring(p->likeness, BROUGHT_BYTES))
+    if (!avatar_renderer_has_avatar(p->avatar) || !avatar_renderer_upload_step(p->avatar, UPLOAD_BYTES))
         return OK;
     bool done;
     enum status status =
-        likeness_painter_rehearse(p->likeness, p->smooth, p->hidden ? gpu_target_texture(p->hidden) : NULL, &done);
+        avatar_renderer_warm_up(p->avatar, p->smooth, p->hidden ? gpu_target_texture(p->hidden) : NULL, &done);
     if (status == OK && done && p->hidden)
-        around_painter_rehearse(p->around, p->hidden);
-    p->waiting = !(status == OK && done);
+        occlusion_shadow_warm_up(p->occlusion, p->hidden);
+    p->upload_pending = !(status == OK && done);
     return status;
 }
 
 // The level that is drawn now, and how wrong it will be.
-static enum status choose_level(struct painter *p, struct scene *scene, struct painter_result *result)
+static enum status choose_level(struct renderer *p, struct draw_state *state, struct renderer_result *result)
 {
-    enum status status = p->waiting ? wait_less(p) : OK;
+    enum status status = p->upload_pending ? upload_more(p) : OK;
     if (status != OK)
         return status;
-    double px_a_m = level_pixels_a_metre(&p->drawn, &scene->in_viewer);
-    double full_m = p->likeness ? level_full_error_m() : p->cylinders_off_m;
-    result->level = p->waiting ? DETAIL_PAPER : p->detail;
+    double px_a_m = lod_pixels_per_metre(&p->drawn, &state->in_viewer);
+    double full_m = p->avatar ? lod_full_error_m() : p->cylinder_error_m;
+    result->level = p->upload_pending ? DETAIL_PAPER : p->detail;
     result->error_px = px_a_m * full_m;
     if (result->level == DETAIL_FULL)
         return OK;
-    status = cylinder_painter_select(p->cylinders, &scene->in_viewer, &scene->whole);
-    double paper_px = px_a_m * level_paper_error_m(p->cylinders_off_m, scene->whole.cost_m);
+    status = cylinder_renderer_select(p->cylinders, &state->in_viewer, &state->whole);
+    double paper_px = px_a_m * lod_paper_error_m(p->cylinder_error_m, state->whole.cost_m);
     if (status < 0)
         return status;
     if (result->level == DETAIL_AUTO)
@@ -376,89 +383,93 @@ static enum status choose_level(struct painter *p, struct scene *scene, struct p
     return OK;
 }
 
-static enum status draw_cylinders(struct painter *p, const struct scene *scene, const struct selection *whole,
-                                  int *parts)
+static enum status draw_cylinders(struct renderer *p, const struct draw_state *state,
+                                  const struct frame_selection *whole, int *parts)
 {
-    const struct cylinder_view view = {whole, scene->shown, &scene->in_viewer, p->actor, p->coding ? p->source : NULL};
-    return cylinder_painter_draw(p->cylinders, &view, parts);
+    const struct cylinder_view view = {whole, state->shown, &state->in_viewer, p->actor,
+                                       p->writes_source ? p->source : NULL};
+    return cylinder_renderer_draw(p->cylinders, &view, parts);
 }
 
 // At paper, into p->plain.
-static enum status draw_paper(struct painter *p, struct scene *scene, int *parts)
+static enum status draw_paper(struct renderer *p, struct draw_state *state, int *parts)
 {
     p->actor = p->plain;
-    enum status status = cylinder_painter_select(p->cylinders, &scene->in_viewer, &scene->whole);
-    return status == OK ? draw_cylinders(p, scene, &scene->whole, parts) : status;
+    enum status status = cylinder_renderer_select(p->cylinders, &state->in_viewer, &state->whole);
+    return status == OK ? draw_cylinders(p, state, &state->whole, parts) : status;
 }
 
-static enum status draw_actor(struct painter *p, const struct painter_view *view, struct painter_result *result)
+static enum status draw_actor(struct renderer *p, const struct renderer_view *view, struct renderer_result *result)
 {
-    struct moment moment;
-    enum status status = motion_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
+    struct track_sample moment;
+    enum status status = skeleton_track_at(p->motion, view->time_ns, p->detail != DETAIL_PAPER, &moment);
     if (status != OK) {
         clear(p);
         return status;
     }
-    struct scene scene = {.shown = moment.frame,
-                          .in_viewer = skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
+    struct draw_state state = {.shown = moment.frame,
+                               .in_viewer =
+                                   skeleton_transform(pose_inverse(view->world_from_camera), &moment.skeleton)};
     result->shown = moment.frame;
-    status = choose_level(p, &scene, result);
+    status = choose_level(p, &state, result);
     if (status != OK)
         return status;
     draw_shadow(p, view, &moment.skeleton);
-    bool coding = p->coding;
+    bool writes_source = p->writes_source;
     if (result->level == DETAIL_PAPER || view->also_paper) {
-        p->coding = coding && result->level == DETAIL_PAPER;
+        p->writes_source = writes_source && result->level == DETAIL_PAPER;
         p->actor = p->plain;
-        begin(p, view, &scene);
-        status = draw_paper(p, &scene, &result->parts);
-        p->coding = coding;
+        begin_target(p, view, &state);
+        status = draw_paper(p, &state, &result->parts);
+        p->writes_source = writes_source;
         if (status < 0)
             return status;
         if (result->level == DETAIL_PAPER) {
-            result->source = status == OK ? scene.whole.frame : -1;
+            result->source = status == OK ? state.whole.frame : -1;
             return status;
         }
     }
     p->actor = p->smooth;
-    begin(p, view, &scene);
-    if (!p->likeness)
-        return draw_cylinders(p, &scene, NULL, &result->parts);
-    const int64_t near = likeness_painter_near(p->likeness, moment.frame, view->within_ns);
-    struct likeness_view shown = {
-        near < 0 ? moment.frame : near, moment.skeleton,
-        view->world_from_camera,        p->actor,
-        p->coding ? p->source : NULL,   p->hides && p->hidden ? gpu_target_texture(p->hidden) : NULL};
+    begin_target(p, view, &state);
+    if (!p->avatar)
+        return draw_cylinders(p, &state, NULL, &result->parts);
+    const int64_t resident = avatar_renderer_nearest_resident(p->avatar, moment.frame, view->within_ns);
+    struct avatar_view shown = {resident < 0 ? moment.frame : resident,
+                                moment.skeleton,
+                                view->world_from_camera,
+                                p->actor,
+                                p->writes_source ? p->source : NULL,
+                                p->hides && p->hidden ? gpu_target_texture(p->hidden) : NULL};
     int parts;
-    status = likeness_painter_draw(p->likeness, &shown, &parts, &result->within);
+    status = avatar_renderer_draw(p->avatar, &shown, &parts, &result->within);
     result->parts = status == OK ? parts : 0;
     return status;
 }
 
 // ---------------------------------------------------------------- pictures
 
-static enum status compose(struct painter *p, const uint8_t *color)
+static enum status compose(struct renderer *p, const uint8_t *color)
 {
     assert(p->drawn.width == p->lens.width && p->drawn.height == p->lens.height);
     gpu_texture_write(p->camera, color);
     gpu_draw(&(struct gpu_job){.target = p->composed,
                                .program = p->compose_program,
-                               .mesh = p->whole,
+                               .mesh = p->fullscreen,
                                .textures = {p->camera, gpu_target_texture(p->actor),
                                             p->shaded ? gpu_target_texture(p->shadow) : p->no_shadow}});
     return gpu_check(p->gpu);
 }
 
-enum status painter_draw_nobody(struct painter *p, const uint8_t *color)
+enum status renderer_draw_background(struct renderer *p, const uint8_t *color)
 {
     p->shaded = false;
     clear(p);
     return compose(p, color);
 }
 
-enum status painter_draw(struct painter *p, const struct painter_view *view, struct painter_result *result)
+enum status renderer_draw(struct renderer *p, const struct renderer_view *view, struct renderer_result *result)
 {
-    *result = (struct painter_result){
+    *result = (struct renderer_result){
         .level = p->detail, .shown = -1, .source = -1, .width = p->drawn.width, .height = p->drawn.height};
     if (!pose_finite(view->world_from_camera))
         return fail(ERR_INPUT, "the camera's pose is not finite");
@@ -469,7 +480,7 @@ enum status painter_draw(struct painter *p, const struct painter_view *view, str
     return view->color ? compose(p, view->color) : gpu_check(p->gpu);
 }
 
-static enum status read_rgb(const struct painter *p, struct gpu_target *from, uint8_t *rgb)
+static enum status read_rgb(const struct renderer *p, struct gpu_target *from, uint8_t *rgb)
 {
     size_t pixels = (size_t)p->drawn.width * (size_t)p->drawn.height;
     uint8_t *rgba = malloc(pixels * 4);
@@ -482,9 +493,9 @@ static enum status read_rgb(const struct painter *p, struct gpu_target *from, ui
     return status;
 }
 
-enum status painter_read(struct painter *p, uint8_t *rgb) { return read_rgb(p, p->composed, rgb); }
+enum status renderer_read(struct renderer *p, uint8_t *rgb) { return read_rgb(p, p->composed, rgb); }
 
-enum status painter_read_actor(struct painter *p, uint8_t *rgba)
+enum status renderer_read_actor(struct renderer *p, uint8_t *rgba)
 {
     enum status status = gpu_target_read(p->actor, rgba);
     if (status != OK)
@@ -500,21 +511,21 @@ enum status painter_read_actor(struct painter *p, uint8_t *rgba)
     return OK;
 }
 
-enum status painter_read_source(struct painter *p, uint8_t *rgb)
+enum status renderer_read_source(struct renderer *p, uint8_t *rgb)
 {
     assert(p->source);
     return read_rgb(p, p->source, rgb);
 }
 
-void painter_set_error(struct painter *p, double error_px) { p->error_px = error_px; }
+void renderer_set_error(struct renderer *p, double error_px) { p->error_px = error_px; }
 
-void painter_set_sources(struct painter *p, bool wanted) { p->coding = wanted && p->source; }
+void renderer_set_sources(struct renderer *p, bool wanted) { p->writes_source = wanted && p->source; }
 
-const struct gpu_texture *painter_actor_texture(struct painter *p) { return gpu_target_texture(p->actor); }
+const struct gpu_texture *renderer_actor_texture(struct renderer *p) { return gpu_target_texture(p->actor); }
 
-const struct gpu_texture *painter_shadow_texture(struct painter *p)
+const struct gpu_texture *renderer_shadow_texture(struct renderer *p)
 {
     return p->shaded ? gpu_target_texture(p->shadow) : NULL;
 }
 
-const struct gpu_texture *painter_paper_texture(struct painter *p) { return gpu_target_texture(p->plain); }
+const struct gpu_texture *renderer_paper_texture(struct renderer *p) { return gpu_target_texture(p->plain); }

@@ -10,7 +10,7 @@
 enum { SIDES = 4, ALONG = 24 };
 
 static const double NEAREST_M = 0.05, FARTHEST_M = 60;
-static const double OUTLINE_ERROR_PX = 0.1;
+static const double SILHOUETTE_ERROR_PX = 0.1;
 
 enum uniform { VIEWER_FROM_PART, SOURCE_FROM_PART, VIEW_LENS, VIEW_RANGE, SOURCE_LENS, SOURCE_WINDOW, CODE, UNIFORMS };
 static const char *const uniform_names[] = {
@@ -23,10 +23,10 @@ static const char *const uniform_names[] = {
     [CODE] = "code",
 };
 
-struct cylinder_painter {
+struct cylinder_renderer {
     struct gpu *gpu;
     struct take *take;
-    struct selector *selector;
+    struct frame_selector *selector;
     struct texture_cache *textures;
     struct gpu_program *program;
     struct gpu_mesh *open[SIDES];                // the paper's cylinder
@@ -36,28 +36,28 @@ struct cylinder_painter {
 
 // ---------------------------------------------------------------- opening
 
-static enum status open_selector(struct cylinder_painter *c)
+static enum status open_selector(struct cylinder_renderer *c)
 {
     int64_t frames = take_frame_count(c->take);
-    enum status status = selector_open(&c->selector, frames);
+    enum status status = frame_selector_open(&c->selector, frames);
     for (int64_t i = 0; i < frames && status == OK; i++) {
         const struct take_entry *e = take_entry(c->take, i);
         if (e->has_color && e->has_skeleton)
-            status = selector_add(c->selector, i, &e->skeleton, take_body(c->take));
+            status = frame_selector_add(c->selector, i, &e->skeleton, take_body(c->take));
     }
-    return status == OK ? selector_settle(c->selector) : status;
+    return status == OK ? frame_selector_pack(c->selector) : status;
 }
 
-static enum status open_program(struct cylinder_painter *c)
+static enum status open_program(struct cylinder_renderer *c)
 {
-    static const char *const samplers[] = {"source_picture"};
-    const struct gpu_program_text text = {.name = "actor",
-                                          .vertex = shader_find("actor.vert"),
-                                          .fragment = shader_find("actor.frag"),
-                                          .uniforms = uniform_names,
-                                          .uniform_count = UNIFORMS,
-                                          .samplers = samplers,
-                                          .sampler_count = 1};
+    static const char *const samplers[] = {"source_image"};
+    const struct gpu_program_source text = {.name = "actor",
+                                            .vertex = shader_find("actor.vert"),
+                                            .fragment = shader_find("actor.frag"),
+                                            .uniforms = uniform_names,
+                                            .uniform_count = UNIFORMS,
+                                            .samplers = samplers,
+                                            .sampler_count = 1};
     enum status status = gpu_program_open(&c->program, c->gpu, &text);
     if (status != OK)
         return status;
@@ -69,9 +69,9 @@ static enum status open_program(struct cylinder_painter *c)
     return OK;
 }
 
-enum status cylinder_painter_open(struct cylinder_painter **out, struct gpu *gpu, struct take *take, size_t max_bytes)
+enum status cylinder_renderer_open(struct cylinder_renderer **out, struct gpu *gpu, struct take *take, size_t max_bytes)
 {
-    struct cylinder_painter *c = *out = calloc(1, sizeof *c);
+    struct cylinder_renderer *c = *out = calloc(1, sizeof *c);
     if (!c)
         return fail(ERR_MEMORY, "out of memory");
     c->gpu = gpu;
@@ -82,13 +82,13 @@ enum status cylinder_painter_open(struct cylinder_painter **out, struct gpu *gpu
     if (status == OK)
         status = open_program(c);
     if (status != OK)
-        cylinder_painter_close(out);
+        cylinder_renderer_close(out);
     return status;
 }
 
-void cylinder_painter_close(struct cylinder_painter **out)
+void cylinder_renderer_close(struct cylinder_renderer **out)
 {
-    struct cylinder_painter *c = *out;
+    struct cylinder_renderer *c = *out;
     if (!c)
         return;
     for (int i = 0; i < SIDES; i++) {
@@ -98,12 +98,12 @@ void cylinder_painter_close(struct cylinder_painter **out)
     }
     gpu_program_close(&c->program);
     texture_cache_close(&c->textures);
-    selector_close(&c->selector);
+    frame_selector_close(&c->selector);
     free(c);
     *out = NULL;
 }
 
-void cylinder_painter_set_lens(struct cylinder_painter *c, const struct lens *view)
+void cylinder_renderer_set_lens(struct cylinder_renderer *c, const struct lens *view)
 {
     float lens[12];
     lens_uniform(view, lens);
@@ -111,18 +111,18 @@ void cylinder_painter_set_lens(struct cylinder_painter *c, const struct lens *vi
     gpu_program_set(c->program, VIEW_LENS, lens, 3);
 }
 
-enum status cylinder_painter_select(const struct cylinder_painter *c, const struct skeleton *in_viewer,
-                                    struct selection *out)
+enum status cylinder_renderer_select(const struct cylinder_renderer *c, const struct skeleton *in_viewer,
+                                     struct frame_selection *out)
 {
-    return select_whole(c->selector, in_viewer, out);
+    return frame_selector_find_body(c->selector, in_viewer, out);
 }
 
 // ---------------------------------------------------------------- drawing
 
-static enum status mesh_for(struct cylinder_painter *c, bool plain, enum part part, double radius_px,
+static enum status mesh_for(struct cylinder_renderer *c, bool plain, enum part part, double radius_px,
                             struct gpu_mesh **out)
 {
-    int sides = cylinder_sides(radius_px, OUTLINE_ERROR_PX), which = 0;
+    int sides = cylinder_sides(radius_px, SILHOUETTE_ERROR_PX), which = 0;
     while (8 << which < sides)
         which++;
     struct gpu_mesh **kept = plain ? &c->open[which] : &c->rounded[part][which];
@@ -141,8 +141,9 @@ static enum status mesh_for(struct cylinder_painter *c, bool plain, enum part pa
 }
 
 // The frame a part takes its colours from, and its texture. NOTHING: there is none.
-static enum status texture_for(struct cylinder_painter *c, const struct cylinder_view *view, struct selection chosen,
-                               enum part part, int64_t *frame, struct source_texture *texture)
+static enum status texture_for(struct cylinder_renderer *c, const struct cylinder_view *view,
+                               struct frame_selection chosen, enum part part, int64_t *frame,
+                               struct source_texture *texture)
 {
     if (view->whole) {
         *frame = view->whole->frame;
@@ -154,38 +155,38 @@ static enum status texture_for(struct cylinder_painter *c, const struct cylinder
         status = texture_cache_part(c->textures, chosen.frame, part, texture);
         if (status != NOTHING)
             return status;
-        selector_exclude(c->selector, chosen.frame, part); // its pictures do not bear out what the joints promise
-        status = select_part(c->selector, view->in_viewer, part, &chosen);
+        frame_selector_exclude(c->selector, chosen.frame, part); // its pictures do not confirm what the joints promise
+        status = frame_selector_find_part(c->selector, view->in_viewer, part, &chosen);
     }
     return status;
 }
 
 // One part as a cylinder with another frame's colours. NOTHING: not drawn.
-static enum status draw_part(struct cylinder_painter *c, const struct cylinder_view *view, struct selection chosen,
-                             enum part part)
+static enum status draw_part(struct cylinder_renderer *c, const struct cylinder_view *view,
+                             struct frame_selection chosen, enum part part)
 {
     const struct body *body = take_body(c->take);
     const struct vec3 eye = v3(0, 0, 0);
-    struct part_frame here, there;
+    struct bone_frame here, there;
     struct gpu_mesh *mesh;
     struct source_texture texture;
     int64_t frame = 0;
-    if (!part_is_known(body, view->in_viewer, part) || !part_frame_facing(view->in_viewer, part, eye, &here))
+    if (!part_is_known(body, view->in_viewer, part) || !bone_frame_viewer_aligned(view->in_viewer, part, eye, &here))
         return NOTHING;
     double radius = body->radius_rate[part] * here.length;
-    double near = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
+    double nearest_z = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
     if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < NEAREST_M)
         return NOTHING; // behind the camera
     enum status status = texture_for(c, view, chosen, part, &frame, &texture);
     if (status != OK)
         return status;
-    if (!part_frame_facing(&take_entry(c->take, frame)->skeleton, part, eye, &there))
+    if (!bone_frame_viewer_aligned(&take_entry(c->take, frame)->skeleton, part, eye, &there))
         return NOTHING;
-    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(near, NEAREST_M), &mesh);
+    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(nearest_z, NEAREST_M), &mesh);
     if (status != OK)
         return status;
-    struct part_map viewer_from_part = cylinder_map(&here, radius);
-    struct part_map source_from_part = cylinder_map(&there, body->radius_rate[part] * there.length);
+    struct affine_map viewer_from_part = cylinder_affine(&here, radius);
+    struct affine_map source_from_part = cylinder_affine(&there, body->radius_rate[part] * there.length);
     gpu_program_set(c->program, VIEWER_FROM_PART, viewer_from_part.row[0], 3);
     gpu_program_set(c->program, SOURCE_FROM_PART, source_from_part.row[0], 3);
     gpu_program_set(c->program, SOURCE_WINDOW, texture.window, 1);
@@ -203,10 +204,10 @@ static enum status draw_part(struct cylinder_painter *c, const struct cylinder_v
     return OK;
 }
 
-enum status cylinder_painter_draw(struct cylinder_painter *c, const struct cylinder_view *view, int *parts)
+enum status cylinder_renderer_draw(struct cylinder_renderer *c, const struct cylinder_view *view, int *parts)
 {
-    struct selection chosen[PART_COUNT] = {{0}};
-    enum status status = view->whole ? OK : select_parts(c->selector, view->in_viewer, chosen);
+    struct frame_selection chosen[PART_COUNT] = {{0}};
+    enum status status = view->whole ? OK : frame_selector_find_parts(c->selector, view->in_viewer, chosen);
     *parts = 0;
     for (int p = 0; p < PART_COUNT && status == OK; p++) {
         enum status drawn = draw_part(c, view, chosen[p], (enum part)p);

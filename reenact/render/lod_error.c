@@ -1,17 +1,17 @@
 #include "reenact/render/lod_error.h"
 
-// Half a step of the likeness's grid, and how far it lies beside the readings once it is laid on them.
-static const double FULL_M = 0.5 * VOLUME_STEP_M + 0.004;
+// Half a step of the avatar's grid, and how far it lies beside the readings once it is laid on them.
+static const double FULL_ERROR_M = 0.5 * TSDF_VOXEL_M + 0.004;
 
-double level_cylinders_off_m(const struct likeness *l)
+double lod_cylinder_error_m(const struct avatar *l)
 {
     double sum = 0;
     for (int i = 0; i < l->surface.point_count; i++)
-        sum += fabs(rest_distance(&l->rest, l->surface.points[i]));
+        sum += fabs(bind_pose_distance(&l->bind_pose, l->surface.points[i]));
     return l->surface.point_count ? sum / l->surface.point_count : 0;
 }
 
-double level_pixels_a_metre(const struct lens *lens, const struct skeleton *in_viewer)
+double lod_pixels_per_metre(const struct lens *lens, const struct skeleton *in_viewer)
 {
     double nearest = INFINITY;
     for (int j = 0; j < JOINT_COUNT; j++)
@@ -20,9 +20,9 @@ double level_pixels_a_metre(const struct lens *lens, const struct skeleton *in_v
     return isfinite(nearest) ? lens->fx / nearest : 0;
 }
 
-double level_paper_error_m(double cylinders_off_m, double cost_m)
+double lod_paper_error_m(double cylinder_error_m, double cost_m)
 {
-    return cylinders_off_m + cost_m / JOINT_COUNT; // equation 5 has the sum over the joints
+    return cylinder_error_m + cost_m / JOINT_COUNT; // equation 5 has the sum over the joints
 }
 
-double level_full_error_m(void) { return FULL_M; }
+double lod_full_error_m(void) { return FULL_ERROR_M; }

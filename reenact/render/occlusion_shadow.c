@@ -15,7 +15,7 @@ static const double PI = 3.14159265358979323846, FLOOR_M = 0.02;
 static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
 static const float ROOM_BACK_M = 0.06F;  // what the actor touches is not to cut into him
 static const float FLOOR_BACK_M = 0.15F; // nor the floor into his feet
-static const float DARK = 0.6F;          // of the light that comes from above, the rest comes from elsewhere
+static const float DARK = 0.6F;          // of the light that comes from above, the bind_pose comes from elsewhere
 static const double SHADOW_M = 0.8;      // beyond the joints
 static const double FOOT_M = 0.14, FOOT_RADIUS_M = 0.07, ANKLE_M = 0.03; // its length, and how far the ankle is above
 
@@ -30,18 +30,18 @@ static const char *const uniform_names[UNIFORMS] = {
     [SHADOW] = "shadow",
 };
 
-struct around_painter {
+struct occlusion_shadow {
     struct gpu *gpu;
     struct gpu_program *program;
     struct lens view; // the tablet's
-    struct room room;
+    struct occluder_mesh room;
     // The room's points, then the floor's patch. The patch's corners come last and stay; what is drawn of the room's
     // ends where they begin.
     struct gpu_mesh *mesh;
     uint16_t *before; // the room's corners that are drawn
 };
 
-_Static_assert(ROOM_POINTS_MOST + PATCH_POINTS <= UINT16_MAX, "both go into one mesh");
+_Static_assert(OCCLUDER_MAX_POINTS + PATCH_POINTS <= UINT16_MAX, "both go into one mesh");
 
 static void put_patch(float (*points)[4])
 {
@@ -65,7 +65,7 @@ static void put_patch_corners(int first, uint16_t *corners)
 }
 
 // Of the room that is there.
-static enum status open_mesh(struct around_painter *a)
+static enum status open_mesh(struct occlusion_shadow *a)
 {
     const int of_room = a->room.point_count, count = of_room + PATCH_POINTS;
     float(*points)[4] = malloc(sizeof *points * (size_t)count);
@@ -89,36 +89,36 @@ static enum status open_mesh(struct around_painter *a)
     return status;
 }
 
-static void close_mesh(struct around_painter *a)
+static void close_mesh(struct occlusion_shadow *a)
 {
     gpu_mesh_close(&a->mesh);
     free(a->before);
     a->before = NULL;
-    room_free(&a->room);
+    occluder_mesh_free(&a->room);
 }
 
-enum status around_painter_open(struct around_painter **out, struct gpu *gpu, const struct lens *view)
+enum status occlusion_shadow_open(struct occlusion_shadow **out, struct gpu *gpu, const struct lens *view)
 {
-    struct around_painter *a = *out = calloc(1, sizeof *a);
+    struct occlusion_shadow *a = *out = calloc(1, sizeof *a);
     if (!a)
         return fail(ERR_MEMORY, "out of memory");
     a->gpu = gpu;
-    const struct gpu_program_text text = {.name = "around",
-                                          .vertex = shader_find("occlusion_shadow.vert"),
-                                          .fragment = shader_find("occlusion_shadow.frag"),
-                                          .uniforms = uniform_names,
-                                          .uniform_count = UNIFORMS};
+    const struct gpu_program_source text = {.name = "around",
+                                            .vertex = shader_find("occlusion_shadow.vert"),
+                                            .fragment = shader_find("occlusion_shadow.frag"),
+                                            .uniforms = uniform_names,
+                                            .uniform_count = UNIFORMS};
     enum status status = gpu_program_open(&a->program, gpu, &text);
     if (status == OK)
         status = open_mesh(a);
     if (status == OK)
-        around_painter_set_lens(a, view);
+        occlusion_shadow_set_lens(a, view);
     else
-        around_painter_close(out);
+        occlusion_shadow_close(out);
     return status;
 }
 
-void around_painter_close(struct around_painter **a)
+void occlusion_shadow_close(struct occlusion_shadow **a)
 {
     if (!*a)
         return;
@@ -128,7 +128,7 @@ void around_painter_close(struct around_painter **a)
     *a = NULL;
 }
 
-void around_painter_set_lens(struct around_painter *a, const struct lens *view)
+void occlusion_shadow_set_lens(struct occlusion_shadow *a, const struct lens *view)
 {
     const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
     float lens[12];
@@ -138,13 +138,13 @@ void around_painter_set_lens(struct around_painter *a, const struct lens *view)
     gpu_program_set(a->program, VIEW_RANGE, range, 1);
 }
 
-enum status around_painter_give(struct around_painter *a, struct room *room)
+enum status occlusion_shadow_set_room(struct occlusion_shadow *a, struct occluder_mesh *room)
 {
-    struct around_painter next = *a;
+    struct occlusion_shadow next = *a;
     next.room = *room;
     next.mesh = NULL;
     next.before = NULL;
-    *room = (struct room){0};
+    *room = (struct occluder_mesh){0};
     enum status status = open_mesh(&next);
     close_mesh(status == OK ? a : &next);
     if (status == OK)
@@ -153,9 +153,10 @@ enum status around_painter_give(struct around_painter *a, struct room *room)
 }
 
 // Of the room what may lie before what it may hide; how many corners.
-static int put_room(struct around_painter *a, const struct part_map *viewer_from_room, const struct room_hidden *hidden)
+static int put_room(struct occlusion_shadow *a, const struct affine_map *viewer_from_room,
+                    const struct occlusion_frustum *hidden)
 {
-    const int count = room_before(&a->room, viewer_from_room, hidden, a->before);
+    const int count = occluder_mesh_cull(&a->room, viewer_from_room, hidden, a->before);
     gpu_program_set(a->program, VIEWER_FROM_ROOM, viewer_from_room->row[0], 3);
     if (count)
         gpu_mesh_write_indices(a->mesh, a->room.corner_count - count, a->before, count);
@@ -163,19 +164,19 @@ static int put_room(struct around_painter *a, const struct part_map *viewer_from
 }
 
 // Of a target that is finer than the picture, or coarser, what may hide `hidden` or shows it.
-static struct gpu_box box_in(const struct around_painter *a, const struct gpu_target *target,
-                             const struct room_hidden *hidden)
+static struct gpu_box box_in(const struct occlusion_shadow *a, const struct gpu_target *target,
+                             const struct occlusion_frustum *hidden)
 {
     const double finer = (double)gpu_target_width(target) / a->view.width;
-    const struct gpu_box box = view_box(&a->view, hidden->low, hidden->high);
+    const struct gpu_box box = screen_bounds(&a->view, hidden->low, hidden->high);
     const int left = (int)floor(finer * box.left), right = (int)ceil(finer * (box.left + box.width));
     const int top = (int)floor(finer * box.top), bottom = (int)ceil(finer * (box.top + box.height));
     return (struct gpu_box){left, top, right - left, bottom - top};
 }
 
 // The last of the room's corners and the first of the patch's.
-static void draw_corners(struct around_painter *a, struct gpu_target *target, int of_room, int of_patch,
-                         const struct room_hidden *hidden)
+static void draw_corners(struct occlusion_shadow *a, struct gpu_target *target, int of_room, int of_patch,
+                         const struct occlusion_frustum *hidden)
 {
     gpu_draw(&(struct gpu_job){.target = target,
                                .program = a->program,
@@ -186,8 +187,8 @@ static void draw_corners(struct around_painter *a, struct gpu_target *target, in
                                .within = box_in(a, target, hidden)});
 }
 
-bool around_painter_room(struct around_painter *a, struct gpu_target *target, const struct part_map *viewer_from_room,
-                         const struct room_hidden *hidden)
+bool occlusion_shadow_draw_room(struct occlusion_shadow *a, struct gpu_target *target,
+                                const struct affine_map *viewer_from_room, const struct occlusion_frustum *hidden)
 {
     const int count = put_room(a, viewer_from_room, hidden);
     if (count)
@@ -195,7 +196,7 @@ bool around_painter_room(struct around_painter *a, struct gpu_target *target, co
     return count > 0;
 }
 
-void around_painter_rehearse(struct around_painter *a, struct gpu_target *target)
+void occlusion_shadow_warm_up(struct occlusion_shadow *a, struct gpu_target *target)
 {
     gpu_draw(&(struct gpu_job){.target = target,
                                .program = a->program,
@@ -229,7 +230,8 @@ static void put_feet(float (*bones)[4], const struct skeleton *s)
     }
 }
 
-void around_painter_shadow(struct around_painter *a, struct gpu_target *target, const struct around_view *view)
+void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target,
+                           const struct occlusion_shadow_view *view)
 {
     const struct skeleton *skeleton = view->skeleton;
     float bones[2 * PART_COUNT + 4][4] = {{0}};
@@ -250,16 +252,16 @@ void around_painter_shadow(struct around_painter *a, struct gpu_target *target, 
     double reach = fmax(high.x - low.x, high.y - low.y) / 2 + SHADOW_M;
     struct vec3 middle = v3_mix(low, high, 0.5);
     const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
-    struct room_hidden hidden = {0};
+    struct occlusion_frustum hidden = {0};
     for (int i = 0; i < ROUND; i++) { // it fades out within a circle
         const double turn = 2 * PI * i / ROUND, r = reach / cos(PI / ROUND);
         const struct vec3 rim = v3(middle.x + r * cos(turn), middle.y + r * sin(turn), 0);
-        room_hidden_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
+        occlusion_frustum_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
     }
     const int count = view->viewer_from_room ? put_room(a, view->viewer_from_room, &hidden) : 0;
-    struct part_map world = {
+    struct affine_map world = {
         {{(float)reach, 0, 0, (float)middle.x}, {0, (float)reach, 0, (float)middle.y}, {0, 0, 1, 0}}};
-    struct part_map map = part_map_of(viewer_from_world), viewer = part_map_multiply(&map, &world);
+    struct affine_map map = affine_from_pose(viewer_from_world), viewer = affine_multiply(&map, &world);
     const float shadow[4] = {(float)middle.x, (float)middle.y, (float)reach, DARK};
     gpu_program_set(a->program, VIEWER_FROM_FLOOR, viewer.row[0], 3);
     gpu_program_set(a->program, WORLD_FROM_FLOOR, world.row[0], 3);

@@ -1,10 +1,10 @@
 #include "reenact/render/screen_bounds.h"
 
-struct gpu_box view_box(const struct lens *lens, const double low[2], const double high[2])
+struct gpu_box screen_bounds(const struct lens *lens, const double low[2], const double high[2])
 {
-    enum { SIDE = 16, OUTLINE_PX = 2 };
+    enum { SIDE = 16, MARGIN_PX = 2 };
     const struct gpu_box all = {0, 0, 0, 0};
-    const double largest = lens_largest_r2(lens);
+    const double largest = lens_max_radius2(lens);
     double first[2] = {INFINITY, INFINITY}, last[2] = {-INFINITY, -INFINITY};
     for (int i = 0; i < 4 * (SIDE + 1); i++) { // along the sides, which a lens may bend
         const int side = i % 4;                // left, right, top, bottom
@@ -24,8 +24,8 @@ struct gpu_box view_box(const struct lens *lens, const double low[2], const doub
     if (!isfinite(first[0]) || !isfinite(first[1]) || !isfinite(last[0]) || !isfinite(last[1]))
         return all;
     for (int a = 0; a < 2; a++) {
-        first[a] = fmin(fmax(floor(first[a]) - OUTLINE_PX, -far[a]), far[a]);
-        last[a] = fmin(fmax(ceil(last[a]) + OUTLINE_PX, -far[a]), far[a]);
+        first[a] = fmin(fmax(floor(first[a]) - MARGIN_PX, -far[a]), far[a]);
+        last[a] = fmin(fmax(ceil(last[a]) + MARGIN_PX, -far[a]), far[a]);
     }
     return (struct gpu_box){(int)first[0], (int)first[1], (int)(last[0] - first[0]) + 1, (int)(last[1] - first[1]) + 1};
 }

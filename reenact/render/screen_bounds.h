@@ -5,4 +5,4 @@
 
 // low, high: between which all of it lies, x and y where z is 1, camera axes; infinite: some of it is beside the
 // camera. With some pixels about it, for a smooth outline. Width 0: all of the picture.
-struct gpu_box view_box(const struct lens *lens, const double low[2], const double high[2]);
+struct gpu_box screen_bounds(const struct lens *lens, const double low[2], const double high[2]);

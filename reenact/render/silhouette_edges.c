@@ -8,40 +8,40 @@ enum { RIBBON = 6 }; // corners for each edge
 
 static const float BESIDE_M = 0.05F;
 
-struct silhouette {
-    const struct likeness *likeness;
-    struct spot *rest, *placed; // of each point; the last in camera axes
-    uint8_t *front;             // of each triangle: is it drawn, and does it face the viewer?
+struct silhouette_edges {
+    const struct avatar *avatar;
+    struct point3f *bind_points, *placed; // of each point; the last in camera axes
+    uint8_t *front;                       // of each triangle: is it drawn, and does it face the viewer?
     uint16_t *corners;
 };
 
-enum status silhouette_open(struct silhouette **out, const struct likeness *likeness)
+enum status silhouette_edges_open(struct silhouette_edges **out, const struct avatar *avatar)
 {
-    const struct unfolded *m = &likeness->atlas.mesh;
-    struct silhouette *s = *out = calloc(1, sizeof *s);
+    const struct uv_mesh *m = &avatar->atlas.mesh;
+    struct silhouette_edges *s = *out = calloc(1, sizeof *s);
     if (!s)
         return fail(ERR_MEMORY, "out of memory");
-    s->likeness = likeness;
-    s->rest = malloc(sizeof *s->rest * (size_t)m->point_count);
+    s->avatar = avatar;
+    s->bind_points = malloc(sizeof *s->bind_points * (size_t)m->point_count);
     s->placed = malloc(sizeof *s->placed * (size_t)m->point_count);
     s->front = malloc((size_t)m->corner_count / 3);
-    s->corners = malloc(sizeof *s->corners * (size_t)silhouette_most(s));
-    if (!s->rest || !s->placed || !s->front || !s->corners) {
-        silhouette_close(out);
+    s->corners = malloc(sizeof *s->corners * (size_t)silhouette_edges_most(s));
+    if (!s->bind_points || !s->placed || !s->front || !s->corners) {
+        silhouette_edges_close(out);
         return fail(ERR_MEMORY, "out of memory");
     }
     for (int i = 0; i < m->point_count; i++) {
-        const struct vec3 *p = &likeness->atlas.points[i];
-        s->rest[i] = (struct spot){(float)p->x, (float)p->y, (float)p->z};
+        const struct vec3 *p = &avatar->atlas.points[i];
+        s->bind_points[i] = (struct point3f){(float)p->x, (float)p->y, (float)p->z};
     }
     return OK;
 }
 
-void silhouette_close(struct silhouette **s)
+void silhouette_edges_close(struct silhouette_edges **s)
 {
     if (!*s)
         return;
-    free((*s)->rest);
+    free((*s)->bind_points);
     free((*s)->placed);
     free((*s)->front);
     free((*s)->corners);
@@ -49,21 +49,27 @@ void silhouette_close(struct silhouette **s)
     *s = NULL;
 }
 
-int silhouette_most(const struct silhouette *s) { return (1 + RIBBON) * s->likeness->atlas.mesh.corner_count; }
-
-static struct spot shifted(struct spot p, const float shift[3])
+int silhouette_edges_most(const struct silhouette_edges *s)
 {
-    return (struct spot){p.x + shift[0], p.y + shift[1], p.z + shift[2]};
+    return (1 + RIBBON) * s->avatar->atlas.mesh.corner_count;
 }
 
-static struct spot between(struct spot a, struct spot b) { return (struct spot){b.x - a.x, b.y - a.y, b.z - a.z}; }
+static struct point3f shifted(struct point3f p, const float shift[3])
+{
+    return (struct point3f){p.x + shift[0], p.y + shift[1], p.z + shift[2]};
+}
 
-// Of a part's map, what x, y, z and 1 of the rest pose add to x, y and z in camera axes.
+static struct point3f between(struct point3f a, struct point3f b)
+{
+    return (struct point3f){b.x - a.x, b.y - a.y, b.z - a.z};
+}
+
+// Of a part's map, what x, y, z and 1 of the bind pose add to x, y and z in camera axes.
 struct columns {
     four of[4];
 };
 
-static struct columns columns_of(const struct part_map *map)
+static struct columns columns_of(const struct affine_map *map)
 {
     struct columns columns;
     for (int c = 0; c < 4; c++)
@@ -71,7 +77,7 @@ static struct columns columns_of(const struct part_map *map)
     return columns;
 }
 
-static struct spot skinned(const struct skin *skin, const struct columns *maps, struct spot p)
+static struct point3f skinned(const struct skin_weights *skin, const struct columns *maps, struct point3f p)
 {
     four at = {0};
     for (int k = 0; k < SKIN_BONES; k++) {
@@ -80,13 +86,13 @@ static struct spot skinned(const struct skin *skin, const struct columns *maps, 
         const four *of = maps[skin->bone[k]].of;
         at += skin->weight[k] * (of[0] * p.x + of[1] * p.y + of[2] * p.z + of[3]);
     }
-    return (struct spot){at[0], at[1], at[2]};
+    return (struct point3f){at[0], at[1], at[2]};
 }
 
 // Those that are own, or those that are not.
-static int put_front(const struct silhouette *s, const bool *own, bool wanted, uint16_t *out)
+static int put_front(const struct silhouette_edges *s, const bool *own, bool wanted, uint16_t *out)
 {
-    const struct unfolded *m = &s->likeness->atlas.mesh;
+    const struct uv_mesh *m = &s->avatar->atlas.mesh;
     int count = 0;
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
@@ -98,26 +104,26 @@ static int put_front(const struct silhouette *s, const bool *own, bool wanted, u
 
 // Whether a triangle that faces away bends back from its neighbour, which faces the viewer. If it comes forward
 // instead, the edge between them lies in a fold that the surface itself hides.
-static bool bends_back(const struct silhouette *s, int front, int away)
+static bool bends_back(const struct silhouette_edges *s, int front, int away)
 {
-    const int32_t *c = s->likeness->atlas.mesh.corners + 3 * (size_t)front,
-                  *o = s->likeness->atlas.mesh.corners + 3 * (size_t)away;
-    const struct spot a = s->placed[c[0]], u = between(a, s->placed[c[1]]), v = between(a, s->placed[c[2]]);
-    const struct spot n = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
+    const int32_t *c = s->avatar->atlas.mesh.corners + 3 * (size_t)front,
+                  *o = s->avatar->atlas.mesh.corners + 3 * (size_t)away;
+    const struct point3f a = s->placed[c[0]], u = between(a, s->placed[c[1]]), v = between(a, s->placed[c[2]]);
+    const struct point3f n = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
     float out = 0; // two of its corners are on the edge
     for (int k = 0; k < 3; k++) {
-        const struct spot to = between(a, s->placed[o[k]]);
+        const struct point3f to = between(a, s->placed[o[k]]);
         out += n.x * to.x + n.y * to.y + n.z * to.z;
     }
     return out < 0;
 }
 
-static int put_ribbon(const struct silhouette *s, uint16_t *out)
+static int put_ribbon(const struct silhouette_edges *s, uint16_t *out)
 {
-    const struct unfolded *m = &s->likeness->atlas.mesh;
+    const struct uv_mesh *m = &s->avatar->atlas.mesh;
     int count = 0;
     for (int i = 0; i < m->corner_count; i++) {
-        int32_t other = m->beside[i / 3][i % 3];
+        int32_t other = m->neighbor[i / 3][i % 3];
         if (!s->front[i / 3] || (other >= 0 && (s->front[other] || !bends_back(s, i / 3, other))))
             continue;
         const int a = m->corners[i], b = m->corners[i % 3 == 2 ? i - 2 : i + 1];
@@ -129,26 +135,26 @@ static int put_ribbon(const struct silhouette *s, uint16_t *out)
 }
 
 // Triangles more than half of which goes with absent parts are not drawn.
-static void leave_out(struct silhouette *s, const bool *absent)
+static void cull_absent(struct silhouette_edges *s, const bool *absent)
 {
-    const struct unfolded *m = &s->likeness->atlas.mesh;
+    const struct uv_mesh *m = &s->avatar->atlas.mesh;
     for (int t = 0; t < m->corner_count / 3; t++) {
         float sum = 0; // of three corners
         for (int i = 0; i < 3 * SKIN_BONES; i++) {
-            const struct skin *skin = &s->likeness->skins[m->points[m->corners[3 * t + i / SKIN_BONES]]];
+            const struct skin_weights *skin = &s->avatar->skins[m->points[m->corners[3 * t + i / SKIN_BONES]]];
             sum += absent[bone_part(skin->bone[i % SKIN_BONES])] ? skin->weight[i % SKIN_BONES] : 0;
         }
         s->front[t] = s->front[t] && sum <= 1.5F;
     }
 }
 
-static void find_bounds(const struct silhouette *s, struct silhouette_corners *out)
+static void find_bounds(const struct silhouette_edges *s, struct silhouette_corners *out)
 {
     out->low[0] = out->low[1] = INFINITY;
     out->high[0] = out->high[1] = -INFINITY;
     float nearest = INFINITY;
-    for (int i = 0; i < s->likeness->atlas.mesh.point_count; i++) {
-        const struct spot p = s->placed[i];
+    for (int i = 0; i < s->avatar->atlas.mesh.point_count; i++) {
+        const struct point3f p = s->placed[i];
         const float at[2] = {p.x / p.z, p.y / p.z};
         nearest = fminf(nearest, p.z);
         for (int a = 0; a < 2; a++) {
@@ -160,25 +166,25 @@ static void find_bounds(const struct silhouette *s, struct silhouette_corners *o
         out->low[0] = -INFINITY;
 }
 
-struct silhouette_corners silhouette_find(struct silhouette *s, const struct part_map *viewer_from_bone,
-                                          float (*shift)[3], const bool *own, const bool *absent)
+struct silhouette_corners silhouette_edges_find(struct silhouette_edges *s, const struct affine_map *viewer_from_bone,
+                                                float (*shift)[3], const bool *own, const bool *absent)
 {
-    const struct unfolded *m = &s->likeness->atlas.mesh;
+    const struct uv_mesh *m = &s->avatar->atlas.mesh;
     struct columns maps[BONE_COUNT];
     for (int b = 0; b < BONE_COUNT; b++)
         maps[b] = columns_of(&viewer_from_bone[b]);
     for (int i = 0; i < m->point_count; i++)
-        s->placed[i] = skinned(&s->likeness->skins[m->points[i]], maps, shifted(s->rest[i], shift[i]));
+        s->placed[i] = skinned(&s->avatar->skins[m->points[i]], maps, shifted(s->bind_points[i], shift[i]));
     for (int t = 0; t < m->corner_count / 3; t++) {
         const int32_t *c = m->corners + 3 * (size_t)t;
-        const struct spot a = s->placed[c[0]], b = s->placed[c[1]], d = s->placed[c[2]];
+        const struct point3f a = s->placed[c[0]], b = s->placed[c[1]], d = s->placed[c[2]];
         s->front[t] = a.x * (b.y * d.z - b.z * d.y) + a.y * (b.z * d.x - b.x * d.z) + a.z * (b.x * d.y - b.y * d.x) < 0;
     }
     bool all = true;
     for (int p = 0; p < PART_COUNT; p++)
         all = all && !absent[p];
     if (!all)
-        leave_out(s, absent);
+        cull_absent(s, absent);
     struct silhouette_corners out = {.corners = s->corners, .placed = s->placed};
     find_bounds(s, &out);
     out.own = put_front(s, own, true, s->corners);

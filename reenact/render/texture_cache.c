@@ -2,9 +2,9 @@
 
 #include <stdlib.h>
 
-enum { PICTURES = 12, WHOLE = PART_COUNT };
+enum { IMAGES = 12, WHOLE = PART_COUNT };
 
-struct entry {
+struct cached_texture {
     int64_t frame;
     int part; // or WHOLE
     struct gpu_texture *texture;
@@ -17,12 +17,12 @@ struct texture_cache {
     struct gpu *gpu;
     struct take *take;
     struct source_rays *rays; // NULL: the take has no depth
-    struct entry *entries;
+    struct cached_texture *entries;
     int count, capacity;
     size_t max_bytes;
     int64_t now;
-    struct source_picture pictures[PICTURES]; // decoded lately
-    int64_t picture_used[PICTURES];
+    struct source_image images[IMAGES]; // decoded lately
+    int64_t image_used[IMAGES];
     size_t bytes; // held now
 };
 
@@ -35,8 +35,8 @@ enum status texture_cache_open(struct texture_cache **out, struct gpu *gpu, stru
     c->gpu = gpu;
     c->take = take;
     c->max_bytes = max_bytes;
-    for (int i = 0; i < PICTURES; i++)
-        c->pictures[i].frame = -1;
+    for (int i = 0; i < IMAGES; i++)
+        c->images[i].frame = -1;
     enum status status = OK;
     if (take_calibration(take)->depth.width > 0)
         status = source_rays_open(&c->rays, take_calibration(take));
@@ -54,8 +54,8 @@ void texture_cache_close(struct texture_cache **c)
         return;
     for (int i = 0; i < (*c)->count; i++)
         gpu_texture_close(&(*c)->entries[i].texture);
-    for (int i = 0; i < PICTURES; i++)
-        source_picture_free(&(*c)->pictures[i]);
+    for (int i = 0; i < IMAGES; i++)
+        source_image_free(&(*c)->images[i]);
     source_rays_close(&(*c)->rays);
     free((*c)->entries);
     free(*c);
@@ -69,7 +69,7 @@ static void drop(struct texture_cache *c, int i)
     c->entries[i] = c->entries[--c->count];
 }
 
-static enum status make_room(struct texture_cache *c, size_t bytes)
+static enum status evict_until_fits(struct texture_cache *c, size_t bytes)
 {
     while (c->count && c->bytes + bytes > c->max_bytes) {
         int oldest = 0;
@@ -81,7 +81,7 @@ static enum status make_room(struct texture_cache *c, size_t bytes)
     if (c->count < c->capacity)
         return OK;
     int capacity = c->capacity ? c->capacity * 2 : 64;
-    struct entry *entries = realloc(c->entries, sizeof *entries * (size_t)capacity);
+    struct cached_texture *entries = realloc(c->entries, sizeof *entries * (size_t)capacity);
     if (!entries)
         return fail(ERR_MEMORY, "out of memory");
     c->entries = entries;
@@ -92,7 +92,7 @@ static enum status make_room(struct texture_cache *c, size_t bytes)
 static bool find(struct texture_cache *c, int64_t frame, int part, struct source_texture *out)
 {
     for (int i = 0; i < c->count; i++) {
-        struct entry *e = &c->entries[i];
+        struct cached_texture *e = &c->entries[i];
         if (e->frame != frame || e->part != part)
             continue;
         e->used = ++c->now;
@@ -102,18 +102,19 @@ static bool find(struct texture_cache *c, int64_t frame, int part, struct source
     return false;
 }
 
-static enum status keep(struct texture_cache *c, int64_t frame, int part, const struct source_patch *patch,
-                        struct source_texture *out)
+static enum status insert(struct texture_cache *c, int64_t frame, int part, const struct source_patch *patch,
+                          struct source_texture *out)
 {
     size_t bytes = (size_t)patch->width * (size_t)patch->height * 4; // what a GPU keeps of RGB
-    enum status status = make_room(c, bytes);
+    enum status status = evict_until_fits(c, bytes);
     if (status != OK)
         return status;
-    struct entry e = {.frame = frame,
-                      .part = part,
-                      .bytes = bytes,
-                      .used = ++c->now,
-                      .window = {(float)patch->left, (float)patch->top, (float)patch->width, (float)patch->height}};
+    struct cached_texture e = {
+        .frame = frame,
+        .part = part,
+        .bytes = bytes,
+        .used = ++c->now,
+        .window = {(float)patch->left, (float)patch->top, (float)patch->width, (float)patch->height}};
     status = gpu_texture_open(&e.texture, c->gpu, GPU_RGB8, patch->width, patch->height, GPU_LINEAR, patch->rgb);
     if (status != OK)
         return status;
@@ -123,34 +124,34 @@ static enum status keep(struct texture_cache *c, int64_t frame, int part, const 
     return OK;
 }
 
-static enum status picture_of(struct texture_cache *c, int64_t frame, bool labelled, struct source_picture **out)
+static enum status image_of(struct texture_cache *c, int64_t frame, bool labelled, struct source_image **out)
 {
     int oldest = 0;
-    for (int i = 0; i < PICTURES; i++) {
-        struct source_picture *p = &c->pictures[i];
+    for (int i = 0; i < IMAGES; i++) {
+        struct source_image *p = &c->images[i];
         if (p->frame == frame && (!labelled || p->labelled)) {
-            c->picture_used[i] = ++c->now;
+            c->image_used[i] = ++c->now;
             *out = p;
             return OK;
         }
-        if (c->picture_used[i] < c->picture_used[oldest])
+        if (c->image_used[i] < c->image_used[oldest])
             oldest = i;
     }
-    c->picture_used[oldest] = ++c->now;
-    *out = &c->pictures[oldest];
-    return source_picture_load(*out, c->take, frame, labelled ? c->rays : NULL);
+    c->image_used[oldest] = ++c->now;
+    *out = &c->images[oldest];
+    return source_image_load(*out, c->take, frame, labelled ? c->rays : NULL);
 }
 
 enum status texture_cache_whole(struct texture_cache *c, int64_t frame, struct source_texture *out)
 {
     if (find(c, frame, WHOLE, out))
         return OK;
-    struct source_picture *picture;
-    enum status status = picture_of(c, frame, false, &picture);
+    struct source_image *image;
+    enum status status = image_of(c, frame, false, &image);
     if (status != OK)
         return status;
-    struct source_patch all = {0, 0, picture->width, picture->height, picture->rgb};
-    return keep(c, frame, WHOLE, &all, out);
+    struct source_patch all = {0, 0, image->width, image->height, image->rgb};
+    return insert(c, frame, WHOLE, &all, out);
 }
 
 enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part p, struct source_texture *out)
@@ -159,14 +160,14 @@ enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part
         return OK;
     if (!c->rays || !take_entry(c->take, frame)->has_depth)
         return texture_cache_whole(c, frame, out);
-    struct source_picture *picture;
-    enum status status = picture_of(c, frame, true, &picture);
+    struct source_image *image;
+    enum status status = image_of(c, frame, true, &image);
     struct source_patch patch;
     if (status == OK)
-        status = source_patch_make(picture, c->take, p, &patch);
+        status = source_patch_make(image, c->take, p, &patch);
     if (status != OK)
         return status;
-    status = keep(c, frame, p, &patch, out);
+    status = insert(c, frame, p, &patch, out);
     free(patch.rgb);
     return status;
 }

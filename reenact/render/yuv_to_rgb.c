@@ -5,71 +5,73 @@
 #include <stdlib.h>
 
 // The shader knows them by number.
-static_assert(LOAN_YUYV == 0 && LOAN_UYVY == 1 && LOAN_NV12 == 2 && LOAN_RGBX == 3 && LOAN_BGRX == 4, "camera.frag");
+static_assert(DMABUF_YUYV == 0 && DMABUF_UYVY == 1 && DMABUF_NV12 == 2 && DMABUF_RGBX == 3 && DMABUF_BGRX == 4,
+              "camera.frag");
 
 enum { ARRANGEMENT, COEFFICIENTS, UNIFORMS };
 
-struct raw_picture {
+struct yuv_to_rgb {
     struct gpu *gpu;
     struct gpu_program *program;
-    struct gpu_mesh *whole; // one triangle over everything
+    struct gpu_mesh *fullscreen; // one triangle over everything
     struct gpu_target *target;
     int width, height;
 };
 
-int raw_planes(enum loan_layout layout, int width, int height, struct raw_plane planes[2])
+int yuv_planes(enum dmabuf_layout layout, int width, int height, struct yuv_plane planes[2])
 {
-    planes[0] = (struct raw_plane){GPU_RGBA8, width, height};
-    if (layout == LOAN_YUYV || layout == LOAN_UYVY)
+    planes[0] = (struct yuv_plane){GPU_RGBA8, width, height};
+    if (layout == DMABUF_YUYV || layout == DMABUF_UYVY)
         planes[0].width = width / 2;
-    if (layout != LOAN_NV12)
+    if (layout != DMABUF_NV12)
         return 1;
     planes[0].format = GPU_R8;
-    planes[1] = (struct raw_plane){GPU_RG8, width / 2, height / 2};
+    planes[1] = (struct yuv_plane){GPU_RG8, width / 2, height / 2};
     return 2;
 }
 
-enum status raw_picture_open(struct raw_picture **out, struct gpu *gpu)
+enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
 {
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
     static const char *const uniforms[] = {[ARRANGEMENT] = "arrangement", [COEFFICIENTS] = "coefficients"};
     static const char *const samplers[] = {"first_plane", "chroma_plane"};
-    const struct gpu_program_text text = {.name = "camera",
-                                          .vertex = shader_find("fullscreen.vert"),
-                                          .fragment = shader_find("camera.frag"),
-                                          .uniforms = uniforms,
-                                          .uniform_count = UNIFORMS,
-                                          .samplers = samplers,
-                                          .sampler_count = 2};
+    const struct gpu_program_source text = {.name = "camera",
+                                            .vertex = shader_find("fullscreen.vert"),
+                                            .fragment = shader_find("camera.frag"),
+                                            .uniforms = uniforms,
+                                            .uniform_count = UNIFORMS,
+                                            .samplers = samplers,
+                                            .sampler_count = 2};
     *out = NULL;
-    struct raw_picture *r = calloc(1, sizeof *r);
+    struct yuv_to_rgb *r = calloc(1, sizeof *r);
     if (!r)
         return fail(ERR_MEMORY, "out of memory");
     r->gpu = gpu;
-    enum status status = gpu_mesh_open(&r->whole, gpu, corners, 2, 3, order, 3);
+    enum status status = gpu_mesh_open(&r->fullscreen, gpu, corners, 2, 3, order, 3);
     if (status == OK)
         status = gpu_program_open(&r->program, gpu, &text);
     if (status != OK) {
-        raw_picture_close(&r);
+        yuv_to_rgb_close(&r);
         return status;
     }
     *out = r;
     return OK;
 }
 
-void raw_picture_close(struct raw_picture **r)
+void yuv_to_rgb_close(struct yuv_to_rgb **r)
 {
     if (!*r)
         return;
     gpu_target_close(&(*r)->target);
-    gpu_mesh_close(&(*r)->whole);
+    gpu_mesh_close(&(*r)->fullscreen);
     gpu_program_close(&(*r)->program);
     free(*r);
     *r = NULL;
 }
 
-enum status raw_picture_draw(struct raw_picture *r, const struct loan *what, const struct gpu_texture *const planes[2])
+enum status yuv_to_rgb_draw(struct yuv_to_rgb *r, const struct dmabuf_image *what,
+                            const struct gpu_texture *const planes[2])
 {
     if (!r->target || r->width != what->width || r->height != what->height) {
         gpu_target_close(&r->target);
@@ -79,7 +81,7 @@ enum status raw_picture_draw(struct raw_picture *r, const struct loan *what, con
         if (status != OK)
             return status;
     }
-    const struct yuv_coefficients k = yuv_coefficients_of(what->meaning);
+    const struct yuv_coefficients k = yuv_coefficients_of(what->encoding);
     const float arrangement[4] = {(float)what->layout, 0, 0, 0};
     const float coefficients[8] = {
         (float)k.y, (float)k.r_cr, (float)k.g_cb, (float)k.g_cr, (float)k.b_cb, (float)k.y_zero, 0, 0};
@@ -87,11 +89,11 @@ enum status raw_picture_draw(struct raw_picture *r, const struct loan *what, con
     gpu_program_set(r->program, COEFFICIENTS, coefficients, 2);
     gpu_draw(&(struct gpu_job){.target = r->target,
                                .program = r->program,
-                               .mesh = r->whole,
+                               .mesh = r->fullscreen,
                                .textures = {planes[0], planes[1] ? planes[1] : planes[0]}});
     return gpu_check(r->gpu);
 }
 
-const struct gpu_texture *raw_picture_texture(struct raw_picture *r) { return gpu_target_texture(r->target); }
+const struct gpu_texture *yuv_to_rgb_texture(struct yuv_to_rgb *r) { return gpu_target_texture(r->target); }
 
-enum status raw_picture_read(struct raw_picture *r, uint8_t *rgba) { return gpu_target_read(r->target, rgba); }
+enum status yuv_to_rgb_read(struct yuv_to_rgb *r, uint8_t *rgba) { return gpu_target_read(r->target, rgba); }

@@ -15,38 +15,39 @@
 #pragma once
 #include "reenact/skeleton/bone_frame.h"
 
-struct selector;
+struct frame_selector;
 
-struct selection {
+struct frame_selection {
     int64_t frame;
     double cost_m;
 };
 
 // Room for `capacity` frames.
-MUST_CHECK enum status selector_open(struct selector **out, int64_t capacity);
-void selector_close(struct selector **s);
+MUST_CHECK enum status frame_selector_open(struct frame_selector **out, int64_t capacity);
+void frame_selector_close(struct frame_selector **s);
 
 // Adds frame number `frame` (rising) with its skeleton in its camera's axes. Not once it is settled.
 // ERR_INPUT: a known joint is not finite; nothing is added.
-MUST_CHECK enum status selector_add(struct selector *s, int64_t frame, const struct skeleton *in_camera,
-                                    const struct body *body);
+MUST_CHECK enum status frame_selector_add(struct frame_selector *s, int64_t frame, const struct skeleton *in_camera,
+                                          const struct body *body);
 
 // After the last frame of a take, once: parts are found faster from now on, alike. ERR_MEMORY: it can only be closed.
-MUST_CHECK enum status selector_settle(struct selector *s);
+MUST_CHECK enum status frame_selector_pack(struct frame_selector *s);
 
 // Never to be chosen again for this part: its pictures do not show it.
-void selector_exclude(struct selector *s, int64_t frame, enum part p);
+void frame_selector_exclude(struct frame_selector *s, int64_t frame, enum part p);
 
 // in_viewer: the skeleton to be shown, in the viewer camera's axes.
 // NOTHING: no frame has a neck and at least half of the skeleton's known joints,
 // or in_viewer has no neck. ERR_INPUT: a known joint is not finite.
-MUST_CHECK enum status select_whole(const struct selector *s, const struct skeleton *in_viewer, struct selection *out);
+MUST_CHECK enum status frame_selector_find_body(const struct frame_selector *s, const struct skeleton *in_viewer,
+                                                struct frame_selection *out);
 
 // NOTHING: the part is unknown in in_viewer or in every frame. ERR_INPUT as above.
-MUST_CHECK enum status select_part(const struct selector *s, const struct skeleton *in_viewer, enum part p,
-                                   struct selection *out);
+MUST_CHECK enum status frame_selector_find_part(const struct frame_selector *s, const struct skeleton *in_viewer,
+                                                enum part p, struct frame_selection *out);
 
-// All of them, in less time than one after the other; frame -1 where select_part has nothing. NOTHING: all are so.
-// ERR_INPUT as above.
-MUST_CHECK enum status select_parts(const struct selector *s, const struct skeleton *in_viewer,
-                                    struct selection out[PART_COUNT]);
+// All of them, in less time than one after the other; frame -1 where frame_selector_find_part has nothing. NOTHING: all
+// are so. ERR_INPUT as above.
+MUST_CHECK enum status frame_selector_find_parts(const struct frame_selector *s, const struct skeleton *in_viewer,
+                                                 struct frame_selection out[PART_COUNT]);

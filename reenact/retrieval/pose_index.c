@@ -3,54 +3,55 @@
 #include <stdlib.h>
 #include <string.h>
 
-void *nearest_cleared(size_t bytes)
+void *pose_index_alloc_zeroed(size_t bytes)
 {
-    void *zeros = memory_in_lines(bytes);
+    void *zeros = alloc_cache_aligned(bytes);
     return zeros ? memset(zeros, 0, bytes) : NULL;
 }
 
-enum status nearest_open(struct nearest **out, int places, double unit_m, int64_t capacity)
+enum status pose_index_open(struct pose_index **out, int positions, double unit_m, int64_t capacity)
 {
-    assert(places > 0 && places <= NEAREST_PLACES_MOST && unit_m > 0 && capacity >= 0 && capacity < UINT32_MAX);
+    assert(positions > 0 && positions <= POSE_INDEX_MAX_POSITIONS && unit_m > 0 && capacity >= 0 &&
+           capacity < UINT32_MAX);
     *out = NULL;
-    struct nearest *n = calloc(1, sizeof *n);
+    struct pose_index *n = calloc(1, sizeof *n);
     if (!n)
         return fail(ERR_MEMORY, "out of memory");
-    *n = (struct nearest){.places = places, .unit_m = unit_m, .capacity = capacity};
-    n->place_most = (int16_t)(SUM_MOST / (places + 1));
+    *n = (struct pose_index){.positions = positions, .unit_m = unit_m, .capacity = capacity};
+    n->max_distance = (int16_t)(MAX_SUM / (positions + 1));
     // One more than needed, so that none is empty.
     size_t blocks = (size_t)blocks_of(capacity) + 1, groups = (size_t)groups_of((int64_t)blocks) + 1;
-    n->points = nearest_cleared(blocks * (size_t)places * sizeof *n->points);
-    n->heads = nearest_cleared(blocks * sizeof *n->heads);
-    n->boxes = nearest_cleared(groups * (size_t)places * sizeof *n->boxes);
-    n->least_own = nearest_cleared(groups * sizeof *n->least_own);
-    n->bounds = nearest_cleared(groups * sizeof *n->bounds);
-    if (!n->points || !n->heads || !n->boxes || !n->least_own || !n->bounds) {
-        nearest_close(&n);
+    n->points = pose_index_alloc_zeroed(blocks * (size_t)positions * sizeof *n->points);
+    n->heads = pose_index_alloc_zeroed(blocks * sizeof *n->heads);
+    n->boxes = pose_index_alloc_zeroed(groups * (size_t)positions * sizeof *n->boxes);
+    n->min_fixed_cost = pose_index_alloc_zeroed(groups * sizeof *n->min_fixed_cost);
+    n->bounds = pose_index_alloc_zeroed(groups * sizeof *n->bounds);
+    if (!n->points || !n->heads || !n->boxes || !n->min_fixed_cost || !n->bounds) {
+        pose_index_close(&n);
         return fail(ERR_MEMORY, "out of memory");
     }
     *out = n;
     return OK;
 }
 
-void nearest_free_points(struct nearest *n)
+void pose_index_free_points(struct pose_index *n)
 {
     free(n->points);
     free(n->heads);
     free(n->boxes);
-    free(n->least_own);
+    free(n->min_fixed_cost);
     n->points = NULL;
     n->heads = NULL;
     n->boxes = NULL;
-    n->least_own = NULL;
+    n->min_fixed_cost = NULL;
 }
 
-void nearest_close(struct nearest **n)
+void pose_index_close(struct pose_index **n)
 {
     if (!*n)
         return;
-    nearest_free_points(*n);
-    settled_close(&(*n)->settled);
+    pose_index_free_points(*n);
+    packed_index_close(&(*n)->packed);
     free((*n)->numbers);
     free((*n)->bounds);
     free(*n);
@@ -59,28 +60,28 @@ void nearest_close(struct nearest **n)
 
 // ---------------------------------------------------------------- adding
 
-static int16_t own_units(const struct nearest *n, double own_m)
+static int16_t quantize_fixed_cost(const struct pose_index *n, double fixed_m)
 {
-    double u = own_m / n->unit_m;
-    return u < n->place_most ? (int16_t)u : n->place_most;
+    double u = fixed_m / n->unit_m;
+    return u < n->max_distance ? (int16_t)u : n->max_distance;
 }
 
-void nearest_add(struct nearest *n, const struct nearest_point *point)
+void pose_index_add(struct pose_index *n, const struct pose_index_point *point)
 {
-    assert(n->count < n->capacity && !n->settled && point->own_m >= 0);
+    assert(n->count < n->capacity && !n->packed && point->fixed_cost_m >= 0);
     int64_t block = n->count / BLOCK, group = block / LANES;
     int lane = (int)(n->count % BLOCK), lane_of_block = (int)(block % LANES);
     bool first = lane == 0;
     n->count++;
     struct block_head *head = &n->heads[block];
     head->known = first ? point->known : head->known & point->known;
-    for (int p = 0; p < n->places; p++) {
-        struct point_lanes *at = &n->points[block * n->places + p];
-        struct box_lanes *box = &n->boxes[group * n->places + p];
+    for (int p = 0; p < n->positions; p++) {
+        struct point_lanes *at = &n->points[block * n->positions + p];
+        struct box_lanes *box = &n->boxes[group * n->positions + p];
         bool is_known = point->known >> p & 1;
         for (int axis = 0; axis < 3; axis++) {
-            int16_t u = is_known ? units((&point->place[p].x)[axis], n->unit_m) : 0;
-            int16_t low = is_known ? u : -ANYWHERE, high = is_known ? u : FAR;
+            int16_t u = is_known ? quantize((&point->position[p].x)[axis], n->unit_m) : 0;
+            int16_t low = is_known ? u : -UNBOUNDED, high = is_known ? u : MAX_COORDINATE;
             int16_t *box_low = &box->low[axis][lane_of_block], *box_high = &box->high[axis][lane_of_block];
             at->at[axis][lane] = u;
             if (first || low < *box_low)
@@ -89,17 +90,17 @@ void nearest_add(struct nearest *n, const struct nearest_point *point)
                 *box_high = high;
         }
     }
-    int16_t *least = &n->least_own[group][lane_of_block];
-    head->own[lane] = own_units(n, point->own_m);
-    if (first || head->own[lane] < *least)
-        *least = head->own[lane];
+    int16_t *least = &n->min_fixed_cost[group][lane_of_block];
+    head->fixed_cost[lane] = quantize_fixed_cost(n, point->fixed_cost_m);
+    if (first || head->fixed_cost[lane] < *least)
+        *least = head->fixed_cost[lane];
 }
 
-int64_t nearest_slot(const struct nearest *n, int64_t number)
+int64_t pose_index_slot(const struct pose_index *n, int64_t number)
 {
     assert(number >= 0 && number < n->count);
     int64_t slot = 0;
-    while (nearest_number(n, slot) != number)
+    while (pose_index_number(n, slot) != number)
         slot++;
     return slot;
 }

@@ -17,17 +17,17 @@
 #endif
 
 // What is looked for, in units.
-struct wanted {
-    int count; // of known places
-    int place[NEAREST_PLACES_MOST];
-    int16_t at[NEAREST_PLACES_MOST][3]; // [place]
+struct quantized_query {
+    int count; // of known positions
+    int position[POSE_INDEX_MAX_POSITIONS];
+    int16_t at[POSE_INDEX_MAX_POSITIONS][3]; // [position]
 };
 
-struct search {
-    const struct nearest *n;
-    struct wanted wanted;
+struct index_search {
+    const struct pose_index *n;
+    struct quantized_query target;
     double scale;
-    nearest_cost *cost;
+    pose_index_cost *cost;
     const void *context;
     int64_t best; // its slot; -1: none yet
     double best_m;
@@ -35,28 +35,28 @@ struct search {
 };
 
 // All of them in indexes of settled points.
-void nearest_find_settled(struct search *searches, int count);
+void pose_index_query_packed(struct index_search *searches, int count);
 
-static inline void ask(struct search *s, int64_t slot)
+static inline void evaluate(struct index_search *s, int64_t slot)
 {
     double cost = s->cost(s->context, slot);
     if (!(cost >= 0))
         return;
     if (s->best >= 0 &&
-        (cost > s->best_m || (cost == s->best_m && nearest_number(s->n, slot) > nearest_number(s->n, s->best))))
+        (cost > s->best_m || (cost == s->best_m && pose_index_number(s->n, slot) > pose_index_number(s->n, s->best))))
         return;
     s->best = slot;
     s->best_m = cost;
     // Rounding puts each coordinate's difference off by less than a unit, so a
-    // place's bound by less than 0.86 + 0.36 + 0.36 of it.
-    double limit = cost / s->scale / s->n->unit_m + 1.6 * s->wanted.count + 1;
-    s->limit = limit < SUM_MOST ? (int16_t)limit : SUM_MOST;
+    // position's bound by less than 0.86 + 0.36 + 0.36 of it.
+    double limit = cost / s->scale / s->n->unit_m + 1.6 * s->target.count + 1;
+    s->limit = limit < MAX_SUM ? (int16_t)limit : MAX_SUM;
 }
 
 // What is going to be looked at is on its way before: takes are more than the near caches hold.
 static KERNEL void fetch(const void *from, size_t bytes)
 {
-    for (size_t i = 0; i < bytes; i += MEMORY_LINE)
+    for (size_t i = 0; i < bytes; i += CACHE_LINE_BYTES)
         __builtin_prefetch((const char *)from + i);
 }
 
@@ -72,13 +72,13 @@ static inline int16_t length_at_least(int16_t x, int16_t y, int16_t z)
     return (int16_t)((largest >> 1) + (int16_t)(((uint32_t)sum * 23600) >> 16));
 }
 
-static inline int16_t apart(int16_t a, int16_t b)
+static inline int16_t abs_difference(int16_t a, int16_t b)
 {
     int16_t d = (int16_t)(a - b), e = (int16_t)(b - a);
     return d > e ? d : e;
 }
 
-static inline int16_t outside(int16_t low, int16_t high, int16_t at)
+static inline int16_t interval_distance(int16_t low, int16_t high, int16_t at)
 {
     int16_t below = (int16_t)(low - at), above = (int16_t)(at - high);
     int16_t most = below > above ? below : above;
@@ -89,9 +89,9 @@ static inline int16_t outside(int16_t low, int16_t high, int16_t at)
 static KERNEL void add_boxes(const struct box_lanes *b, const int16_t at[3], int16_t most, int16_t *restrict sums)
 {
     for (int i = 0; i < LANES; i++) {
-        int16_t d =
-            length_at_least(outside(b->low[0][i], b->high[0][i], at[0]), outside(b->low[1][i], b->high[1][i], at[1]),
-                            outside(b->low[2][i], b->high[2][i], at[2]));
+        int16_t d = length_at_least(interval_distance(b->low[0][i], b->high[0][i], at[0]),
+                                    interval_distance(b->low[1][i], b->high[1][i], at[1]),
+                                    interval_distance(b->low[2][i], b->high[2][i], at[2]));
         sums[i] = (int16_t)(sums[i] + (d < most ? d : most));
     }
 }
@@ -101,26 +101,28 @@ static KERNEL void add_points(const int16_t *x, const int16_t *y, const int16_t 
                               int16_t most, int16_t *restrict sums)
 {
     for (int i = 0; i < count; i++) {
-        int16_t d = length_at_least(apart(x[i], at[0]), apart(y[i], at[1]), apart(z[i], at[2]));
+        int16_t d =
+            length_at_least(abs_difference(x[i], at[0]), abs_difference(y[i], at[1]), abs_difference(z[i], at[2]));
         sums[i] = (int16_t)(sums[i] + (d < most ? d : most));
     }
 }
 
-// The bounds of `count` boxes into n->bounds; which is the least, -1: none. boxes: [sixteen boxes][place].
-static KERNEL int64_t bound_all(struct search *s, const struct box_lanes *boxes, const int16_t *own, int64_t count)
+// The bounds of `count` boxes into n->bounds; which is the least, -1: none. boxes: [sixteen boxes][position].
+static KERNEL int64_t bound_all(struct index_search *s, const struct box_lanes *boxes, const int16_t *fixed_cost,
+                                int64_t count)
 {
-    const struct nearest *n = s->n;
-    const struct wanted *w = &s->wanted;
+    const struct pose_index *n = s->n;
+    const struct quantized_query *w = &s->target;
     int64_t promising = -1;
-    int16_t least = SUM_MOST;
+    int16_t least = MAX_SUM;
     lanes leasts, where = {0}; // lane by lane, and in which sixteen modulo 2^15
     for (int i = 0; i < LANES; i++)
-        leasts[i] = SUM_MOST;
+        leasts[i] = MAX_SUM;
     for (int64_t g = 0; g < groups_of(count); g++) {
         int16_t *sums = n->bounds[g], here = (int16_t)(g & 0x7fff);
-        memcpy(sums, own + g * LANES, sizeof *n->bounds);
+        memcpy(sums, fixed_cost + g * LANES, sizeof *n->bounds);
         for (int k = 0; k < w->count; k++)
-            add_boxes(&boxes[g * n->places + w->place[k]], w->at[w->place[k]], n->place_most, sums);
+            add_boxes(&boxes[g * n->positions + w->position[k]], w->at[w->position[k]], n->max_distance, sums);
         for (int i = 0; i < LANES; i++) {
             where[i] = sums[i] < leasts[i] ? here : where[i];
             leasts[i] = sums[i] < leasts[i] ? sums[i] : leasts[i];
@@ -137,7 +139,7 @@ static KERNEL int64_t bound_all(struct search *s, const struct box_lanes *boxes,
 // ---------------------------------------------------------------- bits
 
 // Bit i: sums[i] is at most `limit`; count: eight or sixteen. A branch for each would be guessed wrong too often.
-static KERNEL uint32_t within(const int16_t *sums, int count, int16_t limit)
+static KERNEL uint32_t bits_within(const int16_t *sums, int count, int16_t limit)
 {
     uint8_t is[LANES];
     uint32_t bits = 0;
@@ -156,7 +158,7 @@ static KERNEL uint32_t within(const int16_t *sums, int count, int16_t limit)
 static inline uint32_t lowest(uint32_t bits, int64_t count) { return count < 32 ? bits & ((1u << count) - 1) : bits; }
 
 // Of the sixteen boxes from `first` on, those whose bounds are low enough, as bits.
-static KERNEL uint32_t near_boxes(const struct search *s, int64_t first, int64_t count)
+static KERNEL uint32_t boxes_within_limit(const struct index_search *s, int64_t first, int64_t count)
 {
-    return lowest(within(s->n->bounds[first / LANES], LANES, s->limit), count - first);
+    return lowest(bits_within(s->n->bounds[first / LANES], LANES, s->limit), count - first);
 }

@@ -1,36 +1,36 @@
 #include "reenact/retrieval/pose_index_packed.h"
 
 enum {
-    TRIED = 5,    // the widest dimensions: to try more than three gains little
-    SAMPLE = 256, // of a range's points tell how wide it is
-    DIMENSIONS_MOST = 3 * NEAREST_PLACES_MOST + 1,
+    CANDIDATES = 5, // the widest dimensions: to try more than three gains little
+    SAMPLE = 256,   // of a range's points tell how wide it is
+    DIMENSIONS_MOST = 3 * POSE_INDEX_MAX_POSITIONS + 1,
 };
 
-// A point's coordinate in one dimension (place and axis; the last is its own cost), units.
-static int16_t key_of(const struct nearest *n, int64_t point, int dimension)
+// A point's coordinate in one dimension (position and axis; the last is its own cost), units.
+static int16_t key_of(const struct pose_index *n, int64_t point, int dimension)
 {
-    return dimension < 3 * n->places ? nearest_coordinate(n, point, dimension) : nearest_own(n, point);
+    return dimension < 3 * n->positions ? pose_index_coordinate(n, point, dimension) : pose_index_fixed_cost(n, point);
 }
 
 // ---------------------------------------------------------------- halving
 
 // Whether point a comes before b: no two are alike.
-static bool before(const struct nearest *n, int dimension, int64_t a, int64_t b)
+static bool precedes(const struct pose_index *n, int dimension, int64_t a, int64_t b)
 {
     int16_t at_a = key_of(n, a, dimension), at_b = key_of(n, b, dimension);
     return at_a < at_b || (at_a == at_b && a < b);
 }
 
 // Hoare's selection: no point before `middle` comes after one from there on.
-static void divide(const struct nearest *n, int dimension, int64_t *points, int64_t count, int64_t middle)
+static void partition(const struct pose_index *n, int dimension, int64_t *points, int64_t count, int64_t middle)
 {
     int64_t low = 0, high = count - 1;
     while (low < high) {
         int64_t pivot = points[low + (high - low) / 2], i = low, j = high;
         while (i <= j) {
-            while (before(n, dimension, points[i], pivot))
+            while (precedes(n, dimension, points[i], pivot))
                 i++;
-            while (before(n, dimension, pivot, points[j]))
+            while (precedes(n, dimension, pivot, points[j]))
                 j--;
             if (i <= j) {
                 int64_t swapped = points[i];
@@ -50,9 +50,9 @@ static void divide(const struct nearest *n, int dimension, int64_t *points, int6
 // ---------------------------------------------------------------- across which dimension
 
 // The sum of squared differences from the mean, of each dimension.
-static void squares_of(const struct nearest *n, const int64_t *points, int64_t count, double *squares)
+static void squares_of(const struct pose_index *n, const int64_t *points, int64_t count, double *squares)
 {
-    for (int d = 0; d <= 3 * n->places; d++) {
+    for (int d = 0; d <= 3 * n->positions; d++) {
         int64_t sum = 0, of_squares = 0;
         for (int64_t i = 0; i < count; i++) {
             int64_t key = key_of(n, points[i], d);
@@ -64,20 +64,20 @@ static void squares_of(const struct nearest *n, const int64_t *points, int64_t c
     }
 }
 
-// How far apart points of a range are, as costs count it: each place's root mean square distance from the mean, and
+// How far apart points of a range are, as costs count it: each position's root mean square distance from the mean, and
 // that of own costs, times how many there are.
-static double extent(const struct nearest *n, const int64_t *points, int64_t count)
+static double extent(const struct pose_index *n, const int64_t *points, int64_t count)
 {
     double squares[DIMENSIONS_MOST], sum = 0;
     squares_of(n, points, count, squares);
-    for (int p = 0; p < n->places; p++)
+    for (int p = 0; p < n->positions; p++)
         sum += sqrt((squares[3 * p] + squares[3 * p + 1] + squares[3 * p + 2]) * (double)count);
-    return sum + sqrt(squares[3 * n->places] * (double)count);
+    return sum + sqrt(squares[3 * n->positions] * (double)count);
 }
 
 // Across which of the widest dimensions points fall into the smallest parts, if the first of them are `half` / `count`
 // of all.
-static int best_dimension(const struct nearest *n, const int64_t *points, int64_t count, int64_t half)
+static int best_dimension(const struct pose_index *n, const int64_t *points, int64_t count, int64_t half)
 {
     int64_t sample[SAMPLE], many = count < SAMPLE ? count : SAMPLE, first = half * many / count;
     double squares[DIMENSIONS_MOST], least = INFINITY;
@@ -85,13 +85,13 @@ static int best_dimension(const struct nearest *n, const int64_t *points, int64_
     for (int64_t i = 0; i < many; i++)
         sample[i] = points[i * count / many];
     squares_of(n, sample, many, squares);
-    for (int tried = 0; tried < TRIED && tried <= 3 * n->places; tried++) {
+    for (int tried = 0; tried < CANDIDATES && tried <= 3 * n->positions; tried++) {
         int widest = 0;
-        for (int d = 1; d <= 3 * n->places; d++)
+        for (int d = 1; d <= 3 * n->positions; d++)
             if (squares[d] > squares[widest])
                 widest = d;
         squares[widest] = -1;
-        divide(n, widest, sample, many, first);
+        partition(n, widest, sample, many, first);
         double here = extent(n, sample, first) + extent(n, sample + first, many - first);
         if (here < least) {
             least = here;
@@ -101,13 +101,13 @@ static int best_dimension(const struct nearest *n, const int64_t *points, int64_
     return best;
 }
 
-void nearest_order(const struct nearest *n, int64_t *points, int64_t count)
+void pose_index_order_kdtree(const struct pose_index *n, int64_t *points, int64_t count)
 {
     while (count > LANES) {
         int64_t group = LANES * LANES, unit = count > LANES * group ? LANES * group : count > group ? group : LANES;
         int64_t half = (count / 2 + unit - 1) / unit * unit;
-        divide(n, best_dimension(n, points, count, half), points, count, half);
-        nearest_order(n, points, half);
+        partition(n, best_dimension(n, points, count, half), points, count, half);
+        pose_index_order_kdtree(n, points, half);
         points += half;
         count -= half;
     }

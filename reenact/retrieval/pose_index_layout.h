@@ -5,11 +5,11 @@
 #include "reenact/retrieval/pose_index.h"
 
 enum {
-    BLOCK = 8,       // points in a block: they share a box, and are bounded side by side
-    LANES = 16,      // blocks in a group: their boxes are bounded side by side
-    FAR = 8191,      // the farthest coordinate, units
-    ANYWHERE = 8192, // a box from -ANYWHERE on, as wide as FAR goes, holds every place
-    SUM_MOST = 32767,
+    BLOCK = 8,             // points in a block: they share a box, and are bounded side by side
+    LANES = 16,            // blocks in a group: their boxes are bounded side by side
+    MAX_COORDINATE = 8191, // the farthest coordinate, units
+    UNBOUNDED = 8192,      // a box from -UNBOUNDED on, as wide as MAX_COORDINATE goes, holds every position
+    MAX_SUM = 32767,
 };
 
 typedef int16_t lanes[LANES];
@@ -25,23 +25,23 @@ struct point_lanes {
 
 // What else there is to know of a block: a line of the caches.
 struct block_head {
-    _Alignas(MEMORY_LINE) points_lanes own; // units, the points'
-    uint32_t known;                         // places known in every point
+    _Alignas(CACHE_LINE_BYTES) points_lanes fixed_cost; // units, the points'
+    uint32_t known;                                     // positions known in every point
 };
 
-struct nearest {
-    int places;
+struct pose_index {
+    int positions;
     double unit_m;
     int64_t count, capacity;
-    int16_t place_most; // distances count up to this, so that their sum fits
-    lanes *bounds;      // [group], nearest_find_all's working memory
+    int16_t max_distance; // distances count up to this, so that their sum fits
+    lanes *bounds;        // [group], pose_index_query_all's working memory
     // Until they are settled:
-    struct point_lanes *points; // [block][place]
+    struct point_lanes *points; // [block][position]
     struct block_head *heads;   // [block]
-    struct box_lanes *boxes;    // [group][place]
-    lanes *least_own;           // [group], the blocks'
+    struct box_lanes *boxes;    // [group][position]
+    lanes *min_fixed_cost;      // [group], the blocks'
     // From then on:
-    struct settled *settled;
+    struct packed_index *packed;
     uint32_t *numbers; // [slot]
 };
 
@@ -50,20 +50,20 @@ static inline int64_t blocks_of(int64_t count) { return (count + BLOCK - 1) / BL
 static inline int64_t groups_of(int64_t blocks) { return (blocks + LANES - 1) / LANES; }
 
 // Of the point at `slot`.
-static inline int64_t nearest_number(const struct nearest *n, int64_t slot)
+static inline int64_t pose_index_number(const struct pose_index *n, int64_t slot)
 {
-    return n->settled ? n->numbers[slot] : slot;
+    return n->packed ? n->numbers[slot] : slot;
 }
 
 // Zeros from the first byte of a line on; NULL: no memory.
-void *nearest_cleared(size_t bytes);
+void *pose_index_alloc_zeroed(size_t bytes);
 
 // What points are held in before they are settled.
-void nearest_free_points(struct nearest *n);
+void pose_index_free_points(struct pose_index *n);
 
-static inline int16_t units(double m, double unit_m)
+static inline int16_t quantize(double m, double unit_m)
 {
     double u = m / unit_m;
-    u = !(u > -FAR) ? -FAR : u > FAR ? FAR : u; // a NaN, too, is somewhere
+    u = !(u > -MAX_COORDINATE) ? -MAX_COORDINATE : u > MAX_COORDINATE ? MAX_COORDINATE : u; // a NaN, too, is somewhere
     return (int16_t)(u < 0 ? u - 0.5 : u + 0.5);
 }

@@ -6,7 +6,7 @@
 // ---------------------------------------------------------------- records
 
 // Known in all of them.
-static uint32_t known_in(const struct nearest *n, const int64_t *points, int count)
+static uint32_t known_in(const struct pose_index *n, const int64_t *points, int count)
 {
     uint32_t known = UINT32_MAX;
     for (int i = 0; i < count; i++)
@@ -14,40 +14,41 @@ static uint32_t known_in(const struct nearest *n, const int64_t *points, int cou
     return known;
 }
 
-static int16_t least_own(const struct nearest *n, const int64_t *points, int count)
+static int16_t min_fixed_cost(const struct pose_index *n, const int64_t *points, int count)
 {
-    int16_t least = SUM_MOST;
+    int16_t least = MAX_SUM;
     for (int i = 0; i < count; i++)
-        least = nearest_own(n, points[i]) < least ? nearest_own(n, points[i]) : least;
+        least = pose_index_fixed_cost(n, points[i]) < least ? pose_index_fixed_cost(n, points[i]) : least;
     return least;
 }
 
-// Where some points are along one axis of one place; anywhere, if one of them is unknown.
-struct span {
+// Where some points are along one axis of one position; anywhere, if one of them is unknown.
+struct interval {
     int16_t low, high;
 };
 
-static struct span span_of(const struct nearest *n, int dimension, const int64_t *points, int count)
+static struct interval interval_of(const struct pose_index *n, int dimension, const int64_t *points, int count)
 {
-    struct span span = {FAR, -ANYWHERE};
+    struct interval span = {MAX_COORDINATE, -UNBOUNDED};
     if (!(known_in(n, points, count) >> dimension / 3 & 1))
-        return (struct span){-ANYWHERE, FAR};
+        return (struct interval){-UNBOUNDED, MAX_COORDINATE};
     for (int i = 0; i < count; i++) {
-        int16_t at = nearest_coordinate(n, points[i], dimension);
+        int16_t at = pose_index_coordinate(n, points[i], dimension);
         span.low = at < span.low ? at : span.low;
         span.high = at > span.high ? at : span.high;
     }
     return span;
 }
 
-// The spans of all dimensions; the least shift with which 256 steps reach across each whose place is known, rounded up
-// as a box's high end is.
-static int measure(const struct nearest *n, uint32_t known, const int64_t *points, int count, struct span *spans)
+// The intervals of all dimensions; the least shift with which 256 steps reach across each whose position is known,
+// rounded up as a box's high end is.
+static int measure(const struct pose_index *n, uint32_t known, const int64_t *points, int count,
+                   struct interval *intervals)
 {
     int widest = 0, shift = 0;
-    for (int d = 0; d < 3 * n->places; d++) {
-        spans[d] = span_of(n, d, points, count);
-        int width = spans[d].high - spans[d].low;
+    for (int d = 0; d < 3 * n->positions; d++) {
+        intervals[d] = interval_of(n, d, points, count);
+        int width = intervals[d].high - intervals[d].low;
         if (known >> d / 3 & 1 && width > widest)
             widest = width;
     }
@@ -62,97 +63,103 @@ static uint8_t steps(int at, int from, int shift)
     return (uint8_t)(step < 0 ? 0 : step < STEPS ? step : STEPS - 1);
 }
 
-static uint8_t own_steps(const struct settled *s, int16_t own) { return (uint8_t)(own >> s->own_shift); }
+static uint8_t fixed_cost_steps(const struct packed_index *s, int16_t fixed_cost)
+{
+    return (uint8_t)(fixed_cost >> s->fixed_cost_shift);
+}
 
 // Returns its shift. What is not known in every point is not looked at. A block is filled up with its first point.
-static int put_block(const struct nearest *n, struct settled *s, int64_t block, const int64_t *points, int count)
+static int pack_block(const struct pose_index *n, struct packed_index *s, int64_t block, const int64_t *points,
+                      int count)
 {
-    struct settled_block *to = settled_block(s, block);
-    struct settled_points *places = settled_points(n, to);
-    struct span spans[3 * NEAREST_PLACES_MOST];
-    int shift = measure(n, known_in(n, points, count), points, count, spans);
-    for (int d = 0; d < 3 * n->places; d++)
-        to->from[d] = spans[d].low;
+    struct packed_block *to = packed_block_at(s, block);
+    struct packed_points *positions = packed_block_points(n, to);
+    struct interval intervals[3 * POSE_INDEX_MAX_POSITIONS];
+    int shift = measure(n, known_in(n, points, count), points, count, intervals);
+    for (int d = 0; d < 3 * n->positions; d++)
+        to->from[d] = intervals[d].low;
     for (int i = 0; i < LANES; i++) {
         int64_t point = points[i < count ? i : 0];
-        to->own[i] = own_steps(s, nearest_own(n, point));
-        for (int d = 0; d < 3 * n->places; d++)
-            places[d / 3].at[d % 3][i] = steps(nearest_coordinate(n, point, d), spans[d].low, shift);
+        to->fixed_cost[i] = fixed_cost_steps(s, pose_index_fixed_cost(n, point));
+        for (int d = 0; d < 3 * n->positions; d++)
+            positions[d / 3].at[d % 3][i] = steps(pose_index_coordinate(n, point, d), intervals[d].low, shift);
     }
     return shift;
 }
 
-static void put_box(const struct nearest *n, struct settled_group *g, int lane, const int64_t *points, int count)
+static void pack_box(const struct pose_index *n, struct packed_group *g, int lane, const int64_t *points, int count)
 {
-    struct settled_boxes *places = settled_boxes(n, g);
-    for (int d = 0; d < 3 * n->places; d++) {
-        struct span span = span_of(n, d, points, count);
-        places[d / 3].low[d % 3][lane] = steps(span.low, g->from[d], g->shift);
-        places[d / 3].high[d % 3][lane] = steps(span.high + (1 << g->shift) - 1, g->from[d], g->shift);
+    struct packed_boxes *positions = packed_group_boxes(n, g);
+    for (int d = 0; d < 3 * n->positions; d++) {
+        struct interval span = interval_of(n, d, points, count);
+        positions[d / 3].low[d % 3][lane] = steps(span.low, g->from[d], g->shift);
+        positions[d / 3].high[d % 3][lane] = steps(span.high + (1 << g->shift) - 1, g->from[d], g->shift);
     }
 }
 
-static void put_wide_box(const struct nearest *n, struct settled *s, int64_t group, const struct span *spans)
+static void pack_wide_box(const struct pose_index *n, struct packed_index *s, int64_t group,
+                          const struct interval *intervals)
 {
     int64_t wide = group / LANES, lane = group % LANES;
-    for (int d = 0; d < 3 * n->places; d++) {
-        struct box_lanes *boxes = &s->wide_boxes[wide * n->places + d / 3];
-        boxes->low[d % 3][lane] = spans[d].low;
-        boxes->high[d % 3][lane] = spans[d].high;
+    for (int d = 0; d < 3 * n->positions; d++) {
+        struct box_lanes *boxes = &s->wide_boxes[wide * n->positions + d / 3];
+        boxes->low[d % 3][lane] = intervals[d].low;
+        boxes->high[d % 3][lane] = intervals[d].high;
     }
 }
 
 // A group is filled up with its first block.
-static void put_group(const struct nearest *n, struct settled *s, int64_t group, const int64_t *points, int count)
+static void pack_group(const struct pose_index *n, struct packed_index *s, int64_t group, const int64_t *points,
+                       int count)
 {
-    struct settled_group *to = settled_group(s, group);
-    struct span spans[3 * NEAREST_PLACES_MOST];
+    struct packed_group *to = packed_group_at(s, group);
+    struct interval intervals[3 * POSE_INDEX_MAX_POSITIONS];
     uint32_t known = known_in(n, points, count);
     to->known = (uint16_t)known;
-    to->shift = (uint16_t)measure(n, known, points, count, spans);
-    for (int d = 0; d < 3 * n->places; d++)
-        to->from[d] = spans[d].low;
-    put_wide_box(n, s, group, spans);
-    s->wide_own[group / LANES][group % LANES] = least_own(n, points, count);
+    to->shift = (uint16_t)measure(n, known, points, count, intervals);
+    for (int d = 0; d < 3 * n->positions; d++)
+        to->from[d] = intervals[d].low;
+    pack_wide_box(n, s, group, intervals);
+    s->wide_fixed_cost[group / LANES][group % LANES] = min_fixed_cost(n, points, count);
     for (int lane = 0; lane < LANES; lane++) {
         int first = lane * LANES < count ? lane * LANES : 0, many = count - first < LANES ? count - first : LANES;
-        put_box(n, to, lane, points + first, many);
-        to->own[lane] = own_steps(s, least_own(n, points + first, many));
+        pack_box(n, to, lane, points + first, many);
+        to->fixed_cost[lane] = fixed_cost_steps(s, min_fixed_cost(n, points + first, many));
         if (lane * LANES < count)
-            to->shifts[lane] = (uint8_t)put_block(n, s, group * LANES + lane, points + first, many);
+            to->shifts[lane] = (uint8_t)pack_block(n, s, group * LANES + lane, points + first, many);
     }
 }
 
-static size_t whole_lines(size_t bytes) { return (bytes + MEMORY_LINE - 1) / MEMORY_LINE * MEMORY_LINE; }
+static size_t whole_lines(size_t bytes) { return (bytes + CACHE_LINE_BYTES - 1) / CACHE_LINE_BYTES * CACHE_LINE_BYTES; }
 
-static struct settled *settled_open(const struct nearest *n)
+static struct packed_index *packed_index_open(const struct pose_index *n)
 {
-    struct settled *s = calloc(1, sizeof *s);
+    struct packed_index *s = calloc(1, sizeof *s);
     if (!s)
         return NULL;
-    size_t places = (size_t)n->places, from = 3 * places * sizeof(int16_t);
-    size_t blocks = (size_t)settled_blocks_of(n->count), groups = (size_t)groups_of((int64_t)blocks),
+    size_t positions = (size_t)n->positions, from = 3 * positions * sizeof(int16_t);
+    size_t blocks = (size_t)packed_blocks_of(n->count), groups = (size_t)groups_of((int64_t)blocks),
            wide = (size_t)groups_of((int64_t)groups);
-    s->block_bytes = whole_lines(sizeof(struct settled_block) + from + places * sizeof(struct settled_points));
-    s->group_bytes = whole_lines(sizeof(struct settled_group) + from + places * sizeof(struct settled_boxes));
+    s->block_bytes = whole_lines(sizeof(struct packed_block) + from + positions * sizeof(struct packed_points));
+    s->group_bytes = whole_lines(sizeof(struct packed_group) + from + positions * sizeof(struct packed_boxes));
     // One more than needed, so that none is empty, and what is read past a record's end is there.
-    s->blocks = nearest_cleared((blocks + 1) * s->block_bytes);
-    s->groups = nearest_cleared((groups + 1) * s->group_bytes);
-    s->wide_boxes = nearest_cleared((wide + 1) * places * sizeof *s->wide_boxes);
-    s->wide_own = nearest_cleared((wide + 1) * sizeof *s->wide_own);
-    if (!s->blocks || !s->groups || !s->wide_boxes || !s->wide_own)
-        settled_close(&s);
+    s->blocks = pose_index_alloc_zeroed((blocks + 1) * s->block_bytes);
+    s->groups = pose_index_alloc_zeroed((groups + 1) * s->group_bytes);
+    s->wide_boxes = pose_index_alloc_zeroed((wide + 1) * positions * sizeof *s->wide_boxes);
+    s->wide_fixed_cost = pose_index_alloc_zeroed((wide + 1) * sizeof *s->wide_fixed_cost);
+    if (!s->blocks || !s->groups || !s->wide_boxes || !s->wide_fixed_cost)
+        packed_index_close(&s);
     return s;
 }
 
-void settled_close(struct settled **s)
+void packed_index_close(struct packed_index **s)
 {
     if (!*s)
         return;
     free((*s)->blocks);
     free((*s)->groups);
     free((*s)->wide_boxes);
-    free((*s)->wide_own);
+    free((*s)->wide_fixed_cost);
     free(*s);
     *s = NULL;
 }
@@ -167,43 +174,43 @@ static void rearrange(char *items, char *copy, size_t bytes, const int64_t *poin
         memcpy(items + (size_t)i * bytes, copy + (size_t)points[i] * bytes, bytes);
 }
 
-static void put_all(const struct nearest *n, struct settled *s, const int64_t *points)
+static void pack_all(const struct pose_index *n, struct packed_index *s, const int64_t *points)
 {
     enum { GROUP = LANES * LANES };
-    int16_t most_own = 0;
+    int16_t max_fixed_cost = 0;
     for (int64_t i = 0; i < n->count; i++)
-        most_own = nearest_own(n, i) > most_own ? nearest_own(n, i) : most_own;
-    while (most_own >> s->own_shift >= STEPS)
-        s->own_shift++;
+        max_fixed_cost = pose_index_fixed_cost(n, i) > max_fixed_cost ? pose_index_fixed_cost(n, i) : max_fixed_cost;
+    while (max_fixed_cost >> s->fixed_cost_shift >= STEPS)
+        s->fixed_cost_shift++;
     for (int64_t i = 0; i < n->count; i += GROUP)
-        put_group(n, s, i / GROUP, points + i, (int)(n->count - i < GROUP ? n->count - i : GROUP));
+        pack_group(n, s, i / GROUP, points + i, (int)(n->count - i < GROUP ? n->count - i : GROUP));
 }
 
-enum status nearest_settle(struct nearest *n, void *of_points, size_t bytes)
+enum status pose_index_pack(struct pose_index *n, void *payload, size_t bytes)
 {
-    assert(!n->settled);
-    struct settled *s = settled_open(n);
-    size_t room = (size_t)n->count + 1;
-    int64_t *points = malloc(room * sizeof *points);
-    uint32_t *numbers = malloc(room * sizeof *numbers);
-    char *copy = malloc(room * bytes + 1);
+    assert(!n->packed);
+    struct packed_index *s = packed_index_open(n);
+    size_t capacity = (size_t)n->count + 1;
+    int64_t *points = malloc(capacity * sizeof *points);
+    uint32_t *numbers = malloc(capacity * sizeof *numbers);
+    char *copy = malloc(capacity * bytes + 1);
     enum status status = s && points && numbers && copy ? OK : fail(ERR_MEMORY, "out of memory");
     if (status == OK) {
         for (int64_t i = 0; i < n->count; i++)
             points[i] = i;
-        nearest_order(n, points, n->count);
+        pose_index_order_kdtree(n, points, n->count);
         for (int64_t i = 0; i < n->count; i++)
             numbers[i] = (uint32_t)points[i];
-        put_all(n, s, points);
-        rearrange(of_points, copy, bytes, points, n->count);
-        s->of_points = of_points;
-        s->of_point_bytes = bytes;
-        nearest_free_points(n);
-        n->settled = s;
+        pack_all(n, s, points);
+        rearrange(payload, copy, bytes, points, n->count);
+        s->payload = payload;
+        s->payload_bytes = bytes;
+        pose_index_free_points(n);
+        n->packed = s;
         n->numbers = numbers;
     } else {
         free(numbers);
-        settled_close(&s);
+        packed_index_close(&s);
     }
     free(copy);
     free(points);

@@ -4,33 +4,33 @@
 enum {
     FIRST_BLOCKS = 3, // of the promising group, from which the first mark comes: with fewer, more groups are near
     // That wait at once:
-    GROUPS_AT_ONCE = 128,
-    BLOCKS_AT_ONCE = 64,
-    POINTS_AT_ONCE = 256,
+    GROUP_BATCH = 128,
+    BLOCK_BATCH = 64,
+    POINT_BATCH = 256,
 };
 
 // How far a search has come. What waits to be looked at comes from memory while other searches work.
-struct progress {
-    struct search *s;
+struct search_state {
+    struct index_search *s;
     int64_t promising; // the group with the least bound; -1: none
-    uint32_t looked;   // at which of its blocks, as bits
+    uint32_t visited;  // at which of its blocks, as bits
     int group_count;   // that may hold the nearest
-    uint32_t groups[GROUPS_AT_ONCE];
-    lanes block_bounds[GROUPS_AT_ONCE];
-    uint16_t done[GROUPS_AT_ONCE]; // which of their blocks need not be looked at any more, as bits
-    int block_count;               // that wait to be looked at
-    uint32_t blocks[BLOCKS_AT_ONCE];
-    lanes point_bounds[BLOCKS_AT_ONCE];
+    uint32_t groups[GROUP_BATCH];
+    lanes block_bounds[GROUP_BATCH];
+    uint16_t done[GROUP_BATCH]; // which of their blocks need not be looked at any more, as bits
+    int block_count;            // that wait to be looked at
+    uint32_t blocks[BLOCK_BATCH];
+    lanes point_bounds[BLOCK_BATCH];
     int slot_count; // of points that wait to be asked
-    uint32_t slots[POINTS_AT_ONCE];
+    uint32_t slots[POINT_BATCH];
 };
 
 // ---------------------------------------------------------------- bounds
 
-enum { DIMENSIONS = 3 * NEAREST_PLACES_MOST };
+enum { DIMENSIONS = 3 * POSE_INDEX_MAX_POSITIONS };
 
 // Thirty-two at a time, whatever lies behind the last.
-static KERNEL void to_units(const uint8_t *steps, int count, int shift, int16_t *units)
+static KERNEL void dequantize(const uint8_t *steps, int count, int shift, int16_t *units)
 {
     const uint16_t step = (uint16_t)(1 << shift); // compilers multiply 16 bits side by side, but shift 32
     for (int k = 0; k < count; k += 2 * LANES)
@@ -39,60 +39,62 @@ static KERNEL void to_units(const uint8_t *steps, int count, int shift, int16_t 
 }
 
 // Where what is looked for lies from `begin` units after where a record begins. Sixteen at a time, likewise.
-static KERNEL void seen_from(const struct search *s, const int16_t *from, int16_t begin, int16_t *at)
+static KERNEL void relative_to(const struct index_search *s, const int16_t *from, int16_t begin, int16_t *at)
 {
-    const int16_t *wanted = s->wanted.at[0];
-    for (int d = 0; d < 3 * s->n->places; d += LANES)
+    const int16_t *wanted = s->target.at[0];
+    for (int d = 0; d < 3 * s->n->positions; d += LANES)
         for (int i = 0; i < LANES; i++)
             at[d + i] = (int16_t)(wanted[d + i] - from[d + i] - begin);
 }
 
-static KERNEL void own_costs(const struct settled *settled, const uint8_t *steps, int16_t *units)
+static KERNEL void fixed_costs(const struct packed_index *packed, const uint8_t *steps, int16_t *units)
 {
-    const uint16_t step = (uint16_t)(1 << settled->own_shift);
+    const uint16_t step = (uint16_t)(1 << packed->fixed_cost_shift);
     for (int i = 0; i < LANES; i++)
         units[i] = (int16_t)(uint16_t)(steps[i] * step);
 }
 
 // Of a group's blocks.
-static KERNEL void bound_blocks(const struct search *s, int64_t group, int16_t *bounds)
+static KERNEL void bound_blocks(const struct index_search *s, int64_t group, int16_t *bounds)
 {
-    const struct nearest *n = s->n;
-    const struct wanted *w = &s->wanted;
-    const struct settled_group *g = settled_group(n->settled, group);
+    const struct pose_index *n = s->n;
+    const struct quantized_query *w = &s->target;
+    const struct packed_group *g = packed_group_at(n->packed, group);
     int16_t at[DIMENSIONS];
-    struct box_lanes boxes[NEAREST_PLACES_MOST];
+    struct box_lanes boxes[POSE_INDEX_MAX_POSITIONS];
     lanes sums;
-    own_costs(n->settled, g->own, sums);
-    seen_from(s, g->from, 0, at);
-    to_units(settled_boxes(n, g)->low[0], n->places * (int)sizeof(struct settled_boxes), g->shift, boxes->low[0]);
+    fixed_costs(n->packed, g->fixed_cost, sums);
+    relative_to(s, g->from, 0, at);
+    dequantize(packed_group_boxes(n, g)->low[0], n->positions * (int)sizeof(struct packed_boxes), g->shift,
+               boxes->low[0]);
     for (int k = 0; k < w->count; k++)
-        if (g->known >> w->place[k] & 1)
-            add_boxes(&boxes[w->place[k]], &at[3 * w->place[k]], n->place_most, sums);
+        if (g->known >> w->position[k] & 1)
+            add_boxes(&boxes[w->position[k]], &at[3 * w->position[k]], n->max_distance, sums);
     memcpy(bounds, sums, sizeof sums);
 }
 
 // Of a block's points.
-static KERNEL void bound_points(const struct search *s, int64_t block, int16_t *bounds)
+static KERNEL void bound_points(const struct index_search *s, int64_t block, int16_t *bounds)
 {
-    const struct nearest *n = s->n;
-    const struct wanted *w = &s->wanted;
-    const struct settled_group *g = settled_group(n->settled, block / LANES);
-    const struct settled_block *of = settled_block(n->settled, block);
+    const struct pose_index *n = s->n;
+    const struct quantized_query *w = &s->target;
+    const struct packed_group *g = packed_group_at(n->packed, block / LANES);
+    const struct packed_block *of = packed_block_at(n->packed, block);
     const int shift = g->shifts[block % LANES], middle = 1 << shift >> 1;
     int16_t at[DIMENSIONS];
-    lanes points[NEAREST_PLACES_MOST + 1][3], sums;
-    own_costs(n->settled, of->own, sums);
-    seen_from(s, of->from, (int16_t)middle, at);
-    to_units(settled_points(n, of)->at[0], n->places * (int)sizeof(struct settled_points), shift, points[0][0]);
+    lanes points[POSE_INDEX_MAX_POSITIONS + 1][3], sums;
+    fixed_costs(n->packed, of->fixed_cost, sums);
+    relative_to(s, of->from, (int16_t)middle, at);
+    dequantize(packed_block_points(n, of)->at[0], n->positions * (int)sizeof(struct packed_points), shift,
+               points[0][0]);
     for (int k = 0; k < w->count; k++) {
-        int place = w->place[k];
-        if (g->known >> place & 1)
-            add_points(points[place][0], points[place][1], points[place][2], LANES, &at[3 * place], n->place_most,
-                       sums);
+        int position = w->position[k];
+        if (g->known >> position & 1)
+            add_points(points[position][0], points[position][1], points[position][2], LANES, &at[3 * position],
+                       n->max_distance, sums);
     }
-    // Points lie up to `middle` from their steps' middles in each axis, so a place's bound is up to 0.86 + 0.36 + 0.36
-    // of that too high.
+    // Points lie up to `middle` from their steps' middles in each axis, so a position's bound is up to 0.86 + 0.36 +
+    // 0.36 of that too high.
     const int16_t slack = (int16_t)(2 * middle * w->count);
     for (int i = 0; i < LANES; i++)
         bounds[i] = (int16_t)(sums[i] - slack);
@@ -111,22 +113,22 @@ static inline int least_of(const int16_t *bounds, uint32_t bits)
 
 // ---------------------------------------------------------------- points
 
-static KERNEL void wait_for_point(struct progress *p, int block, int lane)
+static KERNEL void enqueue_point(struct search_state *p, int block, int lane)
 {
-    const struct settled *settled = p->s->n->settled;
+    const struct packed_index *packed = p->s->n->packed;
     uint32_t slot = p->blocks[block] * LANES + (uint32_t)lane;
     if (slot >= p->s->n->count)
         return;
     p->slots[p->slot_count++] = slot;
-    fetch(settled->of_points + slot * settled->of_point_bytes, settled->of_point_bytes);
+    fetch(packed->payload + slot * packed->payload_bytes, packed->payload_bytes);
 }
 
 // The waiting blocks' points are bounded; that with the least bound waits to be asked.
-static KERNEL void look(struct progress *p)
+static KERNEL void bound_queued(struct search_state *p)
 {
     lanes leasts, where = {0}; // lane by lane, and in which block
     for (int i = 0; i < LANES; i++)
-        leasts[i] = SUM_MOST;
+        leasts[i] = MAX_SUM;
     for (int b = 0; b < p->block_count; b++) {
         int16_t *bounds = p->point_bounds[b];
         bound_points(p->s, p->blocks[b], bounds);
@@ -138,184 +140,184 @@ static KERNEL void look(struct progress *p)
     int lane = least_of(leasts, 0xffff);
     if (p->block_count == 0 || leasts[lane] > p->s->limit)
         return;
-    wait_for_point(p, where[lane], lane);
-    p->point_bounds[where[lane]][lane] = SUM_MOST; // once is enough
+    enqueue_point(p, where[lane], lane);
+    p->point_bounds[where[lane]][lane] = MAX_SUM; // once is enough
 }
 
-static KERNEL void ask_points(struct progress *p)
+static KERNEL void evaluate_points(struct search_state *p)
 {
     for (int i = 0; i < p->slot_count; i++)
-        ask(p->s, p->slots[i]);
+        evaluate(p->s, p->slots[i]);
     p->slot_count = 0;
 }
 
 // All other points of the blocks whose bounds are low enough: few, once the best has been asked.
-static KERNEL void find_others(struct progress *p)
+static KERNEL void enqueue_other_points(struct search_state *p)
 {
     for (int first = 0; first < p->block_count; first += 4) {
         uint64_t bits = 0;
         for (int b = first; b < p->block_count && b < first + 4; b++)
-            bits |= (uint64_t)within(p->point_bounds[b], LANES, p->s->limit) << LANES * (b - first);
+            bits |= (uint64_t)bits_within(p->point_bounds[b], LANES, p->s->limit) << LANES * (b - first);
         for (; bits; bits &= bits - 1) {
             int i = __builtin_ctzll(bits);
-            if (p->slot_count == POINTS_AT_ONCE)
-                ask_points(p);
-            wait_for_point(p, first + i / LANES, i % LANES);
+            if (p->slot_count == POINT_BATCH)
+                evaluate_points(p);
+            enqueue_point(p, first + i / LANES, i % LANES);
         }
     }
     p->block_count = 0;
 }
 
-static KERNEL void look_and_ask(struct progress *p)
+static KERNEL void bound_and_evaluate(struct search_state *p)
 {
-    look(p);
-    ask_points(p);
-    find_others(p);
-    ask_points(p);
+    bound_queued(p);
+    evaluate_points(p);
+    enqueue_other_points(p);
+    evaluate_points(p);
 }
 
 // ---------------------------------------------------------------- blocks
 
-static KERNEL void wait_for_block(struct progress *p, int64_t block)
+static KERNEL void enqueue_block(struct search_state *p, int64_t block)
 {
-    const struct settled *settled = p->s->n->settled;
+    const struct packed_index *packed = p->s->n->packed;
     p->blocks[p->block_count++] = (uint32_t)block;
-    fetch(settled_block(settled, block), settled->block_bytes);
+    fetch(packed_block_at(packed, block), packed->block_bytes);
 }
 
 // As many of a group's sixteen blocks as there are, as bits.
-static KERNEL uint32_t blocks_in(const struct search *s, int64_t group)
+static KERNEL uint32_t blocks_in(const struct index_search *s, int64_t group)
 {
-    return lowest(0xffff, settled_blocks_of(s->n->count) - group * LANES);
+    return lowest(0xffff, packed_blocks_of(s->n->count) - group * LANES);
 }
 
-static KERNEL void find_first_blocks(struct progress *p)
+static KERNEL void enqueue_first_blocks(struct search_state *p)
 {
     lanes bounds;
     if (p->promising < 0)
         return;
     bound_blocks(p->s, p->promising, bounds);
     for (int i = 0; i < FIRST_BLOCKS; i++) {
-        uint32_t left = blocks_in(p->s, p->promising) & ~p->looked;
+        uint32_t left = blocks_in(p->s, p->promising) & ~p->visited;
         if (!left)
             return;
         int block = least_of(bounds, left);
-        p->looked |= 1u << block;
-        wait_for_block(p, p->promising * LANES + block);
+        p->visited |= 1u << block;
+        enqueue_block(p, p->promising * LANES + block);
     }
 }
 
 // Blocks of near groups whose bounds are at most `most` wait to be looked at.
-static KERNEL void take(struct progress *p, int16_t most)
+static KERNEL void enqueue_blocks_within(struct search_state *p, int16_t most)
 {
     for (int first = 0; first < p->group_count; first += 4) {
         uint64_t bits = 0;
         for (int g = first; g < p->group_count && g < first + 4; g++) {
-            uint16_t of_group = (uint16_t)(within(p->block_bounds[g], LANES, most) & ~p->done[g]);
+            uint16_t of_group = (uint16_t)(bits_within(p->block_bounds[g], LANES, most) & ~p->done[g]);
             p->done[g] |= of_group;
             bits |= (uint64_t)of_group << LANES * (g - first);
         }
         for (; bits; bits &= bits - 1) {
             int i = __builtin_ctzll(bits);
-            if (p->block_count == BLOCKS_AT_ONCE)
-                look_and_ask(p);
-            wait_for_block(p, (int64_t)p->groups[first + i / LANES] * LANES + i % LANES);
+            if (p->block_count == BLOCK_BATCH)
+                bound_and_evaluate(p);
+            enqueue_block(p, (int64_t)p->groups[first + i / LANES] * LANES + i % LANES);
         }
     }
 }
 
 // The best quarter, between the least bound and the mark, sets the mark for the rest.
-static KERNEL void take_best(struct progress *p)
+static KERNEL void enqueue_best_blocks(struct search_state *p)
 {
     lanes leasts;
     for (int i = 0; i < LANES; i++)
-        leasts[i] = SUM_MOST;
+        leasts[i] = MAX_SUM;
     for (int g = 0; g < p->group_count; g++)
         for (int i = 0; i < LANES; i++)
             leasts[i] = p->block_bounds[g][i] < leasts[i] ? p->block_bounds[g][i] : leasts[i];
     int least = leasts[least_of(leasts, 0xffff)];
-    take(p, (int16_t)(least + (p->s->limit - least) / 4));
+    enqueue_blocks_within(p, (int16_t)(least + (p->s->limit - least) / 4));
 }
 
-static KERNEL void take_rest(struct progress *p) { take(p, p->s->limit); }
+static KERNEL void enqueue_other_blocks(struct search_state *p) { enqueue_blocks_within(p, p->s->limit); }
 
 // ---------------------------------------------------------------- groups
 
-static KERNEL void find_promising(struct progress *p)
+static KERNEL void find_promising(struct search_state *p)
 {
-    const struct settled *settled = p->s->n->settled;
-    int64_t groups = groups_of(settled_blocks_of(p->s->n->count));
-    p->promising = bound_all(p->s, settled->wide_boxes, *settled->wide_own, groups);
-    p->looked = 0;
+    const struct packed_index *packed = p->s->n->packed;
+    int64_t groups = groups_of(packed_blocks_of(p->s->n->count));
+    p->promising = bound_all(p->s, packed->wide_boxes, *packed->wide_fixed_cost, groups);
+    p->visited = 0;
     if (p->promising >= 0)
-        fetch(settled_group(settled, p->promising), settled->group_bytes);
+        fetch(packed_group_at(packed, p->promising), packed->group_bytes);
 }
 
-static KERNEL void bound_groups(struct progress *p)
+static KERNEL void bound_groups(struct search_state *p)
 {
     for (int g = 0; g < p->group_count; g++)
         bound_blocks(p->s, p->groups[g], p->block_bounds[g]);
 }
 
-static KERNEL void find_groups(struct progress *p)
+static KERNEL void find_groups(struct search_state *p)
 {
-    const struct settled *settled = p->s->n->settled;
-    const int64_t groups = groups_of(settled_blocks_of(p->s->n->count));
+    const struct packed_index *packed = p->s->n->packed;
+    const int64_t groups = groups_of(packed_blocks_of(p->s->n->count));
     for (int64_t first = 0; first < groups; first += 4 * LANES) {
         uint64_t bits = 0;
         for (int i = 0; i < 4 && first + i * LANES < groups; i++)
-            bits |= (uint64_t)near_boxes(p->s, first + i * LANES, groups) << LANES * i;
+            bits |= (uint64_t)boxes_within_limit(p->s, first + i * LANES, groups) << LANES * i;
         for (; bits; bits &= bits - 1) {
-            if (p->group_count == GROUPS_AT_ONCE) {
+            if (p->group_count == GROUP_BATCH) {
                 bound_groups(p);
-                take_rest(p);
-                look_and_ask(p);
+                enqueue_other_blocks(p);
+                bound_and_evaluate(p);
                 p->group_count = 0;
             }
             int64_t group = first + __builtin_ctzll(bits);
-            p->done[p->group_count] = (uint16_t)(~blocks_in(p->s, group) | (group == p->promising ? p->looked : 0));
+            p->done[p->group_count] = (uint16_t)(~blocks_in(p->s, group) | (group == p->promising ? p->visited : 0));
             p->groups[p->group_count++] = (uint32_t)group;
-            fetch(settled_group(settled, group), settled->group_bytes);
+            fetch(packed_group_at(packed, group), packed->group_bytes);
         }
     }
 }
 
 // ---------------------------------------------------------------- finding
 
-typedef void step(struct progress *p);
+typedef void search_step(struct search_state *p);
 
-static KERNEL void for_all(struct progress *all, int count, step *take_step)
+static KERNEL void for_all(struct search_state *all, int count, search_step *run_step)
 {
     for (int i = 0; i < count; i++)
-        take_step(&all[i]);
+        run_step(&all[i]);
 }
 
-static KERNEL void all_look_and_ask(struct progress *all, int count)
+static KERNEL void all_bound_and_evaluate(struct search_state *all, int count)
 {
-    for_all(all, count, look);
-    for_all(all, count, ask_points);
-    for_all(all, count, find_others);
-    for_all(all, count, ask_points);
+    for_all(all, count, bound_queued);
+    for_all(all, count, evaluate_points);
+    for_all(all, count, enqueue_other_points);
+    for_all(all, count, evaluate_points);
 }
 
 // Step by step, each for all searches before the next, so that what one has to wait for comes while others work.
 FOR_EACH_PROCESSOR
-static void find_all(struct progress *all, int count)
+static void find_all(struct search_state *all, int count)
 {
     for_all(all, count, find_promising);
-    for_all(all, count, find_first_blocks);
-    all_look_and_ask(all, count);
+    for_all(all, count, enqueue_first_blocks);
+    all_bound_and_evaluate(all, count);
     for_all(all, count, find_groups);
     for_all(all, count, bound_groups);
-    for_all(all, count, take_best);
-    all_look_and_ask(all, count);
-    for_all(all, count, take_rest);
-    all_look_and_ask(all, count);
+    for_all(all, count, enqueue_best_blocks);
+    all_bound_and_evaluate(all, count);
+    for_all(all, count, enqueue_other_blocks);
+    all_bound_and_evaluate(all, count);
 }
 
-void nearest_find_settled(struct search *searches, int count)
+void pose_index_query_packed(struct index_search *searches, int count)
 {
-    struct progress all[NEAREST_QUERIES_MOST];
+    struct search_state all[POSE_INDEX_MAX_QUERIES];
     for (int i = 0; i < count; i++) { // the rest means nothing yet, and to clear it would take long
         all[i].s = &searches[i];
         all[i].group_count = all[i].block_count = all[i].slot_count = 0;

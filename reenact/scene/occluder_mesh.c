@@ -5,31 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double STEP_M = 0.04, COARSER = 1.3;  // of the grid; coarser where there is too much for one mesh
-static const double REACH_M = 3;                   // about the actor's ways
-static const double FLOOR_M = 0.08, ABOVE_M = 0.3; // above the floor, above the highest joint
-static const double NEAR_M = 0.3, FAR_M = 5;       // readings beyond are too coarse
-static const float LEAST_WEIGHT = 0.4F;            // about two views from 2 m
-static const double BODY_M = 0.35;                 // a part beyond its joints, at most
+static const double VOXEL_M = 0.04, COARSENING = 1.3; // of the grid; coarser where there is too much for one mesh
+static const double MARGIN_M = 3;                     // about the actor's ways
+static const double FLOOR_M = 0.08, HEADROOM_M = 0.3; // above the floor, above the highest joint
+static const double NEAR_M = 0.3, FAR_M = 5;          // readings beyond are too coarse
+static const float MIN_WEIGHT = 0.4F;                 // about two views from 2 m
+static const double MAX_BODY_RADIUS_M = 0.35;         // a part beyond its joints, at most
 static const double CELL_M = 0.5;
 
-enum { FRAMES = 8, FRAME_TRUST = 4, THREADS = 2, MOST_VOXELS = 8000000, BODY_FRAMES = 200 };
+enum { FRAMES = 8, FRAME_WEIGHT = 4, THREADS = 2, MAX_VOXELS = 8000000, BODY_FRAMES = 200 };
 
-struct grid {
+struct occluder_grid {
     struct vec3 corner;
-    double step, kept; // distances are kept up to here
+    double step, truncation; // distances are kept up to here
     int size[3];
     float *sum, *weight; // of signed distances
 };
 
 // One view's depth, laid over the grid.
-struct view {
-    struct grid *grid;
+struct depth_view {
+    struct occluder_grid *grid;
     const uint16_t *depth;
     const uint8_t *mask; // what is the person; NULL
     struct lens lens;
-    struct part_map camera_from_world;
-    float trust;
+    struct affine_map camera_from_world;
+    float weight;
 };
 
 // Of a row's numbers from..to (behind the last) leaves those for which at + number * step may be at least 0.
@@ -47,7 +47,7 @@ static void clip(double at, double step, int *from, int *to)
 }
 
 // The part of a row that the camera may see. first: its first point, camera's axes.
-static void clip_row(const struct view *v, bool ideal, const float first[3], int *from, int *to)
+static void clip_row(const struct depth_view *v, bool ideal, const float first[3], int *from, int *to)
 {
     const struct lens *l = &v->lens;
     const double step = v->grid->step, z = (double)first[2], dz = (double)v->camera_from_world.row[2][0] * step;
@@ -61,26 +61,26 @@ static void clip_row(const struct view *v, bool ideal, const float first[3], int
     }
 }
 
-static void place_point(const struct view *v, int x, int y, int z, float p[3])
+static void grid_to_camera(const struct depth_view *v, int x, int y, int z, float p[3])
 {
-    const struct grid *g = v->grid;
-    const struct part_map *m = &v->camera_from_world;
+    const struct occluder_grid *g = v->grid;
+    const struct affine_map *m = &v->camera_from_world;
     const float w[3] = {(float)(g->corner.x + x * g->step), (float)(g->corner.y + y * g->step),
                         (float)(g->corner.z + z * g->step)};
     for (int r = 0; r < 3; r++)
         p[r] = m->row[r][0] * w[0] + m->row[r][1] * w[1] + m->row[r][2] * w[2] + m->row[r][3];
 }
 
-static void add_row(const struct view *v, bool ideal, int y, int z)
+static void integrate_row(const struct depth_view *v, bool ideal, int y, int z)
 {
-    const struct grid *g = v->grid;
-    const float kept = (float)g->kept;
+    const struct occluder_grid *g = v->grid;
+    const float truncation = (float)g->truncation;
     int from = 0, to = g->size[0];
     float p[3];
-    place_point(v, 0, y, z, p);
+    grid_to_camera(v, 0, y, z, p);
     clip_row(v, ideal, p, &from, &to);
     for (int x = from; x < to; x++) {
-        place_point(v, x, y, z, p);
+        grid_to_camera(v, x, y, z, p);
         if (!(p[2] > (float)NEAR_M) || p[2] > (float)FAR_M)
             continue;
         double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx;
@@ -95,35 +95,35 @@ static void add_row(const struct view *v, bool ideal, int y, int z)
         int i = (int)py * v->lens.width + (int)px;
         if (!v->depth[i] || (v->mask && v->mask[i]))
             continue;
-        float before = (float)v->depth[i] * 1e-3F - p[2];
-        if (before < -kept)
+        float distance = (float)v->depth[i] * 1e-3F - p[2];
+        if (distance < -truncation)
             continue;
-        float weight = v->trust / (p[2] * p[2]);
+        float weight = v->weight / (p[2] * p[2]);
         size_t at = ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
-        g->sum[at] += weight * (before < kept ? before : kept);
+        g->sum[at] += weight * (distance < truncation ? distance : truncation);
         g->weight[at] += weight;
     }
 }
 
-static void add_slice(void *context, int z)
+static void integrate_slice(void *context, int z)
 {
-    const struct view *v = context;
+    const struct depth_view *v = context;
     const bool ideal = lens_is_ideal(&v->lens);
     for (int y = 0; y < v->grid->size[1]; y++)
-        add_row(v, ideal, y, z);
+        integrate_row(v, ideal, y, z);
 }
 
-static void add_view(struct grid *g, const struct lens *lens, struct pose world_from_depth, const uint16_t *depth,
-                     const uint8_t *mask, float trust)
+static void integrate_view(struct occluder_grid *g, const struct lens *lens, struct pose world_from_depth,
+                           const uint16_t *depth, const uint8_t *mask, float weight)
 {
-    struct view v = {g, depth, mask, *lens, part_map_of(pose_inverse(world_from_depth)), trust};
-    parallel(THREADS, g->size[2], add_slice, &v);
+    struct depth_view v = {g, depth, mask, *lens, affine_from_pose(pose_inverse(world_from_depth)), weight};
+    parallel_for(THREADS, g->size[2], integrate_slice, &v);
 }
 
 // ---------------------------------------------------------------- the grid
 
 // Where the actor was, in the world. False: nowhere.
-static bool find_ways(const struct take *take, struct vec3 *low, struct vec3 *high)
+static bool find_actor_bounds(const struct take *take, struct vec3 *low, struct vec3 *high)
 {
     *low = v3(INFINITY, INFINITY, INFINITY);
     *high = v3(-INFINITY, -INFINITY, -INFINITY);
@@ -140,69 +140,72 @@ static bool find_ways(const struct take *take, struct vec3 *low, struct vec3 *hi
     return low->x < high->x;
 }
 
-static enum status open_grid(struct grid *g, const struct take *take, double step)
+static enum status open_grid(struct occluder_grid *g, const struct take *take, double step)
 {
     struct vec3 low, high;
-    if (!find_ways(take, &low, &high))
+    if (!find_actor_bounds(take, &low, &high))
         return NOTHING;
-    *g = (struct grid){.corner = v3(low.x - REACH_M, low.y - REACH_M, FLOOR_M), .step = step, .kept = 2.5 * step};
-    const double extent[3] = {high.x - low.x + 2 * REACH_M, high.y - low.y + 2 * REACH_M, high.z + ABOVE_M - FLOOR_M};
+    *g = (struct occluder_grid){
+        .corner = v3(low.x - MARGIN_M, low.y - MARGIN_M, FLOOR_M), .step = step, .truncation = 2.5 * step};
+    const double extent[3] = {high.x - low.x + 2 * MARGIN_M, high.y - low.y + 2 * MARGIN_M,
+                              high.z + HEADROOM_M - FLOOR_M};
     double count = 1;
     for (int i = 0; i < 3; i++) {
         g->size[i] = (int)fmin(fmax(ceil(extent[i] / step), 0), 1e6) + 1;
         count *= g->size[i];
     }
-    if (count > MOST_VOXELS)
-        return open_grid(g, take, step * COARSER);
+    if (count > MAX_VOXELS)
+        return open_grid(g, take, step * COARSENING);
     g->sum = calloc((size_t)count, sizeof *g->sum);
     g->weight = calloc((size_t)count, sizeof *g->weight);
     return g->sum && g->weight ? OK : fail(ERR_MEMORY, "out of memory");
 }
 
-static void close_grid(struct grid *g)
+static void close_grid(struct occluder_grid *g)
 {
     free(g->sum);
     free(g->weight);
 }
 
-static enum status add_place(struct grid *g, const struct place *place, const struct progress_watch *watch)
+static enum status integrate_place(struct occluder_grid *g, const struct place *place,
+                                   const struct progress_watch *watch)
 {
     const struct calibration *c = &place->calibration;
-    const struct pose color_from_depth = c->registered ? POSE_IDENTITY : c->color_from_depth;
+    const struct pose color_from_depth = c->color_from_depth;
     for (int32_t i = 0; i < place->view_count; i++) {
         if (!progress_continue(watch, (double)i / place->view_count))
             return NOTHING;
         if (place->views[i].depth)
-            add_view(g, &c->depth, pose_multiply(place->views[i].world_from_camera, color_from_depth),
-                     place->views[i].depth, NULL, 1);
+            integrate_view(g, &c->depth, pose_multiply(place->views[i].world_from_camera, color_from_depth),
+                           place->views[i].depth, NULL, 1);
     }
     return OK;
 }
 
 // The room as it was during the take, from where its sensor stood.
-static enum status add_take(struct grid *g, struct take *take)
+static enum status integrate_take(struct occluder_grid *g, struct take *take)
 {
     const struct calibration *c = take_calibration(take);
     int64_t frames = take_frame_count(take), before = -1;
     for (int k = 0; k < FRAMES; k++) {
         int64_t i = k * frames / FRAMES;
         const struct take_entry *e = take_entry(take, i);
-        struct take_pictures seen;
+        struct take_images images;
         if (i == before || !e->located || !e->has_depth || !e->has_mask)
             continue;
         before = i;
-        enum status status = take_read(take, i, TAKE_DEPTH | TAKE_MASK, &seen);
+        enum status status = take_read(take, i, TAKE_DEPTH | TAKE_MASK, &images);
         if (status != OK)
             return status;
-        struct pose color_from_depth = c->registered ? POSE_IDENTITY : c->color_from_depth;
-        add_view(g, &c->depth, pose_multiply(e->world_from_camera, color_from_depth), seen.depth, seen.mask,
-                 FRAME_TRUST);
+        struct pose color_from_depth = c->color_from_depth;
+        integrate_view(g, &c->depth, pose_multiply(e->world_from_camera, color_from_depth), images.depth, images.mask,
+                       FRAME_WEIGHT);
     }
     return OK;
 }
 
 // Where a part of the body was, nothing is.
-static void clear_capsule(struct grid *g, struct vec3 a, struct vec3 b, double radius)
+static void clear_capsule(struct occluder_grid *g, struct vec3 a, struct vec3 b, double radius)
 {
     struct vec3 along = v3_sub(b, a);
     double length2 = v3_dot(along, along);
@@ -223,11 +226,11 @@ static void clear_capsule(struct grid *g, struct vec3 a, struct vec3 b, double r
                     continue;
                 size_t at = ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
                 g->weight[at] = 1;
-                g->sum[at] = (float)g->kept;
+                g->sum[at] = (float)g->truncation;
             }
 }
 
-static void clear_body(struct grid *g, const struct take *take)
+static void clear_body(struct occluder_grid *g, const struct take *take)
 {
     int64_t frames = take_frame_count(take), step = 1 + frames / BODY_FRAMES;
     const struct body *body = take_body(take);
@@ -238,21 +241,21 @@ static void clear_body(struct grid *g, const struct take *take)
                 continue;
             struct vec3 a = pose_apply(e->world_from_camera, e->skeleton.joint[part_ends[p].from]);
             struct vec3 b = pose_apply(e->world_from_camera, e->skeleton.joint[part_ends[p].to]);
-            clear_capsule(g, a, b, fmin(body->radius_rate[p] * v3_distance(a, b), BODY_M));
+            clear_capsule(g, a, b, fmin(body->radius_rate[p] * v3_distance(a, b), MAX_BODY_RADIUS_M));
         }
     }
 }
 
 // ---------------------------------------------------------------- the mesh (naive surface nets)
 
-static bool cube_point(const struct grid *g, size_t at, float out[3])
+static bool surface_net_point(const struct occluder_grid *g, size_t at, float out[3])
 {
     const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
     float d[8], sum[3] = {0};
     int inside = 0, crossings = 0;
     for (int i = 0; i < 8; i++) {
         size_t corner = at + (i & 1) * step[0] + (size_t)(i >> 1 & 1) * step[1] + (size_t)(i >> 2) * step[2];
-        if (!(g->weight[corner] >= LEAST_WEIGHT))
+        if (!(g->weight[corner] >= MIN_WEIGHT))
             return false;
         d[i] = g->sum[corner] / g->weight[corner];
         inside += d[i] < 0;
@@ -276,7 +279,8 @@ static bool cube_point(const struct grid *g, size_t at, float out[3])
 }
 
 // The quads about the edges from grid point `at`, of which each crossing one joins four cubes.
-static void add_quads(const struct grid *g, const int32_t *number, size_t at, const int cell[3], struct room *out)
+static void add_quads(const struct occluder_grid *g, const int32_t *number, size_t at, const int cell[3],
+                      struct occluder_mesh *out)
 {
     const size_t step[3] = {1, (size_t)g->size[0], (size_t)g->size[0] * (size_t)g->size[1]};
     for (int axis = 0; axis < 3; axis++) {
@@ -296,12 +300,12 @@ static void add_quads(const struct grid *g, const int32_t *number, size_t at, co
 }
 
 // NOTHING: there is no surface. AMBIGUOUS: too much for one mesh.
-static enum status make_mesh(const struct grid *g, struct room *out)
+static enum status make_mesh(const struct occluder_grid *g, struct occluder_mesh *out)
 {
     size_t count = (size_t)g->size[0] * (size_t)g->size[1] * (size_t)g->size[2];
     int32_t *number = malloc(sizeof *number * count);
-    out->points = malloc(sizeof *out->points * ROOM_POINTS_MOST);
-    out->corners = malloc(sizeof *out->corners * 18 * ROOM_POINTS_MOST);
+    out->points = malloc(sizeof *out->points * OCCLUDER_MAX_POINTS);
+    out->corners = malloc(sizeof *out->corners * 18 * OCCLUDER_MAX_POINTS);
     enum status status = number && out->points && out->corners ? OK : fail(ERR_MEMORY, "out of memory");
     for (int pass = 0; pass < 2 && status == OK; pass++)
         for (int z = 0; z + 1 < g->size[2] && status == OK; z++)
@@ -313,8 +317,8 @@ static enum status make_mesh(const struct grid *g, struct room *out)
                         continue;
                     }
                     float p[3];
-                    number[at] = cube_point(g, at, p) ? out->point_count : -1;
-                    if (number[at] >= 0 && out->point_count == ROOM_POINTS_MOST)
+                    number[at] = surface_net_point(g, at, p) ? out->point_count : -1;
+                    if (number[at] >= 0 && out->point_count == OCCLUDER_MAX_POINTS)
                         status = AMBIGUOUS;
                     else if (number[at] >= 0)
                         memcpy(out->points[out->point_count++], p, sizeof p);
@@ -324,14 +328,14 @@ static enum status make_mesh(const struct grid *g, struct room *out)
 }
 
 // A triangle, by the cell that it begins in.
-struct piece {
+struct cell_triangle {
     int cell[3];
     uint16_t corners[3];
 };
 
-static int cell_by_cell(const void *a, const void *b)
+static int compare_cells(const void *a, const void *b)
 {
-    const struct piece *x = a, *y = b;
+    const struct cell_triangle *x = a, *y = b;
     int differ = 0;
     for (int k = 0; k < 3 && !differ; k++)
         differ = (x->cell[k] > y->cell[k]) - (x->cell[k] < y->cell[k]);
@@ -339,25 +343,27 @@ static int cell_by_cell(const void *a, const void *b)
 }
 
 // About the middle of a cell, around all its triangles.
-static struct room_ball ball_around(const struct room *room, const struct piece *pieces, int first, int count)
+static struct occluder_sphere bounding_sphere(const struct occluder_mesh *mesh, const struct cell_triangle *pieces,
+                                              int first, int count)
 {
     const int *cell = pieces[first].cell;
-    struct room_ball ball = {v3((cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M, (cell[2] + 0.5) * CELL_M), 0,
-                             3 * first, 3 * count};
+    struct occluder_sphere sphere = {v3((cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M, (cell[2] + 0.5) * CELL_M),
+                                     0, 3 * first, 3 * count};
     for (int i = 0; i < 3 * count; i++) {
-        const float *p = room->points[pieces[first + i / 3].corners[i % 3]];
-        ball.radius_m = fmax(ball.radius_m, v3_distance(ball.middle, v3((double)p[0], (double)p[1], (double)p[2])));
+        const float *p = mesh->points[pieces[first + i / 3].corners[i % 3]];
+        sphere.radius_m =
+            fmax(sphere.radius_m, v3_distance(sphere.middle, v3((double)p[0], (double)p[1], (double)p[2])));
     }
-    return ball;
+    return sphere;
 }
 
-// Puts the triangles in order and a ball around those of each cell.
-static enum status find_balls(struct room *out)
+// Puts the triangles in order and a sphere around those of each cell.
+static enum status find_spheres(struct occluder_mesh *out)
 {
     const int count = out->corner_count / 3;
-    struct piece *pieces = malloc(sizeof *pieces * (size_t)count);
-    out->balls = malloc(sizeof *out->balls * (size_t)count);
-    if (!pieces || !out->balls) {
+    struct cell_triangle *pieces = malloc(sizeof *pieces * (size_t)count);
+    out->spheres = malloc(sizeof *out->spheres * (size_t)count);
+    if (!pieces || !out->spheres) {
         free(pieces);
         return fail(ERR_MEMORY, "out of memory");
     }
@@ -366,63 +372,63 @@ static enum status find_balls(struct room *out)
         for (int k = 0; k < 3; k++)
             pieces[i].cell[k] = (int)floor((double)out->points[pieces[i].corners[0]][k] / CELL_M);
     }
-    qsort(pieces, (size_t)count, sizeof *pieces, cell_by_cell);
+    qsort(pieces, (size_t)count, sizeof *pieces, compare_cells);
     for (int i = 0, first = 0; i < count; i++) {
         memcpy(out->corners + 3 * (size_t)i, pieces[i].corners, sizeof pieces[i].corners);
         if (i + 1 < count && !memcmp(pieces[i].cell, pieces[i + 1].cell, sizeof pieces[i].cell))
             continue;
-        out->balls[out->ball_count++] = ball_around(out, pieces, first, i + 1 - first);
+        out->spheres[out->sphere_count++] = bounding_sphere(out, pieces, first, i + 1 - first);
         first = i + 1;
     }
     free(pieces);
     return OK;
 }
 
-static enum status try_room(struct room *out, const struct place *place, struct take *take, double step,
+static enum status try_mesh(struct occluder_mesh *out, const struct place *place, struct take *take, double step,
                             const struct progress_watch *watch)
 {
-    struct grid g = {0};
-    *out = (struct room){0};
+    struct occluder_grid g = {0};
+    *out = (struct occluder_mesh){0};
     enum status status = open_grid(&g, take, step);
     if (status == OK)
-        status = add_place(&g, place, watch);
+        status = integrate_place(&g, place, watch);
     if (status == OK)
-        status = add_take(&g, take);
+        status = integrate_take(&g, take);
     if (status == OK) {
         clear_body(&g, take);
         status = make_mesh(&g, out);
     }
     close_grid(&g);
     if (status == OK)
-        status = find_balls(out);
+        status = find_spheres(out);
     if (status != OK)
-        room_free(out);
+        occluder_mesh_free(out);
     return status;
 }
 
-enum status room_make(struct room *out, const struct place *place, struct take *take,
-                      const struct progress_watch *watch)
+enum status occluder_mesh_make(struct occluder_mesh *out, const struct place *place, struct take *take,
+                               const struct progress_watch *watch)
 {
-    *out = (struct room){0};
+    *out = (struct occluder_mesh){0};
     if (!(place->calibration.depth.width > 0) || !place->view_count)
         return NOTHING;
     enum status status = AMBIGUOUS;
-    for (double step = STEP_M; status == AMBIGUOUS; step *= COARSER)
-        status = try_room(out, place, take, step, watch);
+    for (double step = VOXEL_M; status == AMBIGUOUS; step *= COARSENING)
+        status = try_mesh(out, place, take, step, watch);
     return status;
 }
 
-void room_free(struct room *room)
+void occluder_mesh_free(struct occluder_mesh *mesh)
 {
-    free(room->points);
-    free(room->corners);
-    free(room->balls);
-    *room = (struct room){0};
+    free(mesh->points);
+    free(mesh->corners);
+    free(mesh->spheres);
+    *mesh = (struct occluder_mesh){0};
 }
 
 // ---------------------------------------------------------------- does it matter
 
-void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m)
+void occlusion_frustum_add(struct occlusion_frustum *h, struct vec3 middle, double radius_m)
 {
     const double across[2] = {middle.x, middle.y}, steepest = 1.4; // radians; beyond is no side
     const bool first = !(h->farthest_m > 0);
@@ -439,40 +445,40 @@ void room_hidden_add(struct room_hidden *h, struct vec3 middle, double radius_m)
     }
 }
 
-struct room_hidden room_hidden_body(const struct skeleton *in_viewer)
+struct occlusion_frustum occlusion_frustum_body(const struct skeleton *in_viewer)
 {
-    struct room_hidden body = {0};
+    struct occlusion_frustum body = {0};
     for (int j = 0; j < JOINT_COUNT; j++)
         if (in_viewer->confidence[j] > 0)
-            room_hidden_add(&body, in_viewer->joint[j], BODY_M);
+            occlusion_frustum_add(&body, in_viewer->joint[j], MAX_BODY_RADIUS_M);
     return body;
 }
 
-static bool may_be_before(const struct room_ball *ball, const struct part_map *viewer_from_room,
-                          const struct room_hidden *hidden)
+static bool may_occlude(const struct occluder_sphere *sphere, const struct affine_map *viewer_from_room,
+                        const struct occlusion_frustum *hidden)
 {
-    const struct vec3 *m = &ball->middle;
+    const struct vec3 *m = &sphere->middle;
     double p[3];
     for (int r = 0; r < 3; r++)
         p[r] = (double)viewer_from_room->row[r][0] * m->x + (double)viewer_from_room->row[r][1] * m->y +
                (double)viewer_from_room->row[r][2] * m->z + (double)viewer_from_room->row[r][3];
-    bool may = hidden->farthest_m > 0 && p[2] > -ball->radius_m && p[2] < hidden->farthest_m + ball->radius_m;
+    bool may = hidden->farthest_m > 0 && p[2] > -sphere->radius_m && p[2] < hidden->farthest_m + sphere->radius_m;
     for (int i = 0; i < 2 && may; i++) { // how far it is beyond either side
         const double low = hidden->low[i], high = hidden->high[i];
-        may = !(isfinite(low) && (low * p[2] - p[i]) / hypot(low, 1) > ball->radius_m) &&
-              !(isfinite(high) && (p[i] - high * p[2]) / hypot(high, 1) > ball->radius_m);
+        may = !(isfinite(low) && (low * p[2] - p[i]) / hypot(low, 1) > sphere->radius_m) &&
+              !(isfinite(high) && (p[i] - high * p[2]) / hypot(high, 1) > sphere->radius_m);
     }
     return may;
 }
 
-int room_before(const struct room *room, const struct part_map *viewer_from_room, const struct room_hidden *hidden,
-                uint16_t *corners)
+int occluder_mesh_cull(const struct occluder_mesh *mesh, const struct affine_map *viewer_from_room,
+                       const struct occlusion_frustum *hidden, uint16_t *corners)
 {
     int count = 0;
-    for (const struct room_ball *b = room->balls; b < room->balls + room->ball_count; b++) {
-        if (!may_be_before(b, viewer_from_room, hidden))
+    for (const struct occluder_sphere *b = mesh->spheres; b < mesh->spheres + mesh->sphere_count; b++) {
+        if (!may_occlude(b, viewer_from_room, hidden))
             continue;
-        memcpy(corners + count, room->corners + b->first, sizeof *corners * (size_t)b->count);
+        memcpy(corners + count, mesh->corners + b->first, sizeof *corners * (size_t)b->count);
         count += b->count;
     }
     return count;

@@ -25,18 +25,18 @@ const struct bone_link bone_links[BONE_LINKS] = {
 
 // What hangs on a part: where along it that begins and where it goes from there, in the part's own axes; of the part's
 // length. The part called head goes from the neck's foot to between the ears: its lower half is the neck.
-static const struct end {
+static const struct end_bone {
     enum part part;
     double from;
     struct vec3 along;
-} hung[BONE_COUNT - PART_COUNT] = {
+} end_bones[BONE_COUNT - PART_COUNT] = {
     {PART_LEFT_SHIN, 1, {0, 0.4, 0.15}},  {PART_RIGHT_SHIN, 1, {0, 0.4, 0.15}}, {PART_LEFT_FOREARM, 1, {0, 0, 0.4}},
     {PART_RIGHT_FOREARM, 1, {0, 0, 0.4}}, {PART_HEAD, 0.5, {0, 0, 0.8}},
 };
 
-enum part bone_part(int bone) { return bone < PART_COUNT ? (enum part)bone : hung[bone - PART_COUNT].part; }
+enum part bone_part(int bone) { return bone < PART_COUNT ? (enum part)bone : end_bones[bone - PART_COUNT].part; }
 
-bool bones_meet(int a, int b)
+bool bones_adjacent(int a, int b)
 {
     bool meet = a == b;
     for (int i = 0; i < BONE_LINKS; i++)
@@ -59,25 +59,25 @@ static double median(double *values, int64_t count)
 }
 
 // The median distance of two joints over the take; 0: never known together.
-static double distance(const struct take *take, enum joint a, enum joint b, double *spare)
+static double distance(const struct take *take, enum joint a, enum joint b, double *scratch)
 {
     int64_t count = 0;
     for (int64_t i = 0; i < take_frame_count(take); i++) {
         const struct take_entry *e = take_entry(take, i);
         if (e->has_skeleton && e->skeleton.confidence[a] > 0 && e->skeleton.confidence[b] > 0)
-            spare[count++] = v3_distance(e->skeleton.joint[a], e->skeleton.joint[b]);
+            scratch[count++] = v3_distance(e->skeleton.joint[a], e->skeleton.joint[b]);
     }
-    return count ? median(spare, count) : 0;
+    return count ? median(scratch, count) : 0;
 }
 
-struct place_rule {
+struct joint_rule {
     enum joint joint, from;
     double x, y; // direction of the bone, for the left side
 };
 
-static void place_joints(struct skeleton *s, const struct take *take, double *spare)
+static void set_bind_joints(struct skeleton *s, const struct take *take, double *scratch)
 {
-    static const struct place_rule rules[] = {
+    static const struct joint_rule rules[] = {
         {JOINT_HEAD, JOINT_NECK, 0, -1},
         {JOINT_TORSO, JOINT_NECK, 0, 1},
         {JOINT_WAIST, JOINT_TORSO, 0, 1},
@@ -94,16 +94,16 @@ static void place_joints(struct skeleton *s, const struct take *take, double *sp
                                            {JOINT_LEFT_HIP, JOINT_RIGHT_HIP, JOINT_WAIST}};
     s->confidence[JOINT_NECK] = 1;
     for (size_t i = 0; i < 3; i++) { // the spine
-        double length = distance(take, rules[i].from, rules[i].joint, spare);
+        double length = distance(take, rules[i].from, rules[i].joint, scratch);
         if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
             continue;
         s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(0, rules[i].y * length, 0));
         s->confidence[rules[i].joint] = 1;
     }
     for (int i = 0; i < 2; i++) { // sideways of it, as far down as the distances say
-        double across = distance(take, pairs[i][0], pairs[i][1], spare) / 2;
+        double across = distance(take, pairs[i][0], pairs[i][1], scratch) / 2;
         double slope =
-            (distance(take, pairs[i][0], pairs[i][2], spare) + distance(take, pairs[i][1], pairs[i][2], spare)) / 2;
+            (distance(take, pairs[i][0], pairs[i][2], scratch) + distance(take, pairs[i][1], pairs[i][2], scratch)) / 2;
         if (!(across > 0) || !(s->confidence[pairs[i][2]] > 0))
             continue;
         double down = slope > across ? sqrt(slope * slope - across * across) : 0;
@@ -113,7 +113,7 @@ static void place_joints(struct skeleton *s, const struct take *take, double *sp
         }
     }
     for (size_t i = 3; i < COUNT_OF(rules); i++) {
-        double length = distance(take, rules[i].from, rules[i].joint, spare);
+        double length = distance(take, rules[i].from, rules[i].joint, scratch);
         if (!(length > 0) || !(s->confidence[rules[i].from] > 0))
             continue;
         s->joint[rules[i].joint] = v3_add(s->joint[rules[i].from], v3(rules[i].x * length, rules[i].y * length, 0));
@@ -122,65 +122,66 @@ static void place_joints(struct skeleton *s, const struct take *take, double *sp
 }
 
 // Where it is unknown how an end is turned, it goes on as people stand.
-static void place_end(struct rest *rest, int bone)
+static void set_end_bone(struct bind_pose *bind, int bone)
 {
-    const struct end *end = &hung[bone - PART_COUNT];
-    const struct part_frame *f = &rest->frame[end->part];
-    rest->known[bone] = rest->known[end->part];
-    if (!rest->known[bone])
+    const struct end_bone *end = &end_bones[bone - PART_COUNT];
+    const struct bone_frame *f = &bind->frame[end->part];
+    bind->known[bone] = bind->known[end->part];
+    if (!bind->known[bone])
         return;
     struct vec3 along = v3_add(v3_scale(f->y, end->along.y), v3_scale(f->z, end->along.z));
-    struct part_frame *own = &rest->frame[bone];
+    struct bone_frame *own = &bind->frame[bone];
     own->origin = v3_add(f->origin, v3_scale(f->z, end->from * f->length));
-    rest->own_length[end->part] = end->from * f->length;
+    bind->own_length[end->part] = end->from * f->length;
     own->length = f->length * v3_length(along);
     own->x = f->x;
-    rest->own_length[bone] = own->length;
+    bind->own_length[bone] = own->length;
     own->z = v3_unit(along);
     own->y = v3_cross(own->z, own->x);
-    rest->radius[bone] = rest->radius[end->part];
+    bind->radius[bone] = bind->radius[end->part];
 }
 
-enum status rest_make(struct rest *out, const struct take *take)
+enum status bind_pose_make(struct bind_pose *out, const struct take *take)
 {
-    *out = (struct rest){0};
+    *out = (struct bind_pose){0};
     int64_t frames = take_frame_count(take);
-    double *spare = malloc(sizeof *spare * (size_t)(frames > 0 ? frames : 1));
-    if (!spare)
+    double *scratch = malloc(sizeof *scratch * (size_t)(frames > 0 ? frames : 1));
+    if (!scratch)
         return fail(ERR_MEMORY, "out of memory");
-    place_joints(&out->skeleton, take, spare);
-    free(spare);
+    set_bind_joints(&out->skeleton, take, scratch);
+    free(scratch);
     const struct body *body = take_body(take);
     for (int p = 0; p < PART_COUNT; p++) {
         out->known[p] = part_is_known(body, &out->skeleton, (enum part)p) &&
-                        part_frame_bodily(&out->skeleton, (enum part)p, &out->frame[p]);
+                        bone_frame_body_aligned(&out->skeleton, (enum part)p, &out->frame[p]);
         out->own_length[p] = out->frame[p].length;
         if (out->known[p])
             out->radius[p] = body->radius_rate[p] * out->frame[p].length;
     }
     for (int b = PART_COUNT; b < BONE_COUNT; b++)
-        place_end(out, b);
+        set_end_bone(out, b);
     return out->known[PART_UPPER_TORSO] ? OK : NOTHING;
 }
 
 // ---------------------------------------------------------------- postures
 
-static struct pose frame_pose(const struct part_frame *f)
+static struct pose bone_frame_pose(const struct bone_frame *f)
 {
     double m[3][3] = {{f->x.x, f->y.x, f->z.x}, {f->x.y, f->y.y, f->z.y}, {f->x.z, f->y.z, f->z.z}};
     // About the bone's middle: where the lengths differ, both ends give way alike.
-    return (struct pose){quat_from_matrix(m), part_frame_middle(f)};
+    return (struct pose){quat_from_matrix(m), bone_frame_midpoint(f)};
 }
 
-enum status posture_of(const struct rest *rest, const struct skeleton *skeleton, struct posture *out)
+enum status bone_transforms_of(const struct bind_pose *bind, const struct skeleton *skeleton,
+                               struct bone_transforms *out)
 {
     bool placed[BONE_COUNT] = {false};
     for (int p = 0; p < BONE_COUNT; p++) {
-        struct part_frame f;
+        struct bone_frame f;
         out->bone[p] = POSE_IDENTITY;
-        placed[p] = p < PART_COUNT && rest->known[p] && part_frame_bodily(skeleton, (enum part)p, &f);
+        placed[p] = p < PART_COUNT && bind->known[p] && bone_frame_body_aligned(skeleton, (enum part)p, &f);
         if (placed[p])
-            out->bone[p] = pose_multiply(frame_pose(&f), pose_inverse(frame_pose(&rest->frame[p])));
+            out->bone[p] = pose_multiply(bone_frame_pose(&f), pose_inverse(bone_frame_pose(&bind->frame[p])));
     }
     if (!placed[PART_UPPER_TORSO])
         return NOTHING;
@@ -190,17 +191,17 @@ enum status posture_of(const struct rest *rest, const struct skeleton *skeleton,
     return OK;
 }
 
-struct skeleton posture_skeleton(const struct rest *rest, const struct posture *posture)
+struct skeleton bone_transforms_skeleton(const struct bind_pose *bind, const struct bone_transforms *transforms)
 {
-    struct skeleton s = rest->skeleton;
+    struct skeleton s = bind->skeleton;
     int count[JOINT_COUNT] = {0};
     struct vec3 sum[JOINT_COUNT] = {{0, 0, 0}};
     for (int p = 0; p < PART_COUNT; p++) {
-        if (!rest->known[p])
+        if (!bind->known[p])
             continue;
         const enum joint ends[] = {part_ends[p].from, part_ends[p].to};
         for (int e = 0; e < 2; e++) {
-            sum[ends[e]] = v3_add(sum[ends[e]], pose_apply(posture->bone[p], rest->skeleton.joint[ends[e]]));
+            sum[ends[e]] = v3_add(sum[ends[e]], pose_apply(transforms->bone[p], bind->skeleton.joint[ends[e]]));
             count[ends[e]]++;
         }
     }
@@ -213,46 +214,48 @@ struct skeleton posture_skeleton(const struct rest *rest, const struct posture *
 
 // ---------------------------------------------------------------- skin
 
-static double gap(const struct rest *rest, int p, struct vec3 at)
+static double capsule_distance(const struct bind_pose *bind, int p, struct vec3 at)
 {
-    struct vec3 in = v3_sub(at, rest->frame[p].origin);
-    const double along = v3_dot(in, rest->frame[p].z), most = rest->own_length[p];
+    struct vec3 in = v3_sub(at, bind->frame[p].origin);
+    const double along = v3_dot(in, bind->frame[p].z), most = bind->own_length[p];
     const double t = along < 0 ? 0 : along > most ? most : along;
-    return v3_length(v3_sub(in, v3_scale(rest->frame[p].z, t))) - rest->radius[p];
+    return v3_length(v3_sub(in, v3_scale(bind->frame[p].z, t))) - bind->radius[p];
 }
 
-double rest_distance(const struct rest *rest, struct vec3 point)
+double bind_pose_distance(const struct bind_pose *bind, struct vec3 point)
 {
     double best = INFINITY;
     for (int p = 0; p < PART_COUNT; p++)
-        if (rest->known[p])
-            best = fmin(best, gap(rest, p, point));
+        if (bind->known[p])
+            best = fmin(best, capsule_distance(bind, p, point));
     return best;
 }
 
-int rest_bone(const struct rest *rest, enum part part, struct vec3 place, const struct pose rest_from[BONE_COUNT])
+int bind_pose_bone_at(const struct bind_pose *bind, enum part part, struct vec3 place,
+                      const struct pose bind_from[BONE_COUNT])
 {
     for (int b = PART_COUNT; b < BONE_COUNT; b++)
-        if (bone_part(b) == part && rest->known[b] &&
-            gap(rest, b, pose_apply(rest_from[b], place)) < gap(rest, (int)part, pose_apply(rest_from[part], place)))
+        if (bone_part(b) == part && bind->known[b] &&
+            capsule_distance(bind, b, pose_apply(bind_from[b], place)) <
+                capsule_distance(bind, (int)part, pose_apply(bind_from[part], place)))
             return b;
     return (int)part;
 }
 
-struct skin rest_skin(const struct rest *rest, struct vec3 point)
+struct skin_weights bind_pose_skin_weights(const struct bind_pose *bind, struct vec3 point)
 {
     double gaps[BONE_COUNT];
     int nearest = -1;
     for (int p = 0; p < BONE_COUNT; p++) {
-        gaps[p] = rest->known[p] ? gap(rest, p, point) : INFINITY;
+        gaps[p] = bind->known[p] ? capsule_distance(bind, p, point) : INFINITY;
         if (nearest < 0 || gaps[p] < gaps[nearest])
             nearest = p;
     }
-    struct skin s = {{(uint8_t)nearest, (uint8_t)nearest, (uint8_t)nearest}, {1, 0, 0}};
+    struct skin_weights s = {{(uint8_t)nearest, (uint8_t)nearest, (uint8_t)nearest}, {1, 0, 0}};
     double total = 1;
     for (int p = 0; p < BONE_COUNT; p++) {
         double share = 1 - (gaps[p] - gaps[nearest]) / BLEND_M;
-        if (p == nearest || !(share > 0) || !bones_meet(p, nearest))
+        if (p == nearest || !(share > 0) || !bones_adjacent(p, nearest))
             continue;
         share = share * share * (3 - 2 * share);
         int slot = s.weight[1] < s.weight[2] ? 1 : 2;
@@ -267,14 +270,14 @@ struct skin rest_skin(const struct rest *rest, struct vec3 point)
     return s;
 }
 
-void skin_place(const struct skin *skin, const struct posture *posture, struct vec3 point, struct vec3 normal,
-                struct vec3 *p, struct vec3 *n)
+void linear_blend_skin(const struct skin_weights *skin, const struct bone_transforms *transforms, struct vec3 point,
+                       struct vec3 normal, struct vec3 *p, struct vec3 *n)
 {
     *p = *n = v3(0, 0, 0);
     for (int i = 0; i < SKIN_BONES; i++) {
         if (!(skin->weight[i] > 0))
             continue;
-        const struct pose *t = &posture->bone[skin->bone[i]];
+        const struct pose *t = &transforms->bone[skin->bone[i]];
         *p = v3_add(*p, v3_scale(pose_apply(*t, point), (double)skin->weight[i]));
         *n = v3_add(*n, v3_scale(quat_rotate(t->rotation, normal), (double)skin->weight[i]));
     }

@@ -4,22 +4,22 @@
 
 static const double PI = 3.14159265358979323846;
 
-struct part_map cylinder_map(const struct part_frame *f, double radius_m)
+struct affine_map cylinder_affine(const struct bone_frame *f, double radius_m)
 {
     struct vec3 x = v3_scale(f->x, radius_m), y = v3_scale(f->y, radius_m), z = v3_scale(f->z, f->length);
-    return (struct part_map){{
+    return (struct affine_map){{
         {(float)x.x, (float)y.x, (float)z.x, (float)f->origin.x},
         {(float)x.y, (float)y.y, (float)z.y, (float)f->origin.y},
         {(float)x.z, (float)y.z, (float)z.z, (float)f->origin.z},
     }};
 }
 
-struct part_map part_map_of(struct pose a_from_b)
+struct affine_map affine_from_pose(struct pose a_from_b)
 {
     double m[3][3];
     quat_to_matrix(a_from_b.rotation, m);
     const double t[3] = {a_from_b.translation.x, a_from_b.translation.y, a_from_b.translation.z};
-    struct part_map map;
+    struct affine_map map;
     for (int i = 0; i < 3; i++) {
         for (int k = 0; k < 3; k++)
             map.row[i][k] = (float)m[i][k];
@@ -28,9 +28,9 @@ struct part_map part_map_of(struct pose a_from_b)
     return map;
 }
 
-struct part_map part_map_multiply(const struct part_map *a, const struct part_map *b)
+struct affine_map affine_multiply(const struct affine_map *a, const struct affine_map *b)
 {
-    struct part_map map;
+    struct affine_map map;
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 4; k++) {
             double sum = k == 3 ? a->row[i][3] : 0;

@@ -4,16 +4,16 @@
 #include "reenact/skeleton/bone_frame.h"
 
 // An affine map as the rows the shader takes: p = m[i][0..2] . local + m[i][3].
-struct part_map {
+struct affine_map {
     float row[3][4];
 };
 
 // From the part's mesh (x, y in radii, z in bone lengths) into the frame's axes, metres.
-struct part_map cylinder_map(const struct part_frame *frame, double radius_m);
+struct affine_map cylinder_affine(const struct bone_frame *frame, double radius_m);
 
 // Rigid: metres to metres.
-struct part_map part_map_of(struct pose a_from_b);
-struct part_map part_map_multiply(const struct part_map *a_from_b, const struct part_map *b_from_c);
+struct affine_map affine_from_pose(struct pose a_from_b);
+struct affine_map affine_multiply(const struct affine_map *a_from_b, const struct affine_map *b_from_c);
 
 // How the mesh ends.
 enum cylinder_shape {

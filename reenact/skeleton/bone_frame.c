@@ -1,22 +1,22 @@
 #include "reenact/skeleton/bone_frame.h"
 
-static const double SHORTEST_M = 1e-3;
+static const double MIN_LENGTH_M = 1e-3;
 
-static bool known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
+static bool joint_known(const struct skeleton *s, enum joint j) { return s->confidence[j] > 0; }
 
-static struct vec3 across(struct vec3 v, struct vec3 unit) // the part of v perpendicular to `unit`
+static struct vec3 perpendicular_to(struct vec3 v, struct vec3 unit) // the part of v perpendicular to `unit`
 {
     return v3_sub(v, v3_scale(unit, v3_dot(v, unit)));
 }
 
-static bool bone(const struct skeleton *s, enum part p, struct part_frame *f)
+static bool set_bone_axis(const struct skeleton *s, enum part p, struct bone_frame *f)
 {
     enum joint from = part_ends[p].from, to = part_ends[p].to;
-    if (!known(s, from) || !known(s, to))
+    if (!joint_known(s, from) || !joint_known(s, to))
         return false;
     struct vec3 along = v3_sub(s->joint[to], s->joint[from]);
     f->length = v3_length(along);
-    if (!(f->length >= SHORTEST_M) || !isfinite(f->length))
+    if (!(f->length >= MIN_LENGTH_M) || !isfinite(f->length))
         return false;
     f->origin = s->joint[from];
     f->z = v3_unit(along);
@@ -24,9 +24,9 @@ static bool bone(const struct skeleton *s, enum part p, struct part_frame *f)
 }
 
 // y as near to `wanted` as the bone allows.
-static void set_front(struct part_frame *f, struct vec3 wanted)
+static void set_front(struct bone_frame *f, struct vec3 wanted)
 {
-    struct vec3 y = across(wanted, f->z);
+    struct vec3 y = perpendicular_to(wanted, f->z);
     // Nearly along the bone the rest is rounding: any perpendicular is as good, and steady.
     if (!(v3_length(y) > 1e-6 * v3_length(wanted)))
         y = v3_perpendicular(f->z);
@@ -34,22 +34,22 @@ static void set_front(struct part_frame *f, struct vec3 wanted)
     f->x = v3_cross(f->y, f->z);
 }
 
-struct vec3 part_frame_middle(const struct part_frame *f) { return v3_add(f->origin, v3_scale(f->z, f->length / 2)); }
+struct vec3 bone_frame_midpoint(const struct bone_frame *f) { return v3_add(f->origin, v3_scale(f->z, f->length / 2)); }
 
-// The same bone, turned about it so that y leans towards `eye`.
-static struct part_frame turned_to(const struct part_frame *f, struct vec3 eye)
+// The same bone, rotated about it so that y leans towards `eye`.
+static struct bone_frame rotated_to_eye(const struct bone_frame *f, struct vec3 eye)
 {
-    struct part_frame turned = *f;
-    set_front(&turned, v3_sub(eye, part_frame_middle(f)));
-    return turned;
+    struct bone_frame rotated = *f;
+    set_front(&rotated, v3_sub(eye, bone_frame_midpoint(f)));
+    return rotated;
 }
 
-bool part_frame_facing(const struct skeleton *s, enum part p, struct vec3 eye, struct part_frame *out)
+bool bone_frame_viewer_aligned(const struct skeleton *s, enum part p, struct vec3 eye, struct bone_frame *out)
 {
-    struct part_frame f;
-    if (!bone(s, p, &f))
+    struct bone_frame f;
+    if (!set_bone_axis(s, p, &f))
         return false;
-    *out = turned_to(&f, eye);
+    *out = rotated_to_eye(&f, eye);
     return true;
 }
 
@@ -60,28 +60,29 @@ struct trunk {
 };
 
 // Unit vector from the right to the left joint, or zero.
-static struct vec3 sideways(const struct skeleton *s, enum joint left, enum joint right)
+static struct vec3 lateral_axis(const struct skeleton *s, enum joint left, enum joint right)
 {
-    return known(s, left) && known(s, right) ? v3_unit(v3_sub(s->joint[left], s->joint[right])) : v3(0, 0, 0);
+    return joint_known(s, left) && joint_known(s, right) ? v3_unit(v3_sub(s->joint[left], s->joint[right]))
+                                                         : v3(0, 0, 0);
 }
 
-static bool trunk_of(const struct skeleton *s, bool lower, struct trunk *out)
+static bool find_trunk(const struct skeleton *s, bool lower, struct trunk *out)
 {
     static const enum joint heights[] = {JOINT_NECK, JOINT_TORSO, JOINT_WAIST};
     int top = -1, bottom = -1;
     for (int i = 0; i < 3; i++)
-        if (known(s, heights[i])) {
+        if (joint_known(s, heights[i])) {
             top = top < 0 ? i : top;
             bottom = i;
         }
     if (top < 0 || top == bottom)
         return false;
     out->down = v3_unit(v3_sub(s->joint[heights[bottom]], s->joint[heights[top]]));
-    struct vec3 shoulders = sideways(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER);
-    struct vec3 hips = sideways(s, JOINT_LEFT_HIP, JOINT_RIGHT_HIP);
+    struct vec3 shoulders = lateral_axis(s, JOINT_LEFT_SHOULDER, JOINT_RIGHT_SHOULDER);
+    struct vec3 hips = lateral_axis(s, JOINT_LEFT_HIP, JOINT_RIGHT_HIP);
     // The trunk twists on its way down: the near pair leads, the far pair stands in.
     struct vec3 left = lower ? v3_add(v3_scale(hips, 4), shoulders) : v3_add(v3_scale(shoulders, 4), hips);
-    left = across(left, out->down);
+    left = perpendicular_to(left, out->down);
     if (!(v3_length(left) > 1e-3))
         return false;
     out->left = v3_unit(left);
@@ -89,79 +90,82 @@ static bool trunk_of(const struct skeleton *s, bool lower, struct trunk *out)
     return true;
 }
 
-struct limb {
+struct hinged_limb {
     enum joint root, hinge, tip;
-    double bends; // +1: the tip swings to the front when it bends (elbow), -1: to the back (knee)
+    double bend_sign; // +1: the tip swings to the front when it bends (elbow), -1: to the back (knee)
     bool leg;
-    double out; // +1 on the left, -1 on the right
+    double side_sign; // +1 on the left, -1 on the right
 };
 
-static bool limb_of(enum part p, struct limb *l)
+static bool find_hinged_limb(enum part p, struct hinged_limb *l)
 {
     switch (p) {
     case PART_LEFT_UPPER_ARM:
     case PART_LEFT_FOREARM:
-        *l = (struct limb){JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, 1, false, 1};
+        *l = (struct hinged_limb){JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND, 1, false, 1};
         return true;
     case PART_RIGHT_UPPER_ARM:
     case PART_RIGHT_FOREARM:
-        *l = (struct limb){JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, 1, false, -1};
+        *l = (struct hinged_limb){JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND, 1, false, -1};
         return true;
     case PART_LEFT_THIGH:
-    case PART_LEFT_SHIN: *l = (struct limb){JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, -1, true, 1}; return true;
+    case PART_LEFT_SHIN:
+        *l = (struct hinged_limb){JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, -1, true, 1};
+        return true;
     case PART_RIGHT_THIGH:
     case PART_RIGHT_SHIN:
-        *l = (struct limb){JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, -1, true, -1};
+        *l = (struct hinged_limb){JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT, -1, true, -1};
         return true;
     default: return false;
     }
 }
 
-static struct vec3 limb_front(const struct skeleton *s, const struct limb *l, const struct trunk *trunk, struct vec3 z)
+static struct vec3 limb_front(const struct skeleton *s, const struct hinged_limb *l, const struct trunk *trunk,
+                              struct vec3 z)
 {
     // Carried: from rest (legs down, arms down and outwards, which keeps the one
     // direction where the shortest turn is undefined where no arm can point).
-    struct vec3 rest = l->leg ? trunk->down : v3_unit(v3_add(trunk->down, v3_scale(trunk->left, l->out)));
-    struct vec3 carried = quat_rotate(quat_between(rest, z), trunk->front);
-    if (!known(s, l->root) || !known(s, l->hinge) || !known(s, l->tip))
-        return carried;
+    struct vec3 neutral = l->leg ? trunk->down : v3_unit(v3_add(trunk->down, v3_scale(trunk->left, l->side_sign)));
+    struct vec3 from_trunk = quat_rotate(quat_between(neutral, z), trunk->front);
+    if (!joint_known(s, l->root) || !joint_known(s, l->hinge) || !joint_known(s, l->tip))
+        return from_trunk;
     struct vec3 upper = v3_unit(v3_sub(s->joint[l->hinge], s->joint[l->root]));
     struct vec3 lower = v3_unit(v3_sub(s->joint[l->tip], s->joint[l->hinge]));
     struct vec3 hinge = v3_cross(upper, lower); // its length is the sine of the bend
     double bend = v3_length(hinge);
-    struct vec3 bent = v3_scale(v3_unit(v3_cross(hinge, z)), l->bends);
+    struct vec3 bent = v3_scale(v3_unit(v3_cross(hinge, z)), l->bend_sign);
     // From 15 to 45 degrees of bend the hinge takes over.
     double t = (bend - 0.26) / (0.71 - 0.26);
     t = t < 0 ? 0 : t > 1 ? 1 : t;
     t = t * t * (3 - 2 * t);
-    struct vec3 mixed = v3_mix(carried, bent, t);
-    return v3_length(mixed) > 0.1 ? mixed : t < 0.5 ? carried : bent;
+    struct vec3 mixed = v3_mix(from_trunk, bent, t);
+    return v3_length(mixed) > 0.1 ? mixed : t < 0.5 ? from_trunk : bent;
 }
 
-bool part_frame_bodily(const struct skeleton *s, enum part p, struct part_frame *out)
+bool bone_frame_body_aligned(const struct skeleton *s, enum part p, struct bone_frame *out)
 {
-    struct part_frame f;
+    struct bone_frame f;
     struct trunk trunk;
-    struct limb limb = {0};
-    bool is_limb = limb_of(p, &limb);
-    if (!bone(s, p, &f) || !trunk_of(s, p == PART_LOWER_TORSO || (is_limb && limb.leg), &trunk))
+    struct hinged_limb limb = {0};
+    bool is_limb = find_hinged_limb(p, &limb);
+    if (!set_bone_axis(s, p, &f) || !find_trunk(s, p == PART_LOWER_TORSO || (is_limb && limb.leg), &trunk))
         return false;
     if (is_limb) {
         set_front(&f, limb_front(s, &limb, &trunk, f.z));
     } else {
-        struct vec3 rest = p == PART_HEAD ? v3_scale(trunk.down, -1) : trunk.down;
-        set_front(&f, quat_rotate(quat_between(rest, f.z), trunk.front));
+        struct vec3 neutral = p == PART_HEAD ? v3_scale(trunk.down, -1) : trunk.down;
+        set_front(&f, quat_rotate(quat_between(neutral, f.z), trunk.front));
     }
     *out = f;
     return true;
 }
 
-struct vec3 part_frame_direction_in(const struct part_frame *f, struct vec3 d)
+struct vec3 bone_frame_local_direction(const struct bone_frame *f, struct vec3 d)
 {
     return v3(v3_dot(d, f->x), v3_dot(d, f->y), v3_dot(d, f->z));
 }
 
-struct vec3 part_frame_point_in(const struct part_frame *f, struct vec3 p)
+struct vec3 bone_frame_local_point(const struct bone_frame *f, struct vec3 p)
 {
-    return part_frame_direction_in(f, v3_sub(p, f->origin));
+    return bone_frame_local_direction(f, v3_sub(p, f->origin));
 }

@@ -9,7 +9,7 @@
 #pragma once
 #include "capture/recording/skeleton.h"
 
-struct part_frame {
+struct bone_frame {
     struct vec3 origin;  // the joint the part begins at
     struct vec3 x, y, z; // unit, right-handed; z along the bone
     double length;       // of the bone, metres, > 0
@@ -17,7 +17,7 @@ struct part_frame {
 
 // False when one of the part's joints is unknown or they coincide (< 1 mm).
 // eye: in the skeleton's frame. Looking along the bone gives some x and y.
-bool part_frame_facing(const struct skeleton *skeleton, enum part p, struct vec3 eye, struct part_frame *out);
+bool bone_frame_viewer_aligned(const struct skeleton *skeleton, enum part p, struct vec3 eye, struct bone_frame *out);
 
 // The same frame turned with the body: y is the part's front (the chest's side;
 // for arms the side that faces forwards when they hang with the thumbs ahead).
@@ -25,10 +25,10 @@ bool part_frame_facing(const struct skeleton *skeleton, enum part p, struct vec3
 // (elbow, knee) where that is bent, else it is carried along from the trunk by
 // the shortest turn; between the two it passes smoothly. False also when no
 // trunk direction is known.
-bool part_frame_bodily(const struct skeleton *skeleton, enum part p, struct part_frame *out);
+bool bone_frame_body_aligned(const struct skeleton *skeleton, enum part p, struct bone_frame *out);
 
-struct vec3 part_frame_middle(const struct part_frame *f); // of the bone
+struct vec3 bone_frame_midpoint(const struct bone_frame *f); // of the bone
 
 // A point or direction in the part's axes, metres.
-struct vec3 part_frame_point_in(const struct part_frame *f, struct vec3 p);
-struct vec3 part_frame_direction_in(const struct part_frame *f, struct vec3 d);
+struct vec3 bone_frame_local_point(const struct bone_frame *f, struct vec3 p);
+struct vec3 bone_frame_local_direction(const struct bone_frame *f, struct vec3 d);

@@ -5,7 +5,7 @@
 static const float CONFIDENCE = 0.5F;
 
 // From the trunk outwards.
-static const struct bone {
+static const struct lost_bone {
     enum joint from, to;
 } bones[] = {
     {JOINT_NECK, JOINT_HEAD},
@@ -20,25 +20,25 @@ static const struct bone {
 };
 
 // The bone in the axes of the frame's trunk, where both are known.
-static bool bone_in_trunk(const struct take *take, int64_t frame, const struct bone *bone, struct vec3 *out)
+static bool bone_in_trunk(const struct take *take, int64_t frame, const struct lost_bone *bone, struct vec3 *out)
 {
     const struct take_entry *e = take_entry(take, frame);
     const struct skeleton *s = &e->skeleton;
-    struct part_frame trunk;
+    struct bone_frame trunk;
     if (!e->has_skeleton || !(s->confidence[bone->from] > 0) || !(s->confidence[bone->to] > 0) ||
-        !part_frame_bodily(s, PART_UPPER_TORSO, &trunk))
+        !bone_frame_body_aligned(s, PART_UPPER_TORSO, &trunk))
         return false;
-    *out = part_frame_direction_in(&trunk, v3_sub(s->joint[bone->to], s->joint[bone->from]));
+    *out = bone_frame_local_direction(&trunk, v3_sub(s->joint[bone->to], s->joint[bone->from]));
     return true;
 }
 
 // Where it was known last (step -1) or will be next (1), and how long that is from the frame.
-static bool nearest_known(const struct take *take, int64_t frame, int step, const struct bone *bone, struct vec3 *out,
-                          int64_t *apart_ns)
+static bool nearest_known(const struct take *take, int64_t frame, int step, const struct lost_bone *bone,
+                          struct vec3 *out, int64_t *gap_ns)
 {
     for (int64_t i = frame + step; i >= 0 && i < take_frame_count(take); i += step) {
-        *apart_ns = llabs(take_entry(take, i)->time_ns - take_entry(take, frame)->time_ns);
-        if (*apart_ns > CARRIED_MOST_NS)
+        *gap_ns = llabs(take_entry(take, i)->time_ns - take_entry(take, frame)->time_ns);
+        if (*gap_ns > INPAINT_MAX_GAP_NS)
             return false;
         if (bone_in_trunk(take, i, bone, out))
             return true;
@@ -46,7 +46,7 @@ static bool nearest_known(const struct take *take, int64_t frame, int step, cons
     return false;
 }
 
-static bool carried_bone(const struct take *take, int64_t frame, const struct bone *bone, struct vec3 *out)
+static bool inpaint_bone(const struct take *take, int64_t frame, const struct lost_bone *bone, struct vec3 *out)
 {
     struct vec3 before, after;
     int64_t since_ns, until_ns;
@@ -65,16 +65,16 @@ static bool carried_bone(const struct take *take, int64_t frame, const struct bo
     return true;
 }
 
-struct skeleton carried_skeleton(const struct take *take, int64_t frame)
+struct skeleton inpaint_skeleton(const struct take *take, int64_t frame)
 {
     struct skeleton s = take_entry(take, frame)->skeleton;
-    struct part_frame trunk;
-    if (!part_frame_bodily(&s, PART_UPPER_TORSO, &trunk))
+    struct bone_frame trunk;
+    if (!bone_frame_body_aligned(&s, PART_UPPER_TORSO, &trunk))
         return s;
     for (size_t i = 0; i < COUNT_OF(bones); i++) {
         struct vec3 b;
         if (s.confidence[bones[i].to] > 0 || !(s.confidence[bones[i].from] > 0) ||
-            !carried_bone(take, frame, &bones[i], &b))
+            !inpaint_bone(take, frame, &bones[i], &b))
             continue;
         const struct vec3 bone = v3_add(v3_add(v3_scale(trunk.x, b.x), v3_scale(trunk.y, b.y)), v3_scale(trunk.z, b.z));
         s.joint[bones[i].to] = v3_add(s.joint[bones[i].from], bone);
@@ -83,8 +83,9 @@ struct skeleton carried_skeleton(const struct take *take, int64_t frame)
     return s;
 }
 
-enum status carried_posture(const struct rest *rest, const struct take *take, int64_t frame, struct posture *out)
+enum status inpaint_bone_transforms(const struct bind_pose *bind, const struct take *take, int64_t frame,
+                                    struct bone_transforms *out)
 {
-    const struct skeleton joints = carried_skeleton(take, frame);
-    return posture_of(rest, &joints, out);
+    const struct skeleton joints = inpaint_skeleton(take, frame);
+    return bone_transforms_of(bind, &joints, out);
 }

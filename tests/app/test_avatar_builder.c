@@ -1,4 +1,4 @@
-// A take is prepared on a thread of its own: it ends with the same likeness every
+// A take is prepared on a thread of its own: it ends with the same avatar every
 // time, tells how far it is, and can be given up at any moment.
 #include "tests/support/test.h"
 
@@ -13,63 +13,63 @@ static struct rehearsal rehearsal;
 
 static void count(void *self) { atomic_fetch_add((atomic_int *)self, 1); }
 
-static struct likeness prepare(const char *take, enum status *status)
+static struct avatar prepare(const char *take, enum status *status)
 {
     atomic_int news = 0;
-    struct preparation *p;
-    struct likeness likeness = {0};
-    const struct preparation_options how = {rehearsal.file, take, count, &news};
-    EXPECT_STATUS(preparation_start(&p, &how), OK);
+    struct avatar_builder *p;
+    struct avatar avatar = {0};
+    const struct avatar_builder_options how = {rehearsal.file, take, count, &news};
+    EXPECT_STATUS(avatar_builder_start(&p, &how), OK);
     double share = 0;
-    struct room room;
-    while (!preparation_ended(p, &likeness, &room, status)) {
-        EXPECT_AT_LEAST(preparation_share(p), share);
-        share = preparation_share(p);
+    struct occluder_mesh room;
+    while (!avatar_builder_finished(p, &avatar, &room, status)) {
+        EXPECT_AT_LEAST(avatar_builder_progress(p), share);
+        share = avatar_builder_progress(p);
         clock_sleep_until_ns(clock_now_ns() + 5000000);
     }
-    room_free(&room);
+    occluder_mesh_free(&room);
     EXPECT_AT_LEAST(atomic_load(&news), *status == OK ? 3 : 1);
-    preparation_close(&p);
-    return likeness;
+    avatar_builder_close(&p);
+    return avatar;
 }
 
-static void the_same_every_time(void **state)
+static void test_deterministic(void **state)
 {
     (void)state;
     enum status status;
-    struct likeness a = prepare("turn", &status);
+    struct avatar a = prepare("turn", &status);
     EXPECT_STATUS(status, OK);
-    struct likeness b = prepare("turn", &status);
+    struct avatar b = prepare("turn", &status);
     EXPECT_STATUS(status, OK);
     EXPECT_INT(a.surface.point_count, b.surface.point_count);
     size_t points = (size_t)a.surface.point_count;
     EXPECT_AT_LEAST((double)points, 5000);
     EXPECT_TRUE(!memcmp(a.surface.points, b.surface.points, sizeof *a.surface.points * points));
-    EXPECT_TRUE(!memcmp(a.coat.color, b.coat.color, sizeof *a.coat.color * points));
-    EXPECT_TRUE(!memcmp(a.adjustments, b.adjustments, sizeof *a.adjustments * (size_t)a.frame_count));
-    likeness_free(&a);
-    likeness_free(&b);
+    EXPECT_TRUE(!memcmp(a.vertex_colors.color, b.vertex_colors.color, sizeof *a.vertex_colors.color * points));
+    EXPECT_TRUE(!memcmp(a.frame_corrections, b.frame_corrections, sizeof *a.frame_corrections * (size_t)a.frame_count));
+    avatar_free(&a);
+    avatar_free(&b);
 }
 
-static void given_up_at_any_moment(void **state)
+static void test_cancel_at_any_moment(void **state)
 {
     (void)state;
     for (int ms = 0; ms < 500; ms = 2 * ms + 1) {
         atomic_int news = 0;
-        struct preparation *p;
-        const struct preparation_options how = {rehearsal.file, "turn", count, &news};
-        EXPECT_STATUS(preparation_start(&p, &how), OK);
+        struct avatar_builder *p;
+        const struct avatar_builder_options how = {rehearsal.file, "turn", count, &news};
+        EXPECT_STATUS(avatar_builder_start(&p, &how), OK);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
-        preparation_close(&p);
+        avatar_builder_close(&p);
         EXPECT_TRUE(!p);
     }
 }
 
-static void what_is_not_there_is_said(void **state)
+static void test_missing_input_is_reported(void **state)
 {
     (void)state;
     enum status status;
-    struct likeness none = prepare("nobody", &status);
+    struct avatar none = prepare("nobody", &status);
     EXPECT_STATUS(status, ERR_MISSING);
     EXPECT_SAYS("nobody");
     EXPECT_INT(none.surface.point_count, 0);
@@ -92,9 +92,9 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_same_every_time),
-        cmocka_unit_test(given_up_at_any_moment),
-        cmocka_unit_test(what_is_not_there_is_said),
+        cmocka_unit_test(test_deterministic),
+        cmocka_unit_test(test_cancel_at_any_moment),
+        cmocka_unit_test(test_missing_input_is_reported),
     };
     return cmocka_run_group_tests(tests, make, end);
 }

@@ -24,10 +24,10 @@ static const char *uri(const char *name)
 }
 
 // The first sight with a number above `after`, within ten seconds.
-static const struct sight *wait_for_sight(struct eyes *e, int64_t after)
+static const struct camera_frame *wait_for_image(struct camera_feed *e, int64_t after)
 {
     for (int i = 0; i < 1000; i++) {
-        const struct sight *s = eyes_look(e);
+        const struct camera_frame *s = camera_feed_latest(e);
         if (s && s->number > after)
             return s;
         clock_sleep_until_ns(clock_now_ns() + 10000000);
@@ -35,32 +35,32 @@ static const struct sight *wait_for_sight(struct eyes *e, int64_t after)
     return NULL;
 }
 
-static void test_pictures_come_with_their_places(void **state)
+static void test_images_come_with_poses(void **state)
 {
     (void)state;
-    struct eyes *e;
-    const struct eyes_options options = {uri("viewer"), &place, NULL, NULL, false};
-    EXPECT_STATUS(eyes_open(&e, &options), OK);
+    struct camera_feed *e;
+    const struct camera_feed_options options = {uri("viewer"), &place, NULL, NULL, false};
+    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
     int64_t last = 0;
     for (int i = 0; i < 6; i++) { // round and round: the folder has fewer
-        const struct sight *s = wait_for_sight(e, last);
+        const struct camera_frame *s = wait_for_image(e, last);
         assert_non_null(s);
         EXPECT_TRUE(s->placed);
         EXPECT_TRUE(s->came_ns <= s->locating_ns && s->locating_ns <= s->located_ns);
         // Which of the folder's pictures it is tells where it was taken from.
         double nearest = 1e9;
-        for (int k = 0; k < REHEARSAL_PICTURES; k++)
+        for (int k = 0; k < REHEARSAL_IMAGES; k++)
             nearest = fmin(
                 nearest, v3_distance(s->world_from_camera.translation, world_viewer_pose(world, 0.8 * k).translation));
         EXPECT_AT_MOST(nearest, 0.05);
         last = s->number;
     }
-    EXPECT_TRUE(eyes_state(e).seeing && !*eyes_state(e).trouble);
-    eyes_close(&e);
+    EXPECT_TRUE(camera_feed_query(e).seeing && !*camera_feed_query(e).trouble);
+    camera_feed_close(&e);
 }
 
 // Guessed a sixth too short, the focal length is learnt, and the pictures come with it.
-static void test_a_guessed_lens_is_learnt(void **state)
+static void test_guessed_lens_is_estimated(void **state)
 {
     (void)state;
     const struct lens right = world_viewer_calibration(1).color;
@@ -69,103 +69,103 @@ static void test_a_guessed_lens_is_learnt(void **state)
     guess.fy *= 0.85;
     guess.focal_sigma = 0.15;
     rehearse_lens(&scratch, "viewer", &guess);
-    struct eyes *e;
-    const struct eyes_options options = {uri("viewer"), &place, NULL, NULL, false};
-    EXPECT_STATUS(eyes_open(&e, &options), OK);
+    struct camera_feed *e;
+    const struct camera_feed_options options = {uri("viewer"), &place, NULL, NULL, false};
+    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
     double off = 1;
     int64_t last = 0;
     for (int i = 0; i < 60 && fabs(off) > 0.01; i++) {
-        const struct sight *s = wait_for_sight(e, last);
+        const struct camera_frame *s = wait_for_image(e, last);
         assert_non_null(s);
         last = s->number;
         off = s->placed ? s->lens.fx / right.fx - 1 : off;
     }
     printf("learnt to %+.2f %% in %d pictures\n", off * 100, (int)last);
     EXPECT_AT_MOST(fabs(off), 0.01);
-    eyes_close(&e);
+    camera_feed_close(&e);
     rehearse_lens(&scratch, "viewer", &right);
 }
 
-static void test_without_a_place_pictures_come_all_the_same(void **state)
+static void test_images_without_place(void **state)
 {
     (void)state;
-    struct eyes *e;
-    const struct eyes_options options = {uri("small"), NULL, NULL, NULL, false};
-    EXPECT_STATUS(eyes_open(&e, &options), OK);
-    const struct sight *s = wait_for_sight(e, 3);
+    struct camera_feed *e;
+    const struct camera_feed_options options = {uri("small"), NULL, NULL, NULL, false};
+    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
+    const struct camera_frame *s = wait_for_image(e, 3);
     assert_non_null(s);
     EXPECT_TRUE(!s->placed && s->rgb);
     EXPECT_INT(s->lens.width, 160);
-    eyes_close(&e);
+    camera_feed_close(&e);
 }
 
-static void test_a_camera_is_tried_again_until_it_is_there(void **state)
+static void test_missing_camera_is_retried(void **state)
 {
     (void)state;
-    struct eyes *e;
+    struct camera_feed *e;
     char missing[300];
     snprintf(missing, sizeof missing, "%s", uri("later"));
-    const struct eyes_options options = {missing, &place, NULL, NULL, false};
-    EXPECT_STATUS(eyes_open(&e, &options), OK);
-    for (int i = 0; i < 500 && !*eyes_state(e).trouble; i++)
+    const struct camera_feed_options options = {missing, &place, NULL, NULL, false};
+    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
+    for (int i = 0; i < 500 && !*camera_feed_query(e).trouble; i++)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
-    EXPECT_TRUE(strstr(eyes_state(e).trouble, "later"));
-    EXPECT_TRUE(!eyes_look(e));
+    EXPECT_TRUE(strstr(camera_feed_query(e).trouble, "later"));
+    EXPECT_TRUE(!camera_feed_latest(e));
     rehearse_camera(&scratch, "later", NULL, 0.25);
-    assert_non_null(wait_for_sight(e, 0));
-    EXPECT_TRUE(!*eyes_state(e).trouble);
+    assert_non_null(wait_for_image(e, 0));
+    EXPECT_TRUE(!*camera_feed_query(e).trouble);
     // It is pulled, and comes back with pictures of another size.
     EXPECT_INT(rename(scratch_file(&scratch, "later"), scratch_file(&scratch, "pulled")), 0);
-    for (int i = 0; i < 500 && !*eyes_state(e).trouble; i++)
+    for (int i = 0; i < 500 && !*camera_feed_query(e).trouble; i++)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
-    EXPECT_TRUE(*eyes_state(e).trouble);
-    EXPECT_TRUE(!eyes_state(e).seeing);
-    int64_t came = eyes_state(e).came;
+    EXPECT_TRUE(*camera_feed_query(e).trouble);
+    EXPECT_TRUE(!camera_feed_query(e).seeing);
+    int64_t came = camera_feed_query(e).came;
     rehearse_camera(&scratch, "later", NULL, 0.5);
-    const struct sight *s = wait_for_sight(e, came);
+    const struct camera_frame *s = wait_for_image(e, came);
     assert_non_null(s);
     EXPECT_INT(s->lens.width, 320);
-    eyes_close(&e);
+    camera_feed_close(&e);
 }
 
-static void test_closed_eyes_see_nothing(void **state)
+static void test_suspended_feed_delivers_nothing(void **state)
 {
     (void)state;
-    struct eyes *e;
-    const struct eyes_options options = {uri("small"), NULL, NULL, NULL, false};
-    EXPECT_STATUS(eyes_open(&e, &options), OK);
-    assert_non_null(wait_for_sight(e, 0));
-    eyes_rest(e, true);
+    struct camera_feed *e;
+    const struct camera_feed_options options = {uri("small"), NULL, NULL, NULL, false};
+    EXPECT_STATUS(camera_feed_open(&e, &options), OK);
+    assert_non_null(wait_for_image(e, 0));
+    camera_feed_suspend(e, true);
     clock_sleep_until_ns(clock_now_ns() + 300000000);
-    int64_t came = eyes_state(e).came;
+    int64_t came = camera_feed_query(e).came;
     clock_sleep_until_ns(clock_now_ns() + 300000000);
-    EXPECT_INT(eyes_state(e).came, came);
-    eyes_rest(e, false);
-    assert_non_null(wait_for_sight(e, came));
-    eyes_close(&e);
-    eyes_close(&e); // NULL is fine
+    EXPECT_INT(camera_feed_query(e).came, came);
+    camera_feed_suspend(e, false);
+    assert_non_null(wait_for_image(e, came));
+    camera_feed_close(&e);
+    camera_feed_close(&e); // NULL is fine
 }
 
-static void test_a_picture_that_was_overtaken_is_passed_over(void **state)
+static void test_stale_image_is_dropped(void **state)
 {
     (void)state;
-    struct pace p = {0};
-    EXPECT_TRUE(!pace_passes_over(&p, 80, true, true)); // the first is shown, however long it took
-    p = (struct pace){0};
+    struct frame_skip p = {0};
+    EXPECT_TRUE(!frame_skip_update(&p, 80, true, true)); // the first is shown, however long it took
+    p = (struct frame_skip){0};
     for (int i = 0; i < 10; i++)
-        EXPECT_TRUE(!pace_passes_over(&p, 9 + i % 2, true, true)); // behind as ever: what is there is shown
+        EXPECT_TRUE(!frame_skip_update(&p, 9 + i % 2, true, true)); // behind as ever: what is there is shown
     EXPECT_NEAR(p.typical_ms, 9.5, 0.5);
-    struct pace as_ever = p;
-    EXPECT_TRUE(!pace_passes_over(&p, 70, true, false)); // nothing newer is there
+    struct frame_skip as_ever = p;
+    EXPECT_TRUE(!frame_skip_update(&p, 70, true, false)); // nothing newer is there
     p = as_ever;
-    EXPECT_TRUE(!pace_passes_over(&p, 70, false, true)); // the next would not be found quickly
+    EXPECT_TRUE(!frame_skip_update(&p, 70, false, true)); // the next would not be found quickly
     p = as_ever;
-    EXPECT_TRUE(pace_passes_over(&p, 70, true, true));
-    EXPECT_TRUE(!pace_passes_over(&p, 700, true, true)); // never two in a row
+    EXPECT_TRUE(frame_skip_update(&p, 70, true, true));
+    EXPECT_TRUE(!frame_skip_update(&p, 700, true, true)); // never two in a row
     p = as_ever;
     int shown = 0; // and where everything takes long from now on, that is soon as usual
     for (int i = 0; i < 20; i++)
-        shown += !pace_passes_over(&p, 70, true, true);
+        shown += !frame_skip_update(&p, 70, true, true);
     EXPECT_AT_LEAST(shown, 18);
 }
 
@@ -175,9 +175,9 @@ enum { ITEMS = 20000 };
 
 static void *take_all(void *self)
 {
-    struct latest *l = self;
+    struct mailbox *l = self;
     int64_t last = 0;
-    for (int *item; (item = latest_take(l, true));) {
+    for (int *item; (item = mailbox_take(l, true));) {
         if (*item <= last)
             return self; // older than one before
         last = *item;
@@ -187,26 +187,26 @@ static void *take_all(void *self)
     return self;
 }
 
-static void test_the_newest_wins_and_nothing_is_lost_unseen(void **state)
+static void test_newest_wins(void **state)
 {
     (void)state;
     static int items[ITEMS];
-    struct latest *l;
+    struct mailbox *l;
     pthread_t thread;
-    EXPECT_STATUS(latest_open(&l), OK);
-    EXPECT_TRUE(!latest_waits(l) && !latest_take(l, false));
+    EXPECT_STATUS(mailbox_open(&l), OK);
+    EXPECT_TRUE(!mailbox_full(l) && !mailbox_take(l, false));
     assert_int_equal(pthread_create(&thread, NULL, take_all, l), 0);
     for (int i = 0; i < ITEMS; i++) {
         items[i] = i + 1;
-        const int *untaken = latest_put(l, &items[i]);
+        const int *untaken = mailbox_put(l, &items[i]);
         EXPECT_TRUE(!untaken || untaken == &items[i - 1]);
     }
     void *wrong;
     pthread_join(thread, &wrong);
     EXPECT_TRUE(!wrong);
-    latest_stop(l);
-    EXPECT_TRUE(!latest_take(l, true));
-    latest_close(&l);
+    mailbox_stop(l);
+    EXPECT_TRUE(!mailbox_take(l, true));
+    mailbox_close(&l);
 }
 
 static int set_up(void **state)
@@ -235,13 +235,13 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_pictures_come_with_their_places),
-        cmocka_unit_test(test_a_guessed_lens_is_learnt),
-        cmocka_unit_test(test_without_a_place_pictures_come_all_the_same),
-        cmocka_unit_test(test_a_camera_is_tried_again_until_it_is_there),
-        cmocka_unit_test(test_closed_eyes_see_nothing),
-        cmocka_unit_test(test_a_picture_that_was_overtaken_is_passed_over),
-        cmocka_unit_test(test_the_newest_wins_and_nothing_is_lost_unseen),
+        cmocka_unit_test(test_images_come_with_poses),
+        cmocka_unit_test(test_guessed_lens_is_estimated),
+        cmocka_unit_test(test_images_without_place),
+        cmocka_unit_test(test_missing_camera_is_retried),
+        cmocka_unit_test(test_suspended_feed_delivers_nothing),
+        cmocka_unit_test(test_stale_image_is_dropped),
+        cmocka_unit_test(test_newest_wins),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -21,20 +21,20 @@ enum { W = 64, H = 48, BYTES = 4 * W * H };
 
 static const char *device; // NULL: none has to be there
 
-static void shake(struct dice *dice, uint8_t *bytes, size_t count)
+static void shake(struct rng *rng, uint8_t *bytes, size_t count)
 {
     for (size_t i = 0; i < count; i++)
-        bytes[i] = (uint8_t)(dice_uniform(dice) * 256);
+        bytes[i] = (uint8_t)(rng_uniform(rng) * 256);
 }
 
 // stride: of every plane; the second follows behind the first's rows.
-static void by_processor(const uint8_t *in, size_t stride, const struct loan *l, uint8_t *rgb)
+static void by_processor(const uint8_t *in, size_t stride, const struct dmabuf_image *l, uint8_t *rgb)
 {
     switch (l->layout) {
-    case LOAN_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, l->meaning, W, H, rgb); break;
-    case LOAN_RGBX: pixels_from_packed(in, stride, PACKED_RGBX, W, H, rgb); break;
-    case LOAN_BGRX: pixels_from_packed(in, stride, PACKED_BGRX, W, H, rgb); break;
-    default: pixels_from_yuv422(in, stride, l->layout == LOAN_YUYV, l->meaning, W, H, rgb); break;
+    case DMABUF_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, l->encoding, W, H, rgb); break;
+    case DMABUF_RGBX: pixels_from_packed(in, stride, PACKED_RGBX, W, H, rgb); break;
+    case DMABUF_BGRX: pixels_from_packed(in, stride, PACKED_BGRX, W, H, rgb); break;
+    default: pixels_from_yuv422(in, stride, l->layout == DMABUF_YUYV, l->encoding, W, H, rgb); break;
     }
 }
 
@@ -46,38 +46,38 @@ static int others(const uint8_t *rgba, const uint8_t *rgb)
     return count;
 }
 
-static void test_the_gpu_turns_bytes_into_the_same_pixels(void **state)
+static void test_gpu_conversion_matches_cpu(void **state)
 {
     (void)state;
     static uint8_t bytes[BYTES], rgb[3 * W * H], rgba[4 * W * H];
-    struct dice dice = {31};
+    struct rng rng = {31};
     struct gpu *gpu;
-    struct raw_picture *raw;
+    struct yuv_to_rgb *raw;
     EXPECT_STATUS(gpu_open(&gpu), OK);
-    EXPECT_STATUS(raw_picture_open(&raw, gpu), OK);
-    for (int round = 0; round < 4 * LOAN_LAYOUTS; round++) {
-        struct loan what = {.layout = (enum loan_layout)(round / 4),
-                            .width = W,
-                            .height = H,
-                            .meaning = {round & 1 ? YUV_BT709 : YUV_BT601, round & 2}};
-        struct raw_plane planes[2];
+    EXPECT_STATUS(yuv_to_rgb_open(&raw, gpu), OK);
+    for (int round = 0; round < 4 * DMABUF_LAYOUTS; round++) {
+        struct dmabuf_image what = {.layout = (enum dmabuf_layout)(round / 4),
+                                    .width = W,
+                                    .height = H,
+                                    .encoding = {round & 1 ? YUV_BT709 : YUV_BT601, round & 2}};
+        struct yuv_plane planes[2];
         struct gpu_texture *textures[2] = {NULL, NULL};
-        int count = raw_planes(what.layout, W, H, planes);
+        int count = yuv_planes(what.layout, W, H, planes);
         size_t stride = (size_t)planes[0].format * (size_t)planes[0].width;
-        shake(&dice, bytes, sizeof bytes);
+        shake(&rng, bytes, sizeof bytes);
         for (int i = 0; i < count; i++)
             EXPECT_STATUS(gpu_texture_open(&textures[i], gpu, planes[i].format, planes[i].width, planes[i].height,
                                            GPU_NEAREST, bytes + (i ? stride * H : 0)),
                           OK);
         const struct gpu_texture *const read[2] = {textures[0], textures[1]};
-        EXPECT_STATUS(raw_picture_draw(raw, &what, read), OK);
-        EXPECT_STATUS(raw_picture_read(raw, rgba), OK);
+        EXPECT_STATUS(yuv_to_rgb_draw(raw, &what, read), OK);
+        EXPECT_STATUS(yuv_to_rgb_read(raw, rgba), OK);
         by_processor(bytes, stride, &what, rgb);
         EXPECT_INT(others(rgba, rgb), 0);
         gpu_texture_close(&textures[0]);
         gpu_texture_close(&textures[1]);
     }
-    raw_picture_close(&raw);
+    yuv_to_rgb_close(&raw);
     gpu_close(&gpu);
 }
 
@@ -85,62 +85,63 @@ static void test_the_gpu_turns_bytes_into_the_same_pixels(void **state)
 
 static int returned;
 
-static void come_back(struct loan *l)
+static void on_release(struct dmabuf_image *l)
 {
     returned++;
     free(l);
 }
 
-static struct loan *lend(enum loan_layout layout, int file, unsigned stride)
+static struct dmabuf_image *lend_image(enum dmabuf_layout layout, int file, unsigned stride)
 {
-    struct loan *l = malloc(sizeof *l);
+    struct dmabuf_image *l = malloc(sizeof *l);
     assert_non_null(l);
-    *l = (struct loan){.layout = layout,
-                       .width = W,
-                       .height = H,
-                       .meaning = {YUV_BT709, false},
-                       .planes = {{file, 0, stride}, {file, stride * H, stride}},
-                       .give_back = come_back};
+    *l = (struct dmabuf_image){.layout = layout,
+                               .width = W,
+                               .height = H,
+                               .encoding = {YUV_BT709, false},
+                               .planes = {{file, 0, stride}, {file, stride * H, stride}},
+                               .release = on_release};
     return l;
 }
 
 // What the viewfinder shows, read back.
-static void read_shown(struct viewfinder *v, struct gpu *gpu, uint8_t *rgba)
+static void read_shown(struct camera_texture *v, struct gpu *gpu, uint8_t *rgba)
 {
-    const struct loan as_it_is = {.layout = LOAN_RGBX, .width = W, .height = H};
-    const struct gpu_texture *const shown[2] = {viewfinder_texture(v), NULL};
-    struct raw_picture *raw;
-    EXPECT_STATUS(raw_picture_open(&raw, gpu), OK);
-    EXPECT_STATUS(raw_picture_draw(raw, &as_it_is, shown), OK);
-    EXPECT_STATUS(raw_picture_read(raw, rgba), OK);
-    raw_picture_close(&raw);
+    const struct dmabuf_image as_it_is = {.layout = DMABUF_RGBX, .width = W, .height = H};
+    const struct gpu_texture *const shown[2] = {camera_texture_current(v), NULL};
+    struct yuv_to_rgb *raw;
+    EXPECT_STATUS(yuv_to_rgb_open(&raw, gpu), OK);
+    EXPECT_STATUS(yuv_to_rgb_draw(raw, &as_it_is, shown), OK);
+    EXPECT_STATUS(yuv_to_rgb_read(raw, rgba), OK);
+    yuv_to_rgb_close(&raw);
 }
 
-static void test_what_cannot_be_read_there_is_uploaded(void **state)
+static void test_unimportable_memory_is_uploaded(void **state)
 {
     (void)state;
     static uint8_t rgb[3 * W * H], rgba[4 * W * H];
-    struct dice dice = {32};
+    struct rng rng = {32};
     struct gpu *gpu;
-    struct viewfinder *v;
+    struct camera_texture *v;
     int file = memfd_create("no graphics memory", MFD_CLOEXEC);
     assert_int_equal(ftruncate(file, BYTES), 0);
     EXPECT_STATUS(gpu_open(&gpu), OK);
-    EXPECT_STATUS(viewfinder_open(&v, gpu), OK);
+    EXPECT_STATUS(camera_texture_open(&v, gpu), OK);
     returned = 0;
     for (int i = 0; i < 3; i++) {
-        struct sight sight = {.rgb = rgb, .lens = {.width = W, .height = H}, .number = i + 1};
-        struct loan *loan = i < 2 ? lend(LOAN_YUYV, file, 2 * W) : NULL; // and a camera that lends nothing
-        shake(&dice, rgb, sizeof rgb);
-        EXPECT_STATUS(viewfinder_show(v, &sight, &loan), OK);
-        EXPECT_TRUE(!loan);
+        struct camera_frame camera_image = {.rgb = rgb, .lens = {.width = W, .height = H}, .number = i + 1};
+        struct dmabuf_image *image =
+            i < 2 ? lend_image(DMABUF_YUYV, file, 2 * W) : NULL; // and a camera that lends nothing
+        shake(&rng, rgb, sizeof rgb);
+        EXPECT_STATUS(camera_texture_update(v, &camera_image, &image), OK);
+        EXPECT_TRUE(!image);
         read_shown(v, gpu, rgba);
         EXPECT_INT(others(rgba, rgb), 0);
     }
     EXPECT_INT(returned, 2);
-    EXPECT_INT(viewfinder_counts(v).uploaded, 3);
-    EXPECT_INT(viewfinder_counts(v).borrowed, 0);
-    viewfinder_close(&v);
+    EXPECT_INT(camera_texture_count(v).uploaded, 3);
+    EXPECT_INT(camera_texture_count(v).imported, 0);
+    camera_texture_close(&v);
     EXPECT_STATUS(gpu_check(gpu), OK);
     gpu_close(&gpu);
     close(file);
@@ -148,7 +149,7 @@ static void test_what_cannot_be_read_there_is_uploaded(void **state)
 
 // ---------------------------------------------------------------- memory of a graphics device
 
-struct memory {
+struct device_memory {
     int device, file;
     uint32_t handle, stride;
     uint64_t size;
@@ -156,9 +157,9 @@ struct memory {
 };
 
 // Rows of a multiple of four bytes, and half as many again for a second plane. False: the device has none.
-static bool memory_open(struct memory *m, const char *path)
+static bool memory_open(struct device_memory *m, const char *path)
 {
-    *m = (struct memory){.device = open(path, O_RDWR | O_CLOEXEC), .file = -1};
+    *m = (struct device_memory){.device = open(path, O_RDWR | O_CLOEXEC), .file = -1};
     uint64_t offset;
     if (m->device < 0 || drmModeCreateDumbBuffer(m->device, W, H * 2, 32, 0, &m->handle, &m->stride, &m->size) ||
         drmModeMapDumbBuffer(m->device, m->handle, &offset) ||
@@ -168,7 +169,7 @@ static bool memory_open(struct memory *m, const char *path)
     return m->bytes != MAP_FAILED;
 }
 
-static void memory_close(struct memory *m)
+static void memory_close(struct device_memory *m)
 {
     munmap(m->bytes, m->size);
     close(m->file);
@@ -176,54 +177,55 @@ static void memory_close(struct memory *m)
     close(m->device);
 }
 
-static void expect_borrowed(struct viewfinder *v, struct gpu *gpu, const struct memory *m, enum loan_layout layout)
+static void expect_borrowed(struct camera_texture *v, struct gpu *gpu, const struct device_memory *m,
+                            enum dmabuf_layout layout)
 {
     static uint8_t rgb[3 * W * H], rgba[4 * W * H];
-    struct dice dice = {33 + (uint64_t)layout};
-    struct sight sight = {.rgb = rgb, .lens = {.width = W, .height = H}};
+    struct rng rng = {33 + (uint64_t)layout};
+    struct camera_frame camera_image = {.rgb = rgb, .lens = {.width = W, .height = H}};
     for (int i = 0; i < 3; i++) { // what is there changes; the picture has to follow
-        struct loan *loan = lend(layout, m->file, m->stride);
-        int64_t before = viewfinder_counts(v).borrowed;
-        shake(&dice, m->bytes, m->size);
-        by_processor(m->bytes, m->stride, loan, rgb);
-        EXPECT_STATUS(viewfinder_show(v, &sight, &loan), OK);
+        struct dmabuf_image *image = lend_image(layout, m->file, m->stride);
+        int64_t before = camera_texture_count(v).imported;
+        shake(&rng, m->bytes, m->size);
+        by_processor(m->bytes, m->stride, image, rgb);
+        EXPECT_STATUS(camera_texture_update(v, &camera_image, &image), OK);
         read_shown(v, gpu, rgba);
         print_message("layout %d, picture %d: %d of %d pixels differ %s\n", (int)layout, i, others(rgba, rgb), W * H,
-                      viewfinder_counts(v).why);
+                      camera_texture_count(v).why);
         EXPECT_INT(others(rgba, rgb), 0);
-        EXPECT_INT(viewfinder_counts(v).borrowed, before + 1);
+        EXPECT_INT(camera_texture_count(v).imported, before + 1);
     }
 }
 
-static void test_a_device_s_memory_is_read_where_it_lies(void **state)
+static void test_device_memory_is_imported(void **state)
 {
     (void)state;
     static uint8_t rgb[3 * W * H], rgba[4 * W * H];
-    struct memory memory;
+    struct device_memory memory;
     struct gpu *gpu;
-    struct viewfinder *v;
+    struct camera_texture *v;
     EXPECT_STATUS(gpu_open(&gpu), OK);
-    EXPECT_STATUS(viewfinder_open(&v, gpu), OK);
-    bool there = memory_open(&memory, device ? device : "/dev/dri/card0") && viewfinder_can_borrow(v);
+    EXPECT_STATUS(camera_texture_open(&v, gpu), OK);
+    bool there = memory_open(&memory, device ? device : "/dev/dri/card0") && camera_texture_can_import(v);
     print_message("%s, memory to be read where it lies: %s\n", gpu_renderer(gpu), there ? "yes" : "none here");
     EXPECT_TRUE(there || !device);
     returned = 0;
-    for (int layout = 0; layout < LOAN_LAYOUTS && there; layout++)
-        expect_borrowed(v, gpu, &memory, (enum loan_layout)layout);
+    for (int layout = 0; layout < DMABUF_LAYOUTS && there; layout++)
+        expect_borrowed(v, gpu, &memory, (enum dmabuf_layout)layout);
     if (there) {
         // All but the last came back, for the GPU was waited for since.
-        EXPECT_INT(returned, 3 * LOAN_LAYOUTS - 1);
+        EXPECT_INT(returned, 3 * DMABUF_LAYOUTS - 1);
         // A driver that shows other pixels than the processor reads is not believed. This is a new kind of picture.
-        struct sight sight = {.rgb = rgb, .lens = {.width = W, .height = H}};
-        struct loan *loan = lend(LOAN_YUYV, memory.file, memory.stride);
-        EXPECT_STATUS(viewfinder_show(v, &sight, &loan), OK);
+        struct camera_frame camera_image = {.rgb = rgb, .lens = {.width = W, .height = H}};
+        struct dmabuf_image *image = lend_image(DMABUF_YUYV, memory.file, memory.stride);
+        EXPECT_STATUS(camera_texture_update(v, &camera_image, &image), OK);
         read_shown(v, gpu, rgba);
         EXPECT_INT(others(rgba, rgb), 0);
-        EXPECT_TRUE(strstr(viewfinder_counts(v).why, "wrongly"));
-        EXPECT_INT(viewfinder_counts(v).uploaded, 1);
+        EXPECT_TRUE(strstr(camera_texture_count(v).why, "wrongly"));
+        EXPECT_INT(camera_texture_count(v).uploaded, 1);
     }
-    viewfinder_close(&v);
-    EXPECT_INT(returned, there ? 3 * LOAN_LAYOUTS + 1 : 0);
+    camera_texture_close(&v);
+    EXPECT_INT(returned, there ? 3 * DMABUF_LAYOUTS + 1 : 0);
     gpu_close(&gpu);
     if (there)
         memory_close(&memory);
@@ -233,9 +235,9 @@ int main(int argc, char **argv)
 {
     device = argc > 1 ? argv[1] : NULL;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_gpu_turns_bytes_into_the_same_pixels),
-        cmocka_unit_test(test_what_cannot_be_read_there_is_uploaded),
-        cmocka_unit_test(test_a_device_s_memory_is_read_where_it_lies),
+        cmocka_unit_test(test_gpu_conversion_matches_cpu),
+        cmocka_unit_test(test_unimportable_memory_is_uploaded),
+        cmocka_unit_test(test_device_memory_is_imported),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { FRAMES_FOR_LIKENESS = 1 };
+enum { FRAMES_FOR_AVATAR = 1 };
 
 // How much later it is given up each time: seldomer where computing is emulated.
 #ifdef EMULATED
@@ -21,150 +21,152 @@ enum { LATER = 2 };
 
 static struct rehearsed rehearsed;
 
-static struct ahead *start(const char *take_name)
+static struct frame_prefetch *start(const char *take_name)
 {
-    struct ahead *a;
-    const struct ahead_options how = {rehearsed.rehearsal.file, take_name, &rehearsed.likeness};
-    EXPECT_STATUS(ahead_start(&a, &how), OK);
+    struct frame_prefetch *a;
+    const struct frame_prefetch_options how = {rehearsed.rehearsal.file, take_name, &rehearsed.avatar};
+    EXPECT_STATUS(prefetch_start(&a, &how), OK);
     return a;
 }
 
 // Waits for it as somebody who shows a frame now and then does.
-static bool take_in_time(struct ahead *a, int64_t frame, struct loaded_frame *out)
+static bool take_in_time(struct frame_prefetch *a, int64_t frame, struct frame_layer *out)
 {
     const int64_t until = clock_now_ns() + 60000000000;
     while (clock_now_ns() < until) {
-        if (ahead_take(a, frame, out))
+        if (prefetch_take(a, frame, out))
             return true;
         clock_sleep_until_ns(clock_now_ns() + 1000000);
     }
     return false;
 }
 
-static void expect_same_picture(const struct loaded_picture *a, const struct loaded_picture *b, size_t bytes_a_pixel)
+static void expect_same_texture(const struct frame_layer_image *a, const struct frame_layer_image *b,
+                                size_t bytes_a_pixel)
 {
     EXPECT_INT(a->width, b->width);
     EXPECT_INT(a->height, b->height);
     EXPECT_TRUE(!memcmp(a->pixels, b->pixels, bytes_a_pixel * (size_t)a->width * (size_t)a->height));
 }
 
-static void expect_same(const struct loaded_frame *a, const struct loaded_frame *b)
+static void expect_same(const struct frame_layer *a, const struct frame_layer *b)
 {
     EXPECT_INT(a->frame, b->frame);
-    EXPECT_INT(a->seen, b->seen);
-    expect_same_picture(&a->color, &b->color, 3);
-    expect_same_picture(&a->depth, &b->depth, 4);
+    EXPECT_INT(a->has_images, b->has_images);
+    expect_same_texture(&a->color, &b->color, 3);
+    expect_same_texture(&a->depth, &b->depth, 4);
     EXPECT_TRUE(!memcmp(a->windows, b->windows, sizeof a->windows));
-    EXPECT_TRUE(!memcmp(&a->adjustment, &b->adjustment, sizeof a->adjustment));
-    EXPECT_INT(a->point_count, rehearsed.likeness.atlas.mesh.point_count);
+    EXPECT_TRUE(!memcmp(&a->corrections, &b->corrections, sizeof a->corrections));
+    EXPECT_INT(a->point_count, rehearsed.avatar.atlas.mesh.point_count);
     EXPECT_INT(b->point_count, a->point_count);
-    EXPECT_INT(a->triangle_count, rehearsed.likeness.atlas.mesh.corner_count / 3);
+    EXPECT_INT(a->triangle_count, rehearsed.avatar.atlas.mesh.corner_count / 3);
     EXPECT_INT(b->triangle_count, a->triangle_count);
     EXPECT_TRUE(!memcmp(a->shift, b->shift, sizeof *a->shift * (size_t)a->point_count));
     EXPECT_TRUE(!memcmp(a->points, b->points, sizeof *a->points * (size_t)a->point_count));
-    EXPECT_TRUE(!memcmp(a->own, b->own, sizeof *a->own * (size_t)a->triangle_count));
+    EXPECT_TRUE(
+        !memcmp(a->triangle_visible, b->triangle_visible, sizeof *a->triangle_visible * (size_t)a->triangle_count));
 }
 
 // In whatever order frames are shown: what was loaded before leaves no trace.
-static void the_same_as_loaded_by_oneself(void **state)
+static void test_same_as_synchronous_load(void **state)
 {
     (void)state;
     static const int64_t shown[] = {0, 1, 6, 0};
-    struct ahead *a = start("turn");
-    struct frame_loader *own;
-    struct loaded_frame before = {0};
-    EXPECT_STATUS(frame_loader_open(&own, rehearsed.take, rehearsed.rays, &rehearsed.likeness), OK);
+    struct frame_prefetch *a = start("turn");
+    struct frame_layer_loader *own;
+    struct frame_layer before = {0};
+    EXPECT_STATUS(frame_layer_loader_open(&own, rehearsed.take, rehearsed.rays, &rehearsed.avatar), OK);
     for (size_t i = 0; i < COUNT_OF(shown); i++) {
-        struct loaded_frame theirs, ours;
-        ahead_want(a, &shown[i], i + 1 < COUNT_OF(shown) ? 2 : 1);
+        struct frame_layer theirs, ours;
+        prefetch_request(a, &shown[i], i + 1 < COUNT_OF(shown) ? 2 : 1);
         EXPECT_TRUE(take_in_time(a, shown[i], &theirs));
-        EXPECT_STATUS(frame_loader_load(own, shown[i], &ours), OK);
-        EXPECT_TRUE(ours.seen);
+        EXPECT_STATUS(frame_layer_loader_load(own, shown[i], &ours), OK);
+        EXPECT_TRUE(ours.has_images);
         EXPECT_AT_LEAST(ours.color.width, 10);
         expect_same(&theirs, &ours);
         EXPECT_TRUE(i == 0 || memcmp(before.shift, ours.shift,
-                                     sizeof *ours.shift * (size_t)rehearsed.likeness.atlas.mesh.point_count));
-        loaded_frame_free(&before);
-        loaded_frame_free(&theirs);
+                                     sizeof *ours.shift * (size_t)rehearsed.avatar.atlas.mesh.point_count));
+        frame_layer_free(&before);
+        frame_layer_free(&theirs);
         before = ours;
     }
-    loaded_frame_free(&before);
-    frame_loader_close(&own);
-    ahead_close(&a);
+    frame_layer_free(&before);
+    frame_layer_loader_close(&own);
+    prefetch_close(&a);
 }
 
-static void only_what_is_wanted(void **state)
+static void test_loads_only_requested_frames(void **state)
 {
     (void)state;
-    struct ahead *a = start("turn");
-    struct loaded_frame frame;
+    struct frame_prefetch *a = start("turn");
+    struct frame_layer frame;
     const int64_t first[] = {1, 2}, then[] = {5};
-    ahead_want(a, first, 2);
+    prefetch_request(a, first, 2);
     EXPECT_TRUE(take_in_time(a, 1, &frame));
-    loaded_frame_free(&frame);
-    ahead_want(a, then, 1); // he was moved along the timeline
+    frame_layer_free(&frame);
+    prefetch_request(a, then, 1); // he was moved along the timeline
     EXPECT_TRUE(take_in_time(a, 5, &frame));
     EXPECT_INT(frame.frame, 5);
-    EXPECT_AT_LEAST((double)ahead_takes_ns(a), 1e5);
-    loaded_frame_free(&frame);
+    EXPECT_AT_LEAST((double)prefetch_load_ns(a), 1e5);
+    frame_layer_free(&frame);
     for (int64_t i = 0; i < 8; i++)
-        EXPECT_TRUE(!ahead_take(a, i, &frame)); // 1 and 5 are gone, 2 is not wanted any more
-    ahead_close(&a);
+        EXPECT_TRUE(!prefetch_take(a, i, &frame)); // 1 and 5 are gone, 2 is not wanted any more
+    prefetch_close(&a);
     EXPECT_TRUE(!a);
 }
 
-static void given_up_at_any_moment(void **state)
+static void test_cancel_at_any_moment(void **state)
 {
     (void)state;
     for (int ms = 0; ms < 50; ms = LATER * ms + 1) {
         const int64_t wanted[] = {0, 1, 2, 3, 4, 5};
-        struct ahead *a = start("turn");
-        ahead_want(a, wanted, AHEAD_MOST);
+        struct frame_prefetch *a = start("turn");
+        prefetch_request(a, wanted, PREFETCH_MAX);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
-        ahead_close(&a);
+        prefetch_close(&a);
     }
 }
 
 // Whoever shows a frame is then left to load it, and to say why it cannot be.
-static void what_cannot_be_loaded_is_not_waited_for(void **state)
+static void test_unloadable_frame_does_not_block(void **state)
 {
     (void)state;
-    struct ahead *a = start("nobody");
-    struct loaded_frame frame;
+    struct frame_prefetch *a = start("nobody");
+    struct frame_layer frame;
     const int64_t wanted[] = {0};
-    ahead_want(a, wanted, 1);
+    prefetch_request(a, wanted, 1);
     for (int i = 0; i < 20; i++) {
-        EXPECT_TRUE(!ahead_take(a, 0, &frame));
+        EXPECT_TRUE(!prefetch_take(a, 0, &frame));
         clock_sleep_until_ns(clock_now_ns() + 1000000);
     }
-    ahead_close(&a);
+    prefetch_close(&a);
 }
 
 // Several in a row, as a damaged file has them: each is tried, none again and again.
-static void what_is_damaged_costs_nothing(void **state)
+static void test_damaged_frame_is_skipped(void **state)
 {
     (void)state;
     struct database *db;
     EXPECT_STATUS(database_open(&db, rehearsed.rehearsal.file, DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "UPDATE picture SET depth = x'00'"), OK);
     database_close(&db);
-    struct ahead *a = start("turn");
-    struct loaded_frame frame;
+    struct frame_prefetch *a = start("turn");
+    struct frame_layer frame;
     const int64_t wanted[] = {3, 4, 5};
-    ahead_want(a, wanted, 3);
+    prefetch_request(a, wanted, 3);
     clock_sleep_until_ns(clock_now_ns() + 300000000);
     const clock_t before = clock(); // processor time of all threads
     clock_sleep_until_ns(clock_now_ns() + 300000000);
     EXPECT_AT_MOST((double)(clock() - before) / CLOCKS_PER_SEC, 0.1);
     for (int i = 0; i < 3; i++)
-        EXPECT_TRUE(!ahead_take(a, wanted[i], &frame));
-    ahead_close(&a);
+        EXPECT_TRUE(!prefetch_take(a, wanted[i], &frame));
+    prefetch_close(&a);
 }
 
 static int make(void **state)
 {
     (void)state;
-    EXPECT_STATUS(rehearsed_open(&rehearsed, FRAMES_FOR_LIKENESS), OK);
+    EXPECT_STATUS(rehearsed_open(&rehearsed, FRAMES_FOR_AVATAR), OK);
     return 0;
 }
 
@@ -178,9 +180,9 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_same_as_loaded_by_oneself), cmocka_unit_test(only_what_is_wanted),
-        cmocka_unit_test(given_up_at_any_moment),        cmocka_unit_test(what_cannot_be_loaded_is_not_waited_for),
-        cmocka_unit_test(what_is_damaged_costs_nothing), // last: it damages the recording
+        cmocka_unit_test(test_same_as_synchronous_load), cmocka_unit_test(test_loads_only_requested_frames),
+        cmocka_unit_test(test_cancel_at_any_moment),     cmocka_unit_test(test_unloadable_frame_does_not_block),
+        cmocka_unit_test(test_damaged_frame_is_skipped), // last: it damages the recording
     };
     return cmocka_run_group_tests(tests, make, end);
 }

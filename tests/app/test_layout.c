@@ -19,21 +19,22 @@ enum { SHARE = 2, WAYS_UP = 2, SHOWN = 4 };
 #endif
 
 // State number n: each sheet, with and without the inset, the sources, the strip, and moving.
-static struct show show_in(int n)
+static struct view_state show_in(int n)
 {
-    struct show s = show_start(1, true, 0);
-    s.sheet = (enum show_sheet)(n % 3);
+    struct view_state s = view_state_start(1, true, 0);
+    s.sheet = (enum view_sheet)(n % 3);
     s.inset = n / 3 & 1;
     s.sources = n / 3 & 2;
-    s.strip = n / 3 & 4;
+    s.frame_graph = n / 3 & 4;
     s.moving = n / 3 & 8;
     s.sheet = s.moving ? SHEET_NONE : s.sheet;
     return s;
 }
 
 // Pictures stand for those that would be shown; nobody looks at them.
-static const struct stage_picture shown = {
-    .inset = (const struct gpu_texture *)&shown, .sources = (const struct gpu_texture *)&shown, .inset_shape = 4.0 / 3};
+static const struct take_view_image shown = {.inset = (const struct gpu_texture *)&shown,
+                                             .sources = (const struct gpu_texture *)&shown,
+                                             .inset_aspect = 4.0 / 3};
 
 static bool overlap(struct ui_box a, struct ui_box b)
 {
@@ -47,23 +48,24 @@ static bool within(struct ui_box a, double width, double height)
 
 static void look_at(double width, double height, int state)
 {
-    const struct show s = show_in(state);
+    const struct view_state s = show_in(state);
     const struct layout l = layout_of(width, height, &s, &shown);
     struct ui_box cards = l.cards;
-    cards.h = (s.inset ? cards.w / shown.inset_shape + GAP : 0) + (s.sources ? layout_sources_height() : 0);
+    cards.h = (s.inset ? cards.w / shown.inset_aspect + GAP : 0) + (s.sources ? layout_sources_height() : 0);
     const bool sheet = s.sheet != SHEET_NONE;
-    EXPECT_TRUE(within(l.panel, width, height) && within(l.strip, width, height) && within(l.free, width, height));
+    EXPECT_TRUE(within(l.panel, width, height) && within(l.frame_graph, width, height) &&
+                within(l.free, width, height));
     EXPECT_TRUE(!overlap(l.free, l.panel));
     EXPECT_TRUE(!sheet || (within(l.sheet, width, height) && !overlap(l.free, l.sheet)));
     EXPECT_TRUE(sheet || s.moving || !overlap(l.free, l.shutter));
-    EXPECT_TRUE(!s.strip || !overlap(l.free, l.strip));
-    EXPECT_TRUE(!s.strip || !sheet || !overlap(l.strip, l.sheet));
-    EXPECT_TRUE(!s.strip || !overlap(l.strip, l.panel));
+    EXPECT_TRUE(!s.frame_graph || !overlap(l.free, l.frame_graph));
+    EXPECT_TRUE(!s.frame_graph || !sheet || !overlap(l.frame_graph, l.sheet));
+    EXPECT_TRUE(!s.frame_graph || !overlap(l.frame_graph, l.panel));
     EXPECT_TRUE(!(s.inset || s.sources) || !overlap(l.free, cards));
     EXPECT_AT_LEAST(fmin(l.free.w, l.free.h), 0.2 * fmin(width, height));
 }
 
-static void nothing_lies_over_what_is_free(void **state)
+static void test_free_area_is_not_covered(void **state)
 {
     (void)state;
     static const double sizes[][2] = {{1375, 859}, {859, 1375}, {1280, 800}, {1024, 768}, {768, 1024}, {1920, 1080}};
@@ -72,10 +74,10 @@ static void nothing_lies_over_what_is_free(void **state)
             look_at(sizes[i][0], sizes[i][1], n);
 }
 
-static void with_nothing_open_he_is_in_the_middle(void **state)
+static void test_actor_is_centred_without_panels(void **state)
 {
     (void)state;
-    const struct show s = show_in(0);
+    const struct view_state s = show_in(0);
     const struct layout wide = layout_of(1375, 859, &s, &shown), upright = layout_of(859, 1375, &s, &shown);
     EXPECT_TRUE(wide.wide && !upright.wide);
     EXPECT_NEAR(wide.free.x + wide.free.w / 2, 1375 / 2.0, 1e-9);
@@ -87,10 +89,10 @@ static void with_nothing_open_he_is_in_the_middle(void **state)
 // He is whole where no control lies, from all sides.
 static void stands_free(const struct glass *g)
 {
-    const struct stage_picture *p = &g->tablet.picture;
-    const struct ui_box free = g->tablet.free;
+    const struct take_view_image *p = &g->viewer.image;
+    const struct ui_box free = g->viewer.free;
     const double scale = glass_scale(g);
-    const struct show *s = &g->tablet.show;
+    const struct view_state *s = &g->viewer.state;
     const struct layout l = layout_of(g->width / scale, g->height / scale, s, p);
     EXPECT_NEAR(free.x, l.free.x, 1e-9);
     EXPECT_NEAR(free.h, l.free.h, 1e-9);
@@ -103,25 +105,25 @@ static void stands_free(const struct glass *g)
     }
 }
 
-static void an_orbit_has_him_where_no_control_lies(void **state)
+static void test_orbit_places_actor_clear_of_controls(void **state)
 {
     (void)state;
     struct rehearsal rehearsal = rehearsal_make();
     for (int upright = 0; upright < WAYS_UP; upright++) {
         struct glass g;
-        const struct tablet_options how = {
-            .file = rehearsal.file, .take = "turn", .fixed_fineness = true, .refresh_hz = 60};
+        const struct viewer_options how = {
+            .file = rehearsal.file, .take = "turn", .fixed_resolution = true, .refresh_hz = 60};
         const int width = upright ? GLASS_SHORT : GLASS_LONG, height = upright ? GLASS_LONG : GLASS_SHORT;
         glass_open(&g, width / SHARE, height / SHARE, &how);
-        struct show *s = &g.tablet.show;
+        struct view_state *s = &g.viewer.state;
         glass_draw(&g);
         for (int n = 0; n < SHOWN; n++) {
             glass_seek(&g, n / 4.0);
             s->sheet = n == 1 ? SHEET_LAYERS : n == 2 ? SHEET_SPEED : SHEET_NONE;
-            s->inset = s->strip = n == 1;
+            s->inset = s->frame_graph = n == 1;
             s->moving = n == 3;
             s->orbit.angle_rad += 0.7;
-            glass_rest(&g);
+            glass_wait_idle(&g);
             stands_free(&g);
         }
         glass_close(&g);
@@ -132,9 +134,9 @@ static void an_orbit_has_him_where_no_control_lies(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nothing_lies_over_what_is_free),
-        cmocka_unit_test(with_nothing_open_he_is_in_the_middle),
-        cmocka_unit_test(an_orbit_has_him_where_no_control_lies),
+        cmocka_unit_test(test_free_area_is_not_covered),
+        cmocka_unit_test(test_actor_is_centred_without_panels),
+        cmocka_unit_test(test_orbit_places_actor_clear_of_controls),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,12 +8,12 @@
 static const int64_t EACH_NS = 100 * MS / 3, LENGTH_NS = 3000 * MS;
 
 // A picture that shows take_ms and is drawn at clock_ms.
-static int look(struct foresight *f, double take_ms, double clock_ms, double takes_ms, bool loop,
-                int64_t at_ns[FORESEEN_MOST])
+static int predict(struct playback_predictor *f, double take_ms, double clock_ms, double takes_ms, bool loop,
+                   int64_t at_ns[PREDICTED_MAX])
 {
-    const struct foresight_now now = {(int64_t)(take_ms * MS), LENGTH_NS, EACH_NS, true, loop, (int64_t)(clock_ms * MS),
-                                      (int64_t)(takes_ms * MS)};
-    return foresee(f, &now, at_ns);
+    const struct playback_now now = {(int64_t)(take_ms * MS), LENGTH_NS, EACH_NS, true, loop, (int64_t)(clock_ms * MS),
+                                     (int64_t)(takes_ms * MS)};
+    return playback_predict(f, &now, at_ns);
 }
 
 static bool foreseen(const int64_t *at_ns, int count, double take_ms)
@@ -24,88 +24,88 @@ static bool foreseen(const int64_t *at_ns, int count, double take_ms)
     return false;
 }
 
-static void as_far_as_before(void **state)
+static void test_predicts_as_far_as_before(void **state)
 {
     (void)state;
     static const double steps_ms[] = {3.3, 33.3, 66.6, 100};
     for (size_t i = 0; i < COUNT_OF(steps_ms); i++) {
         const double step = steps_ms[i];
-        struct foresight f = {0};
-        int64_t at_ns[FORESEEN_MOST];
-        look(&f, 1000, 10000, 10, true, at_ns);
-        look(&f, 1000 + step, 10050, 10, true, at_ns);
-        int count = look(&f, 1000 + 2 * step, 10100, 10, true, at_ns);
-        EXPECT_INT(count, FORESEEN_MOST);
+        struct playback_predictor f = {0};
+        int64_t at_ns[PREDICTED_MAX];
+        predict(&f, 1000, 10000, 10, true, at_ns);
+        predict(&f, 1000 + step, 10050, 10, true, at_ns);
+        int count = predict(&f, 1000 + 2 * step, 10100, 10, true, at_ns);
+        EXPECT_INT(count, PREDICTED_MAX);
         EXPECT_AT_MOST(fabs((double)at_ns[0] * 1e-6 - (1000 + 3 * step)), 1e-3); // the likeliest first
         EXPECT_TRUE(foreseen(at_ns, count, 1000 + 4 * step) && foreseen(at_ns, count, 1000 + 5 * step));
         // One picture was left out: the next ones are not.
-        count = look(&f, 1000 + 4 * step, 10200, 10, true, at_ns);
+        count = predict(&f, 1000 + 4 * step, 10200, 10, true, at_ns);
         EXPECT_TRUE(foreseen(at_ns, count, 1000 + 5 * step));
     }
 }
 
-static void over_the_end(void **state)
+static void test_wraps_at_end(void **state)
 {
     (void)state;
     for (int loop = 0; loop < 2; loop++) {
-        struct foresight f = {0};
-        int64_t at_ns[FORESEEN_MOST];
-        look(&f, 2800, 10000, 10, loop, at_ns);
-        int count = look(&f, 2900, 10100, 10, loop, at_ns); // then 3000, 3100 and 3200
+        struct playback_predictor f = {0};
+        int64_t at_ns[PREDICTED_MAX];
+        predict(&f, 2800, 10000, 10, loop, at_ns);
+        int count = predict(&f, 2900, 10100, 10, loop, at_ns); // then 3000, 3100 and 3200
         EXPECT_TRUE(foreseen(at_ns, count, 3000));
         EXPECT_INT(foreseen(at_ns, count, 3100 - 3000 - (double)EACH_NS * 1e-6), loop);
         for (int i = 0; i < count; i++)
             EXPECT_TRUE(at_ns[i] >= 0 && at_ns[i] < LENGTH_NS + EACH_NS);
-        EXPECT_TRUE(loop ? count == FORESEEN_MOST : count < FORESEEN_MOST);
+        EXPECT_TRUE(loop ? count == PREDICTED_MAX : count < PREDICTED_MAX);
     }
 }
 
-static void only_what_can_be_ready(void **state)
+static void test_predicts_only_loadable_frames(void **state)
 {
     (void)state;
-    struct foresight f = {0};
-    int64_t at_ns[FORESEEN_MOST];
-    look(&f, 1000, 10000, 0, true, at_ns);
-    int count = look(&f, 1050, 10050, 70, true, at_ns); // takes longer than from one picture to the next
+    struct playback_predictor f = {0};
+    int64_t at_ns[PREDICTED_MAX];
+    predict(&f, 1000, 10000, 0, true, at_ns);
+    int count = predict(&f, 1050, 10050, 70, true, at_ns); // takes longer than from one picture to the next
     EXPECT_TRUE(!foreseen(at_ns, count, 1100));
     EXPECT_TRUE(foreseen(at_ns, count, 1150) && foreseen(at_ns, count, 1200));
 }
 
-static void not_what_stands_still(void **state)
+static void test_no_prediction_while_paused(void **state)
 {
     (void)state;
-    struct foresight f = {0};
-    int64_t at_ns[FORESEEN_MOST];
-    struct foresight_now now = {1000 * MS, LENGTH_NS, EACH_NS, false, true, 0, 0};
-    EXPECT_INT(foresee(&f, &now, at_ns), 0);
+    struct playback_predictor f = {0};
+    int64_t at_ns[PREDICTED_MAX];
+    struct playback_now now = {1000 * MS, LENGTH_NS, EACH_NS, false, true, 0, 0};
+    EXPECT_INT(playback_predict(&f, &now, at_ns), 0);
     now.playing = true;
-    EXPECT_INT(foresee(&f, &now, at_ns), FORESEEN_MOST); // it begins: frame by frame
+    EXPECT_INT(playback_predict(&f, &now, at_ns), PREDICTED_MAX); // it begins: frame by frame
     EXPECT_AT_MOST(fabs((double)(at_ns[0] - now.at_ns - EACH_NS)), 1);
 }
 
 // Where it is always wrong it is hardly tried any more, and at once again when it was right.
-static void not_for_nothing(void **state)
+static void test_no_useless_prediction(void **state)
 {
     (void)state;
-    struct foresight f = {0};
-    int64_t at_ns[FORESEEN_MOST];
+    struct playback_predictor f = {0};
+    int64_t at_ns[PREDICTED_MAX];
     int tried = 0;
     for (int i = 0; i < 200; i++) {
-        foresight_met(&f, false);
-        tried += look(&f, 10 * i, 10 * i, 1, true, at_ns) > 0;
+        playback_predictor_report(&f, false);
+        tried += predict(&f, 10 * i, 10 * i, 1, true, at_ns) > 0;
     }
     EXPECT_AT_LEAST(tried, 10);
     EXPECT_AT_MOST(tried, 60);
-    foresight_met(&f, true);
-    EXPECT_INT(look(&f, 2000, 2000, 1, true, at_ns), FORESEEN_MOST);
+    playback_predictor_report(&f, true);
+    EXPECT_INT(predict(&f, 2000, 2000, 1, true, at_ns), PREDICTED_MAX);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(as_far_as_before),       cmocka_unit_test(over_the_end),
-        cmocka_unit_test(only_what_can_be_ready), cmocka_unit_test(not_what_stands_still),
-        cmocka_unit_test(not_for_nothing),
+        cmocka_unit_test(test_predicts_as_far_as_before),     cmocka_unit_test(test_wraps_at_end),
+        cmocka_unit_test(test_predicts_only_loadable_frames), cmocka_unit_test(test_no_prediction_while_paused),
+        cmocka_unit_test(test_no_useless_prediction),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

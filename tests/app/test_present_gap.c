@@ -6,76 +6,76 @@
 
 #include <pthread.h>
 
-static const int64_t PATIENCE_NS = 50000000;
+static const int64_t MAX_WAIT_NS = 50000000;
 
-static int64_t waited_ns(struct lull *l, int64_t count)
+static int64_t waited_ns(struct present_gap *l, int64_t count)
 {
     const int64_t before_ns = clock_now_ns();
-    lull_wait(l, count);
+    present_gap_wait(l, count);
     return clock_now_ns() - before_ns;
 }
 
-static void one_that_has_begun_is_not_waited_for(void **state)
+static void test_begun_gap_does_not_block(void **state)
 {
     (void)state;
-    struct lull *l;
-    EXPECT_STATUS(lull_open(&l), OK);
-    const int64_t count = lull_count(l);
-    int64_t least_ns = PATIENCE_NS;
+    struct present_gap *l;
+    EXPECT_STATUS(present_gap_open(&l), OK);
+    const int64_t count = present_gap_count(l);
+    int64_t least_ns = MAX_WAIT_NS;
     for (int i = 0; i < 20; i++) { // of many, for this thread may have to wait for a processor
-        lull_begins(l);
+        present_gap_begin(l);
         const int64_t ns = waited_ns(l, count);
         least_ns = ns < least_ns ? ns : least_ns;
     }
-    EXPECT_AT_MOST(least_ns, PATIENCE_NS / 2);
-    EXPECT_INT(lull_count(l), count + 20);
-    lull_close(&l);
-    lull_close(&l); // NULL is fine
+    EXPECT_AT_MOST(least_ns, MAX_WAIT_NS / 2);
+    EXPECT_INT(present_gap_count(l), count + 20);
+    present_gap_close(&l);
+    present_gap_close(&l); // NULL is fine
 }
 
-static void where_nothing_is_drawn_none_begins(void **state)
+static void test_no_gap_without_drawing(void **state)
 {
     (void)state;
-    struct lull *l;
-    EXPECT_STATUS(lull_open(&l), OK);
-    lull_begins(l); // before: it is over
-    EXPECT_AT_LEAST(waited_ns(l, lull_count(l)), PATIENCE_NS);
-    lull_close(&l);
+    struct present_gap *l;
+    EXPECT_STATUS(present_gap_open(&l), OK);
+    present_gap_begin(l); // before: it is over
+    EXPECT_AT_LEAST(waited_ns(l, present_gap_count(l)), MAX_WAIT_NS);
+    present_gap_close(&l);
 }
 
-static void *wait_for_it(void *lull)
+static void *wait_for_it(void *gap)
 {
-    struct lull *l = lull;
-    lull_wait(l, 0);
+    struct present_gap *l = gap;
+    present_gap_wait(l, 0);
     return NULL;
 }
 
-static void it_wakes_who_waits(void **state)
+static void test_wakes_waiting_thread(void **state)
 {
     (void)state;
-    int64_t least_ns = PATIENCE_NS;
+    int64_t least_ns = MAX_WAIT_NS;
     for (int i = 0; i < 20; i++) {
-        struct lull *l;
+        struct present_gap *l;
         pthread_t waiting;
-        EXPECT_STATUS(lull_open(&l), OK);
+        EXPECT_STATUS(present_gap_open(&l), OK);
         const int64_t before_ns = clock_now_ns();
         assert_int_equal(pthread_create(&waiting, NULL, wait_for_it, l), 0);
         clock_sleep_until_ns(before_ns + 1000000); // it most likely waits by now; else the lull has begun before
-        lull_begins(l);
+        present_gap_begin(l);
         pthread_join(waiting, NULL);
         const int64_t ns = clock_now_ns() - before_ns;
         least_ns = ns < least_ns ? ns : least_ns;
-        lull_close(&l);
+        present_gap_close(&l);
     }
-    EXPECT_AT_MOST(least_ns, PATIENCE_NS / 2);
+    EXPECT_AT_MOST(least_ns, MAX_WAIT_NS / 2);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(one_that_has_begun_is_not_waited_for),
-        cmocka_unit_test(where_nothing_is_drawn_none_begins),
-        cmocka_unit_test(it_wakes_who_waits),
+        cmocka_unit_test(test_begun_gap_does_not_block),
+        cmocka_unit_test(test_no_gap_without_drawing),
+        cmocka_unit_test(test_wakes_waiting_thread),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

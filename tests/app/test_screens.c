@@ -33,33 +33,33 @@ static struct rehearsal rehearsal;
 
 static void open_glass(struct glass *g, int width, int height, const char *file, const char *take, const char *camera)
 {
-    const struct tablet_options options = {.file = file,
+    const struct viewer_options options = {.file = file,
                                            .take = take,
                                            .camera = camera,
                                            .photos = rehearsal.scratch.path,
-                                           .fixed_fineness = true,
+                                           .fixed_resolution = true,
                                            .refresh_hz = 60};
     glass_open(g, width, height, &options);
 }
 
-static void test_takes_are_chosen_with_a_finger(void **state)
+static void test_takes_are_chosen_by_touch(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, NULL, NULL);
-    struct show *s = &g.tablet.show;
+    struct view_state *s = &g.viewer.state;
     glass_draw(&g);
     EXPECT_INT(s->page, PAGE_TAKES);
     glass_read(&g);
     EXPECT_AT_LEAST(glass_count_color(&g, theme_of(true)->ground, 2), LONG * SHORT / 16);
     // The second card, with a finger that comes and goes.
     const double scale = glass_scale(&g);
-    struct screen_event down = {.kind = SCREEN_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale},
+    struct window_event down = {.kind = WINDOW_POINTER_DOWN, .pointer = 4, .x = 600 * scale, .y = 300 * scale},
                         up = down;
-    up.kind = SCREEN_POINTER_UP;
-    EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &down, scale, clock_now_ns()));
+    up.kind = WINDOW_POINTER_UP;
+    EXPECT_TRUE(input_map_event(&g.viewer.input, s, &down, scale, clock_now_ns()));
     glass_draw(&g);
-    EXPECT_TRUE(hands_hear(&g.tablet.hands, s, &up, scale, clock_now_ns()));
+    EXPECT_TRUE(input_map_event(&g.viewer.input, s, &up, scale, clock_now_ns()));
     glass_draw(&g);
     glass_draw(&g);
     EXPECT_INT(s->page, PAGE_WATCH);
@@ -67,67 +67,67 @@ static void test_takes_are_chosen_with_a_finger(void **state)
     glass_close(&g);
 }
 
-static void test_an_orbit_shows_the_actor_and_a_finger_turns_it(void **state)
+static void test_orbit_follows_finger(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    struct show *s = &g.tablet.show;
+    struct view_state *s = &g.viewer.state;
     glass_draw(&g);
     glass_seek(&g, 0.5);
     glass_draw(&g);
     glass_draw(&g);
     EXPECT_TRUE(s->orbiting && s->page == PAGE_WATCH);
-    EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
-    EXPECT_TRUE(show_hint(s) == NULL);
+    EXPECT_AT_LEAST(g.viewer.image.parts, 8);
+    EXPECT_TRUE(view_state_hint(s) == NULL);
     const double scale = glass_scale(&g), angle = s->orbit.angle_rad;
-    struct screen_event e = {.kind = SCREEN_POINTER_DOWN, .pointer = 1, .x = 200, .y = 150};
-    hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
+    struct window_event e = {.kind = WINDOW_POINTER_DOWN, .pointer = 1, .x = 200, .y = 150};
+    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
     glass_draw(&g);
-    e.kind = SCREEN_POINTER_MOVE;
+    e.kind = WINDOW_POINTER_MOVE;
     e.x = 250;
-    hands_hear(&g.tablet.hands, s, &e, scale, clock_now_ns());
+    input_map_event(&g.viewer.input, s, &e, scale, clock_now_ns());
     glass_draw(&g);
     EXPECT_AT_LEAST(angle - s->orbit.angle_rad, 0.3);
     glass_close(&g);
 }
 
 #ifndef EMULATED
-static void test_nothing_is_drawn_when_nothing_changes(void **state)
+static void test_no_redraw_without_change(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    struct show *s = &g.tablet.show;
+    struct view_state *s = &g.viewer.state;
     glass_draw(&g);
     glass_seek(&g, 0.5);
     // The take is prepared, and the orbit comes to rest on him.
-    for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->freshness < 1; i++) {
+    for (int64_t i = 0, until = clock_now_ns() + 200000000000; i < 40 || s->crossfade < 1; i++) {
         glass_draw_and_wait(&g);
         EXPECT_TRUE(clock_now_ns() < until);
     }
     s->changed = false;
-    g.tablet.checked_ns = clock_now_ns(); // the look after the file comes once a second
-    int64_t now = clock_now_ns(), next = tablet_update(&g.tablet, now);
+    g.viewer.checked_ns = clock_now_ns(); // the look after the file comes once a second
+    int64_t now = clock_now_ns(), next = viewer_update(&g.viewer, now);
     EXPECT_TRUE(!s->changed);
     EXPECT_AT_LEAST(next - now, 100000000);
     glass_close(&g);
 }
 #endif
 
-static void test_actor_and_camera_are_of_one_instant(void **state)
+static void test_actor_and_camera_are_synchronous(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
-    glass_settle(&g, true);
-    struct tablet *t = &g.tablet;
-    EXPECT_TRUE(t->picture.camera && t->picture.actor && !t->show.orbiting);
+    glass_wait_located(&g, true);
+    struct viewer *t = &g.viewer;
+    EXPECT_TRUE(t->image.camera && t->image.actor && !t->state.orbiting);
     for (int i = 0; i < 10; i++) {
         glass_draw(&g);
-        EXPECT_INT(t->look.camera_number, t->sight->number);
-        EXPECT_INT(t->look.time_ns, player_at(&t->show.player, t->sight->came_ns));
-        EXPECT_INT(memcmp(&t->look.world_from_camera, &t->sight->world_from_camera, sizeof(struct pose)), 0);
+        EXPECT_INT(t->request.camera_number, t->frame->number);
+        EXPECT_INT(t->request.time_ns, playback_at(&t->state.playback, t->frame->came_ns));
+        EXPECT_INT(memcmp(&t->request.world_from_camera, &t->frame->world_from_camera, sizeof(struct pose)), 0);
     }
     glass_close(&g);
 }
@@ -138,12 +138,12 @@ static void draw_turned(struct glass *g, int quarter_turns)
     gpu_target_close(&g->target);
     EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, across ? g->height : g->width, across ? g->width : g->height),
                   OK);
-    const struct tablet_glass glass = {g->target, g->width, g->height, quarter_turns, glass_scale(g)};
-    EXPECT_STATUS(tablet_draw(&g->tablet, &glass, clock_now_ns()), OK);
+    const struct viewer_surface glass = {g->target, g->width, g->height, quarter_turns, glass_scale(g)};
+    EXPECT_STATUS(viewer_draw(&g->viewer, &glass, clock_now_ns()), OK);
     glass_read(g);
 }
 
-static void test_a_screen_mounted_turned_shows_the_same(void **state)
+static void test_rotated_display_shows_the_same(void **state)
 {
     (void)state;
     struct glass g;
@@ -169,24 +169,24 @@ static void test_a_screen_mounted_turned_shows_the_same(void **state)
     glass_close(&g);
 }
 
-static void test_what_a_finger_hits_is_large_enough_on_every_screen(void **state)
+static void test_touch_targets_are_large_enough(void **state)
 {
     (void)state;
     static const double dpis[] = {96, 149, 220, 264, 320, 450};
     int least = 1 << 30, most = 0;
     for (size_t i = 0; i < COUNT_OF(dpis); i++) {
-        const double scale = tablet_px_per_dp(dpis[i]), mm = TARGET * scale / dpis[i] * 25.4;
+        const double scale = viewer_px_per_dp(dpis[i]), mm = TARGET * scale / dpis[i] * 25.4;
         EXPECT_AT_LEAST(mm, 9);
         if (dpis[i] < 149 || dpis[i] > FINEST_DPI)
             continue;
         // A screen of 20 x 13 cm with that many pixels: the same is seen on it.
         struct glass g;
         open_glass(&g, (int)(7.9 * dpis[i]), (int)(5.1 * dpis[i]), rehearsal.file, "turn", NULL);
-        const struct tablet_glass glass = {g.target, g.width, g.height, 0, scale};
+        const struct viewer_surface glass = {g.target, g.width, g.height, 0, scale};
         glass_prepare(&g); // how far that is would be shown, too
         for (int n = 0; n < 2; n++) {
-            tablet_update(&g.tablet, clock_now_ns());
-            EXPECT_STATUS(tablet_draw(&g.tablet, &glass, clock_now_ns()), OK);
+            viewer_update(&g.viewer, clock_now_ns());
+            EXPECT_STATUS(viewer_draw(&g.viewer, &glass, clock_now_ns()), OK);
             glass_seek(&g, 0.5);
         }
         glass_read(&g);
@@ -200,44 +200,44 @@ static void test_what_a_finger_hits_is_large_enough_on_every_screen(void **state
     EXPECT_AT_MOST(most, 1.1 * least);
 }
 
-static void test_who_does_not_look_misses_nothing(void **state)
+static void test_skipped_draws_lose_nothing(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
-    glass_settle(&g, true);
-    struct tablet *t = &g.tablet;
-    int64_t hidden = clock_now_ns(), at_ns = player_at(&t->show.player, hidden);
-    EXPECT_TRUE(t->show.player.playing);
-    tablet_rest(t, true, hidden);
+    glass_wait_located(&g, true);
+    struct viewer *t = &g.viewer;
+    int64_t hidden = clock_now_ns(), at_ns = playback_at(&t->state.playback, hidden);
+    EXPECT_TRUE(t->state.playback.playing);
+    viewer_suspend(t, true, hidden);
     clock_sleep_until_ns(hidden + 300000000); // the camera is let go of
-    int64_t came = eyes_state(t->eyes).came;
+    int64_t came = camera_feed_query(t->feed).came;
     clock_sleep_until_ns(clock_now_ns() + 400000000);
-    EXPECT_INT(eyes_state(t->eyes).came, came);
+    EXPECT_INT(camera_feed_query(t->feed).came, came);
     int64_t shown = clock_now_ns();
-    tablet_rest(t, false, shown);
-    EXPECT_INT(player_at(&t->show.player, shown), at_ns);
-    for (int64_t until = shown + 30000000000; eyes_state(t->eyes).came == came && clock_now_ns() < until;)
+    viewer_suspend(t, false, shown);
+    EXPECT_INT(playback_at(&t->state.playback, shown), at_ns);
+    for (int64_t until = shown + 30000000000; camera_feed_query(t->feed).came == came && clock_now_ns() < until;)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
-    glass_settle(&g, true);
-    EXPECT_AT_LEAST(eyes_state(t->eyes).came, came + 1);
+    glass_wait_located(&g, true);
+    EXPECT_AT_LEAST(camera_feed_query(t->feed).came, came + 1);
     glass_close(&g);
 }
 
 // How many pixels of that picture of him lie outside of the box that it is drawn in.
 static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, struct ui_box box, int *within)
 {
-    struct tablet *t = &g->tablet;
+    struct viewer *t = &g->viewer;
     const double scale = glass_scale(g);
     const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
     const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
-    const struct lens *lens = &t->picture.lens;
+    const struct lens *lens = &t->image.lens;
     struct cover cover = cover_of(lens, all);
     struct ui_box whole = {cover.x, cover.y, cover.scale * lens->width, cover.scale * lens->height};
     EXPECT_TRUE(picture);
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);
     ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a ground without soft edges
-    ui_picture(t->ui, picture, whole, (struct ui_part){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_image(t->ui, picture, whole, (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
     ui_end(t->ui);
     EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
     glass_read(g);
@@ -254,38 +254,38 @@ static int beyond_the_box(struct glass *g, const struct gpu_texture *picture, st
     return beyond;
 }
 
-static void test_he_is_drawn_whole(void **state)
+static void test_whole_actor_is_drawn(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
-    g.tablet.show.orbit.distance_m = 4;
+    g.viewer.state.orbit.distance_m = 4;
     for (int i = 0; i < 8; i++) {
-        const struct stage_picture *p = &g.tablet.picture;
+        const struct take_view_image *p = &g.viewer.image;
         const struct ui_box all = {0, 0, g.width / glass_scale(&g), g.height / glass_scale(&g)};
         int within = 0, shaded = 0;
         glass_seek(&g, i / 7.0);
-        g.tablet.show.orbit.angle_rad += 0.8;
+        g.viewer.state.orbit.angle_rad += 0.8;
         glass_draw(&g);
         const struct cover cover = cover_of(&p->lens, all);
-        EXPECT_INT(beyond_the_box(&g, p->actor, scene_actor_box(p, cover, all), &within), 0);
-        EXPECT_INT(beyond_the_box(&g, p->shadow, scene_shadow_box(p, cover, all), &shaded), 0);
+        EXPECT_INT(beyond_the_box(&g, p->actor, compositor_actor_box(p, cover, all), &within), 0);
+        EXPECT_INT(beyond_the_box(&g, p->shadow, compositor_shadow_box(p, cover, all), &shaded), 0);
         EXPECT_AT_LEAST(within, 2000);
         EXPECT_AT_LEAST(shaded, 500);
     }
     glass_close(&g);
 }
 
-static void test_a_photograph_is_what_is_seen_without_the_controls(void **state)
+static void test_screenshot_omits_controls(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
-    glass_settle(&g, true);
-    show_do(&g.tablet.show, DO_PHOTOGRAPH, clock_now_ns());
+    glass_wait_located(&g, true);
+    view_state_do(&g.viewer.state, DO_SCREENSHOT, clock_now_ns());
     glass_draw(&g);
-    const char *notice = g.tablet.show.notice, *name = strstr(notice, "reenact-");
+    const char *notice = g.viewer.state.notice, *name = strstr(notice, "reenact-");
     EXPECT_TRUE(name);
     uint8_t *bytes, *rgb = malloc(640 * 480 * 3);
     size_t count;
@@ -294,14 +294,14 @@ static void test_a_photograph_is_what_is_seen_without_the_controls(void **state)
     double sum = 0;                                              // where the actor is not, it is the camera's picture
     for (int y = 0; y < 120; y++)
         for (int x = 0; x < 3 * 120; x++)
-            sum += abs(rgb[y * 640 * 3 + x] - g.tablet.sight->rgb[y * 640 * 3 + x]);
+            sum += abs(rgb[y * 640 * 3 + x] - g.viewer.frame->rgb[y * 640 * 3 + x]);
     EXPECT_AT_MOST(sum / (120 * 360), 4);
     free(rgb);
     free(bytes);
     glass_close(&g);
 }
 
-static void test_a_recording_that_is_taken_away_plays_on(void **state)
+static void test_removed_recording_plays_on(void **state)
 {
     (void)state;
     char away[300];
@@ -310,87 +310,87 @@ static void test_a_recording_that_is_taken_away_plays_on(void **state)
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
     EXPECT_INT(rename(rehearsal.file, away), 0);
-    g.tablet.checked_ns = 0;
+    g.viewer.checked_ns = 0;
     glass_seek(&g, 0.8);
     glass_draw(&g);
-    EXPECT_TRUE(show_hint(&g.tablet.show) && strstr(show_hint(&g.tablet.show), "taken away"));
-    EXPECT_AT_LEAST(g.tablet.picture.parts, 8);
+    EXPECT_TRUE(view_state_hint(&g.viewer.state) && strstr(view_state_hint(&g.viewer.state), "taken away"));
+    EXPECT_AT_LEAST(g.viewer.image.parts, 8);
     EXPECT_INT(rename(away, rehearsal.file), 0);
-    g.tablet.checked_ns = 0;
+    g.viewer.checked_ns = 0;
     glass_draw(&g);
-    EXPECT_TRUE(!show_hint(&g.tablet.show));
+    EXPECT_TRUE(!view_state_hint(&g.viewer.state));
     glass_close(&g);
 }
 
-static void test_a_camera_that_is_lost_says_what_to_do(void **state)
+static void test_lost_camera_gives_advice(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.blind);
-    glass_settle(&g, false);
-    const char *hint = show_hint(&g.tablet.show);
+    glass_wait_located(&g, false);
+    const char *hint = view_state_hint(&g.viewer.state);
     EXPECT_TRUE(hint && strstr(hint, "tag"));
     glass_close(&g);
     // And one that is not there at all.
     char nowhere[300];
     snprintf(nowhere, sizeof nowhere, "folder:%s", scratch_file(&rehearsal.scratch, "nowhere"));
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", nowhere);
-    for (int i = 0; i < 500 && !*g.tablet.eyes_now.trouble; i++) {
-        tablet_update(&g.tablet, clock_now_ns());
+    for (int i = 0; i < 500 && !*g.viewer.feed_state.trouble; i++) {
+        viewer_update(&g.viewer, clock_now_ns());
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     }
     glass_draw(&g);
-    hint = show_hint(&g.tablet.show);
+    hint = view_state_hint(&g.viewer.state);
     EXPECT_TRUE(hint && strstr(hint, "nowhere"));
-    EXPECT_TRUE(g.tablet.show.orbiting); // one can look all the same
+    EXPECT_TRUE(g.viewer.state.orbiting); // one can look all the same
     glass_close(&g);
 }
 
-static void test_the_mirror_shows_him_the_other_way_round(void **state)
+static void test_mirror_flips_actor(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
     glass_seek(&g, 0.5);
-    struct tablet *t = &g.tablet;
+    struct viewer *t = &g.viewer;
     glass_draw(&g);
-    struct vec3 left = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER],
-                right = t->picture.skeleton.joint[JOINT_RIGHT_SHOULDER];
-    show_do(&t->show, DO_MIRROR, clock_now_ns());
+    struct vec3 left = t->image.skeleton.joint[JOINT_LEFT_SHOULDER],
+                right = t->image.skeleton.joint[JOINT_RIGHT_SHOULDER];
+    view_state_do(&t->state, DO_MIRROR, clock_now_ns());
     glass_draw(&g);
-    struct vec3 mirrored = t->picture.skeleton.joint[JOINT_LEFT_SHOULDER];
-    EXPECT_TRUE(t->picture.turned_over);
+    struct vec3 mirrored = t->image.skeleton.joint[JOINT_LEFT_SHOULDER];
+    EXPECT_TRUE(t->image.flip_x);
     // His left shoulder is where the right one was, but for how far he leans.
     EXPECT_AT_MOST(v3_distance(mirrored, right), v3_distance(mirrored, left));
     // What is drawn goes along with the skeleton: it covers the mirrored joints.
-    show_do(&t->show, DO_SKELETON, clock_now_ns());
+    view_state_do(&t->state, DO_SKELETON, clock_now_ns());
     glass_draw(&g);
-    EXPECT_AT_LEAST(t->picture.parts, 8);
+    EXPECT_AT_LEAST(t->image.parts, 8);
     glass_close(&g);
 }
 
-static void test_the_take_is_there_at_once_and_better_soon(void **state)
+static void test_take_opens_at_once_and_refines(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    struct tablet *t = &g.tablet;
+    struct viewer *t = &g.viewer;
     glass_draw(&g);
     glass_draw(&g);
-    EXPECT_AT_LEAST(t->picture.parts, 8);
-    EXPECT_TRUE(!t->picture.prepared);
+    EXPECT_AT_LEAST(t->image.parts, 8);
+    EXPECT_TRUE(!t->image.prepared);
     int plain = 0, both = 0, better = 0;
     double share = 0;
-    for (int64_t until = clock_now_ns() + 200000000000; t->show.freshness < 1 && clock_now_ns() < until;) {
+    for (int64_t until = clock_now_ns() + 200000000000; t->state.crossfade < 1 && clock_now_ns() < until;) {
         glass_draw_and_wait(&g);
-        EXPECT_AT_LEAST(t->show.prepared, share);
-        share = t->show.prepared;
-        plain += !t->picture.prepared;
-        both += t->picture.prepared && t->picture.former;
+        EXPECT_AT_LEAST(t->state.prepared, share);
+        share = t->state.prepared;
+        plain += !t->image.prepared;
+        both += t->image.prepared && t->image.former;
     }
     glass_draw(&g);
-    better = t->picture.prepared && !t->picture.former;
+    better = t->image.prepared && !t->image.former;
     print_message("%d pictures plain, %d with both\n", plain, both);
     EXPECT_AT_LEAST(plain, 1);
     EXPECT_AT_LEAST(both, 1);
@@ -398,19 +398,19 @@ static void test_the_take_is_there_at_once_and_better_soon(void **state)
     glass_close(&g);
 }
 
-static void test_a_file_without_a_take_says_so(void **state)
+static void test_file_without_take_is_reported(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, SHORT / 2, LONG / 2, scratch_file(&rehearsal.scratch, "none.reenact"), NULL, NULL);
     glass_draw(&g);
-    EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
-    EXPECT_TRUE(strstr(g.tablet.show.trouble, "none.reenact"));
+    EXPECT_INT(g.viewer.state.page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.viewer.state.trouble, "none.reenact"));
     glass_close(&g);
     open_glass(&g, SHORT / 2, LONG / 2, rehearsal.file, "somebody else", NULL);
     glass_draw(&g);
-    EXPECT_INT(g.tablet.show.page, PAGE_TROUBLE);
-    EXPECT_TRUE(strstr(g.tablet.show.trouble, "somebody else"));
+    EXPECT_INT(g.viewer.state.page, PAGE_TROUBLE);
+    EXPECT_TRUE(strstr(g.viewer.state.trouble, "somebody else"));
     glass_close(&g);
 }
 
@@ -423,35 +423,35 @@ static const char *const screen_names[SCREENS] = {"takes", "place",   "orbit", "
 // Brings screen number n about.
 static void arrange(struct glass *g, int n)
 {
-    struct show *s = &g->tablet.show;
+    struct view_state *s = &g->viewer.state;
     int64_t now = clock_now_ns();
     glass_seek(g, 0.42);
     s->sheet = SHEET_NONE;
     s->orbiting = false;
     s->page = PAGE_WATCH;
-    s->moving = s->sources = s->inset = s->strip = s->skeleton = s->orbit_wished = false;
+    s->moving = s->sources = s->inset = s->frame_graph = s->skeleton = s->orbit_requested = false;
     s->placement = (struct placement){0};
     switch (n) {
     case 0: s->page = PAGE_TAKES; break;
     case 2:
-        show_do(s, DO_ORBIT, now);
-        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad;
+        view_state_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad;
         break;
     case 3:
-        show_do(s, DO_ORBIT, now);
-        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad + 0.4;
-        s->skeleton = s->inset = s->strip = true;
+        view_state_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad + 0.4;
+        s->skeleton = s->inset = s->frame_graph = true;
         s->sheet = SHEET_LAYERS;
         break;
     case 4: s->sheet = SHEET_SPEED; break;
     case 5:
         s->sources = true;
-        show_do(s, DO_ORBIT, now);
-        s->orbit.angle_rad = stage_orbit(g->tablet.stage).angle_rad + 1;
+        view_state_do(s, DO_ORBIT, now);
+        s->orbit.angle_rad = take_view_orbit(g->viewer.take_view).angle_rad + 1;
         break;
     case 6:
-        show_do(s, DO_MOVE, now);
-        show_set_turn(s, 0.6);
+        view_state_do(s, DO_MOVE, now);
+        view_state_set_yaw(s, 0.6);
         break;
     default: break;
     }
@@ -471,14 +471,14 @@ static void photograph_one(struct glass *g, int n, const char *folder)
     const size_t bytes = (size_t)g->width * (size_t)g->height * 4;
     for (int dark = 1; dark >= 0; dark--) {
         char path[600];
-        g->tablet.show.dark = dark;
+        g->viewer.state.dark = dark;
         arrange(g, n);
         glass_draw(g);
         glass_draw(g); // what a tap changed is seen in the second
-        if (folder && g->tablet.show.orbiting)
-            glass_rest(g);
+        if (folder && g->viewer.state.orbiting)
+            glass_wait_idle(g);
         else if (folder)
-            glass_settle(g, n < SCREENS - 1);
+            glass_wait_located(g, n < SCREENS - 1);
         glass_read(g);
         EXPECT_TRUE(full_of_something(g));
         if (!dark)
@@ -499,21 +499,21 @@ static void photograph_all(const char *file, const char *take, const char *camer
     const int share = folder ? 1 : SHARE, width = (upright ? SHORT : LONG) / share,
               height = (upright ? LONG : SHORT) / share;
     open_glass(&g, width, height, file, take, camera);
-    g.tablet.show.take_wanted = true;
-    glass_settle(&g, true);
+    g.viewer.state.take_wanted = true;
+    glass_wait_located(&g, true);
     if (folder)
         glass_prepare(&g);
     for (int n = 0; n < SCREENS - 1; n++)
         photograph_one(&g, n, folder);
     glass_close(&g);
     open_glass(&g, width, height, file, take, blind);
-    g.tablet.show.take_wanted = true;
-    glass_settle(&g, false);
+    g.viewer.state.take_wanted = true;
+    glass_wait_located(&g, false);
     photograph_one(&g, SCREENS - 1, folder);
     glass_close(&g);
 }
 
-static void test_every_screen_is_drawn_wide_and_upright_dark_and_light(void **state)
+static void test_every_screen_orientation_and_theme(void **state)
 {
     (void)state;
     for (int upright = 0; upright < WAYS_UP; upright++)
@@ -546,23 +546,23 @@ int main(int argc, char **argv)
         return 0;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_takes_are_chosen_with_a_finger),
-        cmocka_unit_test(test_an_orbit_shows_the_actor_and_a_finger_turns_it),
+        cmocka_unit_test(test_takes_are_chosen_by_touch),
+        cmocka_unit_test(test_orbit_follows_finger),
 #ifndef EMULATED // which would have the take prepared twice
-        cmocka_unit_test(test_nothing_is_drawn_when_nothing_changes),
+        cmocka_unit_test(test_no_redraw_without_change),
 #endif
-        cmocka_unit_test(test_actor_and_camera_are_of_one_instant),
-        cmocka_unit_test(test_he_is_drawn_whole),
-        cmocka_unit_test(test_a_screen_mounted_turned_shows_the_same),
-        cmocka_unit_test(test_what_a_finger_hits_is_large_enough_on_every_screen),
-        cmocka_unit_test(test_who_does_not_look_misses_nothing),
-        cmocka_unit_test(test_a_photograph_is_what_is_seen_without_the_controls),
-        cmocka_unit_test(test_a_recording_that_is_taken_away_plays_on),
-        cmocka_unit_test(test_a_camera_that_is_lost_says_what_to_do),
-        cmocka_unit_test(test_the_mirror_shows_him_the_other_way_round),
-        cmocka_unit_test(test_the_take_is_there_at_once_and_better_soon),
-        cmocka_unit_test(test_a_file_without_a_take_says_so),
-        cmocka_unit_test(test_every_screen_is_drawn_wide_and_upright_dark_and_light),
+        cmocka_unit_test(test_actor_and_camera_are_synchronous),
+        cmocka_unit_test(test_whole_actor_is_drawn),
+        cmocka_unit_test(test_rotated_display_shows_the_same),
+        cmocka_unit_test(test_touch_targets_are_large_enough),
+        cmocka_unit_test(test_skipped_draws_lose_nothing),
+        cmocka_unit_test(test_screenshot_omits_controls),
+        cmocka_unit_test(test_removed_recording_plays_on),
+        cmocka_unit_test(test_lost_camera_gives_advice),
+        cmocka_unit_test(test_mirror_flips_actor),
+        cmocka_unit_test(test_take_opens_at_once_and_refines),
+        cmocka_unit_test(test_file_without_take_is_reported),
+        cmocka_unit_test(test_every_screen_orientation_and_theme),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

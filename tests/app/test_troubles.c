@@ -15,8 +15,8 @@ static void open_glass(struct glass *g, const char *camera)
 {
     static char uri[300]; // as long as the glass is open
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&rehearsal.scratch, camera));
-    const struct tablet_options how = {
-        .file = rehearsal.file, .take = "turn", .camera = uri, .fixed_fineness = true, .refresh_hz = 60};
+    const struct viewer_options how = {
+        .file = rehearsal.file, .take = "turn", .camera = uri, .fixed_resolution = true, .refresh_hz = 60};
     glass_open(g, GLASS_LONG / 4, GLASS_SHORT / 4, &how);
 }
 
@@ -32,7 +32,7 @@ static void expect_said(struct glass *g, const char *word)
     const char *hint;
     do {
         glass_draw(g);
-        hint = show_hint(&g->tablet.show);
+        hint = view_state_hint(&g->viewer.state);
         clock_sleep_until_ns(clock_now_ns() + 2000000);
     } while ((!hint || !strstr(hint, word)) && clock_now_ns() < until_ns);
     print_message("%s\n", hint ? hint : "nothing is said");
@@ -41,26 +41,26 @@ static void expect_said(struct glass *g, const char *word)
 
 static void expect_all_is_well(struct glass *g)
 {
-    glass_settle(g, true);
-    EXPECT_TRUE(g->tablet.show.presence == 1 && !show_hint(&g->tablet.show));
-    EXPECT_TRUE(!g->tablet.show.orbiting && g->tablet.picture.camera && g->tablet.picture.parts > 0);
+    glass_wait_located(g, true);
+    EXPECT_TRUE(g->viewer.state.presence == 1 && !view_state_hint(&g->viewer.state));
+    EXPECT_TRUE(!g->viewer.state.orbiting && g->viewer.image.camera && g->viewer.image.parts > 0);
 }
 
-static void one_that_is_not_there_is_waited_for(void **state)
+static void test_missing_camera_is_awaited(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, "later");
     expect_said(&g, "later");
-    EXPECT_TRUE(g.tablet.show.orbiting && g.tablet.show.player.playing); // he can be looked at all the same
-    EXPECT_AT_LEAST(g.tablet.picture.parts, 1);
+    EXPECT_TRUE(g.viewer.state.orbiting && g.viewer.state.playback.playing); // he can be looked at all the same
+    EXPECT_AT_LEAST(g.viewer.image.parts, 1);
     move("viewer", "later");
     expect_all_is_well(&g);
     move("later", "viewer");
     glass_close(&g);
 }
 
-static void one_that_is_pulled_out_may_be_put_in_again(void **state)
+static void test_camera_can_be_replugged(void **state)
 {
     (void)state;
     struct glass g;
@@ -69,7 +69,7 @@ static void one_that_is_pulled_out_may_be_put_in_again(void **state)
     for (int times = 0; times < 2; times++) {
         move("viewer", "pulled");
         expect_said(&g, "viewer");
-        EXPECT_TRUE(g.tablet.show.player.playing && g.tablet.show.page == PAGE_WATCH);
+        EXPECT_TRUE(g.viewer.state.playback.playing && g.viewer.state.page == PAGE_WATCH);
         move("pulled", "viewer");
         expect_all_is_well(&g);
     }
@@ -77,7 +77,7 @@ static void one_that_is_pulled_out_may_be_put_in_again(void **state)
 }
 
 // Pictures of a quarter of the size, with the whole size's calibration.
-static void one_of_an_odd_size_is_told_from_one_without_pictures(void **state)
+static void test_odd_size_is_distinguished_from_no_images(void **state)
 {
     (void)state;
     struct glass g;
@@ -94,13 +94,13 @@ static void one_of_an_odd_size_is_told_from_one_without_pictures(void **state)
     glass_close(&g);
 }
 
-static void one_that_sees_no_tag_goes_on_with_the_first(void **state)
+static void test_camera_without_tag_continues(void **state)
 {
     (void)state;
     struct glass g;
     open_glass(&g, "wall");
     expect_said(&g, "Point me at a tag");
-    EXPECT_NEAR(g.tablet.show.presence, 0, 0);
+    EXPECT_NEAR(g.viewer.state.presence, 0, 0);
     move("wall", "blank");
     move("viewer", "wall");
     expect_all_is_well(&g);
@@ -126,10 +126,10 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(one_that_is_not_there_is_waited_for),
-        cmocka_unit_test(one_that_is_pulled_out_may_be_put_in_again),
-        cmocka_unit_test(one_of_an_odd_size_is_told_from_one_without_pictures),
-        cmocka_unit_test(one_that_sees_no_tag_goes_on_with_the_first),
+        cmocka_unit_test(test_missing_camera_is_awaited),
+        cmocka_unit_test(test_camera_can_be_replugged),
+        cmocka_unit_test(test_odd_size_is_distinguished_from_no_images),
+        cmocka_unit_test(test_camera_without_tag_continues),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -13,71 +13,71 @@ static const double PI = 3.14159265358979323846;
 
 // ---------------------------------------------------------------- the player
 
-static void test_time_runs_at_its_speed_and_round(void **state)
+static void test_playback_speed_and_loop(void **state)
 {
     (void)state;
-    struct player p = player_start(9 * S, 10); // a frame a second
-    EXPECT_INT(player_at(&p, 5 * S), 0);
-    player_play(&p, 100 * S, true);
-    EXPECT_INT(player_at(&p, 103 * S), 3 * S);
-    player_set_speed(&p, 103 * S, 0.1);
-    EXPECT_INT(player_at(&p, 113 * S), 4 * S);
-    EXPECT_INT(player_at(&p, 108 * S), 3 * S + S / 2);
-    player_set_speed(&p, 113 * S, 7);
-    EXPECT_NEAR(p.speed, PLAYER_FASTEST, 0);
-    EXPECT_INT(player_at(&p, 115 * S), 8 * S);
-    EXPECT_INT(player_at(&p, 115 * S + 3 * S / 4), 9 * S); // the last frame stays as long as the others
-    EXPECT_INT(player_at(&p, 116 * S + S / 2), S);
-    EXPECT_TRUE(!player_tick(&p, 130 * S));
+    struct playback_clock p = playback_start(9 * S, 10); // a frame a second
+    EXPECT_INT(playback_at(&p, 5 * S), 0);
+    playback_play(&p, 100 * S, true);
+    EXPECT_INT(playback_at(&p, 103 * S), 3 * S);
+    playback_set_speed(&p, 103 * S, 0.1);
+    EXPECT_INT(playback_at(&p, 113 * S), 4 * S);
+    EXPECT_INT(playback_at(&p, 108 * S), 3 * S + S / 2);
+    playback_set_speed(&p, 113 * S, 7);
+    EXPECT_NEAR(p.speed, PLAYBACK_FASTEST, 0);
+    EXPECT_INT(playback_at(&p, 115 * S), 8 * S);
+    EXPECT_INT(playback_at(&p, 115 * S + 3 * S / 4), 9 * S); // the last frame stays as long as the others
+    EXPECT_INT(playback_at(&p, 116 * S + S / 2), S);
+    EXPECT_TRUE(!playback_tick(&p, 130 * S));
 }
 
-static void test_without_a_loop_it_stops_at_the_end_and_begins_anew(void **state)
+static void test_without_loop_stops_at_end_and_restarts(void **state)
 {
     (void)state;
-    struct player p = player_start(4 * S, 5);
-    player_set_loop(&p, 0, false);
-    player_play(&p, 0, true);
-    EXPECT_TRUE(!player_tick(&p, 3 * S));
-    EXPECT_TRUE(player_tick(&p, 5 * S));
+    struct playback_clock p = playback_start(4 * S, 5);
+    playback_set_loop(&p, 0, false);
+    playback_play(&p, 0, true);
+    EXPECT_TRUE(!playback_tick(&p, 3 * S));
+    EXPECT_TRUE(playback_tick(&p, 5 * S));
     EXPECT_TRUE(!p.playing);
-    EXPECT_INT(player_at(&p, 9 * S), 4 * S);
-    player_play(&p, 10 * S, true);
-    EXPECT_INT(player_at(&p, 11 * S), S);
+    EXPECT_INT(playback_at(&p, 9 * S), 4 * S);
+    playback_play(&p, 10 * S, true);
+    EXPECT_INT(playback_at(&p, 11 * S), S);
 }
 
 static void test_steps_land_on_frames(void **state)
 {
     (void)state;
-    struct player p = player_start(3 * S, 4);
-    player_play(&p, 0, true);
-    player_step(&p, S + S / 10, 1);
+    struct playback_clock p = playback_start(3 * S, 4);
+    playback_play(&p, 0, true);
+    playback_step(&p, S + S / 10, 1);
     EXPECT_TRUE(!p.playing);
-    EXPECT_INT(player_at(&p, 50 * S), 2 * S);
-    player_step(&p, 50 * S, 2); // over the end
-    EXPECT_INT(player_at(&p, 50 * S), 0);
-    player_step(&p, 50 * S, -1);
-    EXPECT_INT(player_at(&p, 50 * S), 3 * S);
-    player_set_loop(&p, 50 * S, false);
-    player_step(&p, 50 * S, 5);
-    EXPECT_INT(player_at(&p, 50 * S), 3 * S);
-    struct player one = player_start(0, 1); // a take of one frame
-    player_play(&one, 0, true);
-    player_step(&one, 0, 1);
-    EXPECT_INT(player_at(&one, 5 * S), 0);
+    EXPECT_INT(playback_at(&p, 50 * S), 2 * S);
+    playback_step(&p, 50 * S, 2); // over the end
+    EXPECT_INT(playback_at(&p, 50 * S), 0);
+    playback_step(&p, 50 * S, -1);
+    EXPECT_INT(playback_at(&p, 50 * S), 3 * S);
+    playback_set_loop(&p, 50 * S, false);
+    playback_step(&p, 50 * S, 5);
+    EXPECT_INT(playback_at(&p, 50 * S), 3 * S);
+    struct playback_clock one = playback_start(0, 1); // a take of one frame
+    playback_play(&one, 0, true);
+    playback_step(&one, 0, 1);
+    EXPECT_INT(playback_at(&one, 5 * S), 0);
 }
 
-static void test_sleep_is_no_time(void **state)
+static void test_suspend_takes_no_playback_time(void **state)
 {
     (void)state;
-    struct player p = player_start(60 * S, 61);
-    player_play(&p, 0, true);
-    player_skip(&p, 10 * S, 1000 * S);
-    EXPECT_INT(player_at(&p, 1001 * S), 11 * S);
+    struct playback_clock p = playback_start(60 * S, 61);
+    playback_play(&p, 0, true);
+    playback_skip(&p, 10 * S, 1000 * S);
+    EXPECT_INT(playback_at(&p, 1001 * S), 11 * S);
 }
 
 // ---------------------------------------------------------------- fingers
 
-static void test_one_finger_drags_two_spread_and_twist(void **state)
+static void test_drag_pinch_and_twist_gestures(void **state)
 {
     (void)state;
     struct gesture g = {0};
@@ -108,222 +108,222 @@ static void test_one_finger_drags_two_spread_and_twist(void **state)
 
 // ---------------------------------------------------------------- what is shown
 
-static struct show watching(void)
+static struct view_state watching(void)
 {
-    struct show s = show_start(2, true, 0);
+    struct view_state s = view_state_start(2, true, 0);
     const struct orbit orbit = {v3(0, 0, 1), 0, 0, 3};
-    show_choose(&s, 1);
-    show_take(&s, 10 * S, 301, &orbit, 0);
+    view_state_choose_take(&s, 1);
+    view_state_open_take(&s, 10 * S, 301, &orbit, 0);
     return s;
 }
 
-static struct show_camera seeing(int64_t sight, bool placed, int64_t came_ns)
+static struct view_camera seeing(int64_t number, bool placed, int64_t came_ns)
 {
-    return (struct show_camera){true, true, true, true, came_ns, sight, placed, "", 0, -1};
+    return (struct view_camera){true, true, true, true, came_ns, number, placed, "", 0, -1};
 }
 
-static void hear(struct show *s, struct show_camera camera, int64_t now_ns)
+static void on_camera(struct view_state *s, struct view_camera camera, int64_t now_ns)
 {
-    show_hear(s, &camera, now_ns);
-    show_tick(s, now_ns);
+    view_state_on_camera(s, &camera, now_ns);
+    view_state_tick(s, now_ns);
 }
 
-static void test_every_key_does_what_its_button_does(void **state)
+static void test_keys_match_buttons(void **state)
 {
     (void)state;
-    struct show s = watching();
-    EXPECT_TRUE(s.player.playing);
-    show_do(&s, hands_key(SCREEN_KEY_SPACE, false), S);
-    EXPECT_TRUE(!s.player.playing);
-    show_do(&s, hands_key('m', false), S);
+    struct view_state s = watching();
+    EXPECT_TRUE(s.playback.playing);
+    view_state_do(&s, input_map_key(WINDOW_KEY_SPACE, false), S);
+    EXPECT_TRUE(!s.playback.playing);
+    view_state_do(&s, input_map_key('m', false), S);
     EXPECT_TRUE(s.placement.mirrored);
-    show_do(&s, hands_key('l', false), S);
-    EXPECT_TRUE(!s.player.loop);
-    show_do(&s, hands_key('-', false), S);
-    EXPECT_NEAR(s.player.speed, 0.75, 0);
-    show_do(&s, hands_button(PAD_RIGHT_SHOULDER), S);
-    EXPECT_NEAR(s.player.speed, 1, 0);
-    show_do(&s, hands_key(SCREEN_KEY_END, false), S);
-    EXPECT_INT(player_at(&s.player, S), 10 * S);
-    show_do(&s, DO_LAYERS, S);
-    show_do(&s, DO_MOVE, S); // which closes the sheet
+    view_state_do(&s, input_map_key('l', false), S);
+    EXPECT_TRUE(!s.playback.loop);
+    view_state_do(&s, input_map_key('-', false), S);
+    EXPECT_NEAR(s.playback.speed, 0.75, 0);
+    view_state_do(&s, input_map_button(PAD_RIGHT_SHOULDER), S);
+    EXPECT_NEAR(s.playback.speed, 1, 0);
+    view_state_do(&s, input_map_key(WINDOW_KEY_END, false), S);
+    EXPECT_INT(playback_at(&s.playback, S), 10 * S);
+    view_state_do(&s, DO_LAYERS, S);
+    view_state_do(&s, DO_MOVE, S); // which closes the sheet
     EXPECT_TRUE(s.moving && s.sheet == SHEET_NONE);
-    show_do(&s, hands_key(SCREEN_KEY_ESCAPE, false), S);
+    view_state_do(&s, input_map_key(WINDOW_KEY_ESCAPE, false), S);
     EXPECT_TRUE(!s.moving && s.page == PAGE_WATCH);
-    show_do(&s, hands_button(PAD_B), S);
+    view_state_do(&s, input_map_button(PAD_B), S);
     EXPECT_INT(s.page, PAGE_TAKES);
-    show_do(&s, hands_key(SCREEN_KEY_DOWN, false), S);
+    view_state_do(&s, input_map_key(WINDOW_KEY_DOWN, false), S);
     EXPECT_INT(s.take, 0);
-    show_do(&s, hands_key(SCREEN_KEY_ENTER, false), S);
+    view_state_do(&s, input_map_key(WINDOW_KEY_ENTER, false), S);
     EXPECT_TRUE(s.take_wanted);
-    show_do(&s, DO_BACK, S);
+    view_state_do(&s, DO_BACK, S);
     EXPECT_TRUE(s.quit);
 }
 
-static void test_scrubbing_goes_on_as_it_was(void **state)
+static void test_scrubbing_restores_playback(void **state)
 {
     (void)state;
-    struct show s = watching();
-    show_scrub(&s, true, 0.5, S);
-    show_scrub(&s, true, 0.25, 2 * S);
-    EXPECT_INT(player_at(&s.player, 5 * S), 2 * S + S / 2);
-    show_scrub(&s, false, 0.25, 5 * S);
-    EXPECT_INT(player_at(&s.player, 6 * S), 3 * S + S / 2);
-    show_scrub(&s, false, 0.9, 6 * S); // a slider that nobody holds moves nothing
-    EXPECT_INT(player_at(&s.player, 6 * S), 3 * S + S / 2);
+    struct view_state s = watching();
+    view_state_scrub(&s, true, 0.5, S);
+    view_state_scrub(&s, true, 0.25, 2 * S);
+    EXPECT_INT(playback_at(&s.playback, 5 * S), 2 * S + S / 2);
+    view_state_scrub(&s, false, 0.25, 5 * S);
+    EXPECT_INT(playback_at(&s.playback, 6 * S), 3 * S + S / 2);
+    view_state_scrub(&s, false, 0.9, 6 * S); // a slider that nobody holds moves nothing
+    EXPECT_INT(playback_at(&s.playback, 6 * S), 3 * S + S / 2);
 }
 
-static void test_he_fades_when_the_camera_is_lost_and_the_screen_says_so(void **state)
+static void test_actor_fades_when_camera_is_lost(void **state)
 {
     (void)state;
-    struct show s = watching();
+    struct view_state s = watching();
     int64_t now = S;
     for (int i = 1; i < 10; i++, now += S / 20)
-        hear(&s, seeing(i, true, now), now);
+        on_camera(&s, seeing(i, true, now), now);
     EXPECT_NEAR(s.presence, 1, 0);
-    EXPECT_TRUE(!s.orbiting && !show_hint(&s));
-    hear(&s, seeing(10, false, now), now);
+    EXPECT_TRUE(!s.orbiting && !view_state_hint(&s));
+    on_camera(&s, seeing(10, false, now), now);
     EXPECT_TRUE(s.presence > 0.5 && s.presence < 1); // not at once
-    EXPECT_TRUE(!show_hint(&s));
+    EXPECT_TRUE(!view_state_hint(&s));
     for (int i = 11; i < 40; i++, now += S / 20)
-        hear(&s, seeing(i, false, now), now);
+        on_camera(&s, seeing(i, false, now), now);
     EXPECT_NEAR(s.presence, 0, 0);
-    EXPECT_TRUE(show_hint(&s) && strstr(show_hint(&s), "tag"));
+    EXPECT_TRUE(view_state_hint(&s) && strstr(view_state_hint(&s), "tag"));
     for (int i = 40; i < 50; i++, now += S / 20)
-        hear(&s, seeing(i, true, now), now);
+        on_camera(&s, seeing(i, true, now), now);
     EXPECT_NEAR(s.presence, 1, 0);
 }
 
-static void test_a_camera_that_freezes_or_goes_is_named(void **state)
+static void test_frozen_or_lost_camera_is_reported(void **state)
 {
     (void)state;
-    struct show s = watching();
-    hear(&s, seeing(1, true, S), S);
-    s.player.playing = false;
+    struct view_state s = watching();
+    on_camera(&s, seeing(1, true, S), S);
+    s.playback.playing = false;
     s.changed = false;
-    int64_t next = show_tick(&s, S + S / 2);
+    int64_t next = view_state_tick(&s, S + S / 2);
     EXPECT_AT_MOST(next, 3 * S);
-    show_tick(&s, 3 * S);
-    EXPECT_TRUE(s.changed && strstr(show_hint(&s), "stopped"));
-    struct show_camera gone = seeing(1, true, S);
+    view_state_tick(&s, 3 * S);
+    EXPECT_TRUE(s.changed && strstr(view_state_hint(&s), "stopped"));
+    struct view_camera gone = seeing(1, true, S);
     gone.seeing = false;
     char trouble[40] = "the camera was unplugged"; // one place for every sentence, as the camera's thread has it
     gone.trouble = trouble;
-    hear(&s, gone, 4 * S);
-    EXPECT_TRUE(!strcmp(show_hint(&s), "the camera was unplugged"));
+    on_camera(&s, gone, 4 * S);
+    EXPECT_TRUE(!strcmp(view_state_hint(&s), "the camera was unplugged"));
     strcpy(trouble, "no camera is there");
     s.changed = false;
-    show_hear(&s, &gone, 4 * S);
-    EXPECT_TRUE(s.changed && !strcmp(show_hint(&s), "no camera is there"));
-    hear(&s, seeing(2, true, 5 * S), 5 * S);
-    EXPECT_TRUE(!show_hint(&s));
-    show_do(&s, DO_ORBIT, 5 * S);
+    view_state_on_camera(&s, &gone, 4 * S);
+    EXPECT_TRUE(s.changed && !strcmp(view_state_hint(&s), "no camera is there"));
+    on_camera(&s, seeing(2, true, 5 * S), 5 * S);
+    EXPECT_TRUE(!view_state_hint(&s));
+    view_state_do(&s, DO_ORBIT, 5 * S);
     EXPECT_TRUE(s.orbiting);
-    hear(&s, seeing(3, false, 5 * S), 5 * S);
-    EXPECT_TRUE(!show_hint(&s)); // who orbits needs no tag
+    on_camera(&s, seeing(3, false, 5 * S), 5 * S);
+    EXPECT_TRUE(!view_state_hint(&s)); // who orbits needs no tag
 }
 
-static struct show_camera seeing_moved(int64_t sight, int32_t count, int32_t first)
+static struct view_camera seeing_moved(int64_t number, int32_t count, int32_t first)
 {
-    struct show_camera camera = seeing(sight, true, sight * S);
+    struct view_camera camera = seeing(number, true, number * S);
     camera.moved_tags = count;
     camera.first_moved = first;
     return camera;
 }
 
-static void test_a_tag_that_was_moved_is_named_once(void **state)
+static void test_moved_tag_is_reported_once(void **state)
 {
     (void)state;
-    struct show s = watching();
-    hear(&s, seeing_moved(1, 1, 0), S);
-    hear(&s, seeing(2, true, 2 * S), 2 * S); // one picture showed it so, no more
-    hear(&s, seeing_moved(3, 1, 0), 3 * S);
-    hear(&s, seeing_moved(4, 1, 0), 4 * S);
+    struct view_state s = watching();
+    on_camera(&s, seeing_moved(1, 1, 0), S);
+    on_camera(&s, seeing(2, true, 2 * S), 2 * S); // one picture showed it so, no more
+    on_camera(&s, seeing_moved(3, 1, 0), 3 * S);
+    on_camera(&s, seeing_moved(4, 1, 0), 4 * S);
     EXPECT_TRUE(!s.notice[0]);
-    hear(&s, seeing_moved(5, 1, 0), 5 * S);
+    on_camera(&s, seeing_moved(5, 1, 0), 5 * S);
     EXPECT_TRUE(strstr(s.notice, "Tag 0 is not where") && s.notice_warns);
-    hear(&s, seeing_moved(12, 1, 0), 12 * S);
+    on_camera(&s, seeing_moved(12, 1, 0), 12 * S);
     EXPECT_TRUE(s.notice[0]); // there is time to read it
-    hear(&s, seeing_moved(14, 1, 0), 14 * S);
+    on_camera(&s, seeing_moved(14, 1, 0), 14 * S);
     EXPECT_TRUE(!s.notice[0]);
-    hear(&s, seeing(20, true, 20 * S), 20 * S);
-    hear(&s, seeing_moved(21, 1, 0), 21 * S);
-    hear(&s, seeing_moved(24, 1, 0), 24 * S);
+    on_camera(&s, seeing(20, true, 20 * S), 20 * S);
+    on_camera(&s, seeing_moved(21, 1, 0), 21 * S);
+    on_camera(&s, seeing_moved(24, 1, 0), 24 * S);
     EXPECT_TRUE(!s.notice[0]); // that was said
-    hear(&s, seeing_moved(25, 2, 7), 25 * S);
+    on_camera(&s, seeing_moved(25, 2, 7), 25 * S);
     EXPECT_TRUE(strstr(s.notice, "Tag 7 and others are not where") && strstr(s.notice, "sweep again"));
-    show_say(&s, "Photographed", 26 * S);
+    view_state_notify(&s, "Photographed", 26 * S);
     EXPECT_TRUE(!s.notice_warns);
 }
 
-static void test_moving_follows_the_finger_over_the_floor(void **state)
+static void test_drag_follows_finger_on_floor(void **state)
 {
     (void)state;
-    struct show s = watching();
+    struct view_state s = watching();
     struct gesture g = {0};
-    show_do(&s, DO_MOVE, S);
+    view_state_do(&s, DO_MOVE, S);
     gesture_down(&g, 1, 10, 10, S);
     gesture_move(&g, 1, 50, 10);
     g = gesture_take(&g);
     const struct floor_drag drag = {1, 2, 1.5, 1.75};
-    show_gesture(&s, &g, &drag, S);
+    view_state_gesture(&s, &g, &drag, S);
     EXPECT_NEAR(s.placement.x_m, 0.5, 1e-12);
     EXPECT_NEAR(s.placement.y_m, -0.25, 1e-12);
-    show_set_turn(&s, PI / 2);
+    view_state_set_yaw(&s, PI / 2);
     // Turned about where he stands, then moved.
     struct pose p = placement_pose(&s.placement, v3(3, 4, 0));
     EXPECT_AT_MOST(v3_distance(pose_apply(p, v3(3, 4, 1)), v3(3.5, 3.75, 1)), 1e-12);
     EXPECT_AT_MOST(v3_distance(pose_apply(p, v3(4, 4, 1)), v3(3.5, 4.75, 1)), 1e-12);
-    show_do(&s, DO_PUT_BACK, S);
-    EXPECT_NEAR(s.placement.x_m + s.placement.turn_rad, 0, 0);
+    view_state_do(&s, DO_RESET_PLACEMENT, S);
+    EXPECT_NEAR(s.placement.x_m + s.placement.yaw_rad, 0, 0);
 }
 
-static void test_controls_go_while_it_plays_and_come_with_a_touch(void **state)
+static void test_controls_hide_and_return_on_touch(void **state)
 {
     (void)state;
-    struct show s = watching();
-    show_tick(&s, S);
-    EXPECT_TRUE(show_controls(&s));
-    show_tick(&s, 20 * S);
-    EXPECT_TRUE(!show_controls(&s));
+    struct view_state s = watching();
+    view_state_tick(&s, S);
+    EXPECT_TRUE(view_state_controls_shown(&s));
+    view_state_tick(&s, 20 * S);
+    EXPECT_TRUE(!view_state_controls_shown(&s));
     struct gesture tap = {.spread = 1, .tapped = true};
-    show_gesture(&s, &tap, NULL, 20 * S);
-    EXPECT_TRUE(show_controls(&s));
-    show_do(&s, DO_PLAY_PAUSE, 20 * S);
-    show_tick(&s, 90 * S);
-    EXPECT_TRUE(show_controls(&s)); // paused, they stay
+    view_state_gesture(&s, &tap, NULL, 20 * S);
+    EXPECT_TRUE(view_state_controls_shown(&s));
+    view_state_do(&s, DO_PLAY_PAUSE, 20 * S);
+    view_state_tick(&s, 90 * S);
+    EXPECT_TRUE(view_state_controls_shown(&s)); // paused, they stay
 }
 
 // ---------------------------------------------------------------- the pace
 
-static void test_the_governor_falls_and_rises_and_does_not_swing(void **state)
+static void test_governor_does_not_oscillate(void **state)
 {
     (void)state;
-    struct governor g = governor_start(16);
+    struct resolution_governor g = governor_start(16);
     int changes = 0;
     // A machine that needs 40 ms for every pixel, and time goes with pixels.
     for (int i = 0; i < 3000; i++) {
         double k = governor_scale(&g);
-        changes += governor_drawn(&g, 40 * k * k);
+        changes += governor_update(&g, 40 * k * k);
     }
     EXPECT_AT_MOST(40 * governor_scale(&g) * governor_scale(&g), 16);
     EXPECT_AT_MOST(changes, 4);
     for (int i = 0; i < 3000; i++) // then it gets ten times faster
-        governor_drawn(&g, 4 * governor_scale(&g) * governor_scale(&g));
+        governor_update(&g, 4 * governor_scale(&g) * governor_scale(&g));
     EXPECT_NEAR(governor_scale(&g), 1, 0);
     // One slow picture is no reason.
-    EXPECT_TRUE(!governor_drawn(&g, 60));
-    EXPECT_TRUE(!governor_drawn(&g, 4));
+    EXPECT_TRUE(!governor_update(&g, 60));
+    EXPECT_TRUE(!governor_update(&g, 4));
     EXPECT_INT(g.level, 0);
 }
 
-static void test_the_governor_stays_fine_where_coarse_saves_nothing(void **state)
+static void test_governor_stays_fine_without_gain(void **state)
 {
     (void)state;
-    struct governor g = governor_start(16);
+    struct resolution_governor g = governor_start(16);
     int fine = 0;
     for (int i = 0; i < 1000; i++) {
-        governor_drawn(&g, 100);
+        governor_update(&g, 100);
         fine += g.level == 0;
     }
     EXPECT_AT_LEAST(fine, 950);
@@ -347,20 +347,20 @@ static void test_frame_times_keep_the_last(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_time_runs_at_its_speed_and_round),
-        cmocka_unit_test(test_without_a_loop_it_stops_at_the_end_and_begins_anew),
+        cmocka_unit_test(test_playback_speed_and_loop),
+        cmocka_unit_test(test_without_loop_stops_at_end_and_restarts),
         cmocka_unit_test(test_steps_land_on_frames),
-        cmocka_unit_test(test_sleep_is_no_time),
-        cmocka_unit_test(test_one_finger_drags_two_spread_and_twist),
-        cmocka_unit_test(test_every_key_does_what_its_button_does),
-        cmocka_unit_test(test_scrubbing_goes_on_as_it_was),
-        cmocka_unit_test(test_he_fades_when_the_camera_is_lost_and_the_screen_says_so),
-        cmocka_unit_test(test_a_camera_that_freezes_or_goes_is_named),
-        cmocka_unit_test(test_a_tag_that_was_moved_is_named_once),
-        cmocka_unit_test(test_moving_follows_the_finger_over_the_floor),
-        cmocka_unit_test(test_controls_go_while_it_plays_and_come_with_a_touch),
-        cmocka_unit_test(test_the_governor_falls_and_rises_and_does_not_swing),
-        cmocka_unit_test(test_the_governor_stays_fine_where_coarse_saves_nothing),
+        cmocka_unit_test(test_suspend_takes_no_playback_time),
+        cmocka_unit_test(test_drag_pinch_and_twist_gestures),
+        cmocka_unit_test(test_keys_match_buttons),
+        cmocka_unit_test(test_scrubbing_restores_playback),
+        cmocka_unit_test(test_actor_fades_when_camera_is_lost),
+        cmocka_unit_test(test_frozen_or_lost_camera_is_reported),
+        cmocka_unit_test(test_moved_tag_is_reported_once),
+        cmocka_unit_test(test_drag_follows_finger_on_floor),
+        cmocka_unit_test(test_controls_hide_and_return_on_touch),
+        cmocka_unit_test(test_governor_does_not_oscillate),
+        cmocka_unit_test(test_governor_stays_fine_without_gain),
         cmocka_unit_test(test_frame_times_keep_the_last),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -50,7 +50,7 @@ static void test_pose_inverse_far_from_origin(void **state)
     same(pose_apply(pose_multiply(a, pose_inverse(a)), p), p, 1e-10);
 }
 
-static void test_lens_undoes_its_distortion(void **state)
+static void test_lens_undistorts(void **state)
 {
     (void)state;
     struct lens lens = {640, 480, 545, 545.5, 322.5, 238, -0.05, 0.015, 0.0005, -0.0004, 0.001, 0, 0};
@@ -62,7 +62,7 @@ static void test_lens_undoes_its_distortion(void **state)
         }
 }
 
-static void test_lens_check_refuses_nonsense(void **state)
+static void test_lens_check_refuses_invalid(void **state)
 {
     (void)state;
     struct lens good = {640, 480, 525, 525, 319.5, 239.5, 0, 0, 0, 0, 0, 0, 0};
@@ -81,9 +81,12 @@ static void test_lens_check_refuses_nonsense(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rotation_vector_and_back),       cmocka_unit_test(test_matrix_and_back_for_half_turns),
-        cmocka_unit_test(test_quat_between_opposite_and_zero), cmocka_unit_test(test_pose_inverse_far_from_origin),
-        cmocka_unit_test(test_lens_undoes_its_distortion),     cmocka_unit_test(test_lens_check_refuses_nonsense),
+        cmocka_unit_test(test_rotation_vector_and_back),
+        cmocka_unit_test(test_matrix_and_back_for_half_turns),
+        cmocka_unit_test(test_quat_between_opposite_and_zero),
+        cmocka_unit_test(test_pose_inverse_far_from_origin),
+        cmocka_unit_test(test_lens_undistorts),
+        cmocka_unit_test(test_lens_check_refuses_invalid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,14 +6,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void it_begins_at_a_line_and_is_all_there(void **state)
+static void test_cache_aligned_and_complete(void **state)
 {
     (void)state;
-    const size_t page = 2 << 20, sizes[] = {0, 1, MEMORY_LINE, MEMORY_LINE + 1, page - 1, page, page + 1, 3 * page};
+    const size_t page = 2 << 20,
+                 sizes[] = {0, 1, CACHE_LINE_BYTES, CACHE_LINE_BYTES + 1, page - 1, page, page + 1, 3 * page};
     for (size_t i = 0; i < COUNT_OF(sizes); i++) {
-        unsigned char *memory = memory_in_lines(sizes[i]);
+        unsigned char *memory = alloc_cache_aligned(sizes[i]);
         EXPECT_TRUE(memory);
-        EXPECT_INT((uintptr_t)memory % (sizes[i] < page ? MEMORY_LINE : page), 0);
+        EXPECT_INT((uintptr_t)memory % (sizes[i] < page ? CACHE_LINE_BYTES : page), 0);
         memset(memory, 1, sizes[i]); // the sanitizers see to it
         free(memory);
     }
@@ -22,7 +23,7 @@ static void it_begins_at_a_line_and_is_all_there(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(it_begins_at_a_line_and_is_all_there),
+        cmocka_unit_test(test_cache_aligned_and_complete),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,12 +10,12 @@
 
 enum { ITEMS = 400, IN_FLIGHT = 6, STAGES = 3, THREADS = 4, FAILING = 123 };
 
-struct course {
+struct pipeline_case {
     struct pipeline pipeline;
     atomic_int stage_of[ITEMS]; // next
     atomic_int next[STAGES];    // of stages in order
     atomic_int under_way, most_under_way, at_work, most_at_work, done, wrong;
-    int told, give_up_after;
+    int calls, give_up_after;
     double share;
     bool fails, slow;
 };
@@ -29,7 +29,7 @@ static void raise_to(atomic_int *most, int value)
 
 static enum status work(void *context, int stage, int item)
 {
-    struct course *c = context;
+    struct pipeline_case *c = context;
     raise_to(&c->most_at_work, atomic_fetch_add(&c->at_work, 1) + 1);
     if (stage == 0)
         raise_to(&c->most_under_way, atomic_fetch_add(&c->under_way, 1) + 1);
@@ -49,15 +49,15 @@ static enum status work(void *context, int stage, int item)
 
 static bool went_on(void *context, double share)
 {
-    struct course *c = context;
+    struct pipeline_case *c = context;
     atomic_fetch_add(&c->wrong, share < c->share || share > 1);
     c->share = share;
-    return !c->give_up_after || ++c->told < c->give_up_after;
+    return !c->give_up_after || ++c->calls < c->give_up_after;
 }
 
-static struct course *course(void)
+static struct pipeline_case *course(void)
 {
-    struct course *c = calloc(1, sizeof *c);
+    struct pipeline_case *c = calloc(1, sizeof *c);
     assert_non_null(c);
     c->pipeline = (struct pipeline){.items = ITEMS,
                                     .stages = STAGES,
@@ -69,12 +69,12 @@ static struct course *course(void)
     return c;
 }
 
-static void all_go_through_all_stages(void **state)
+static void test_all_items_pass_all_stages(void **state)
 {
     (void)state;
     static const int threads[] = {1, 2, THREADS};
     for (size_t i = 0; i < COUNT_OF(threads); i++) {
-        struct course *c = course();
+        struct pipeline_case *c = course();
         EXPECT_STATUS(pipeline_run(&c->pipeline, threads[i]), OK);
         print_message("on %d threads: %d at work at a time, %d under way\n", threads[i], c->most_at_work,
                       c->most_under_way);
@@ -89,10 +89,10 @@ static void all_go_through_all_stages(void **state)
 }
 
 // Where all stages are in order, each can still have an item of its own.
-static void stages_go_on_side_by_side(void **state)
+static void test_stages_run_concurrently(void **state)
 {
     (void)state;
-    struct course *c = course();
+    struct pipeline_case *c = course();
     c->slow = c->pipeline.in_order[1] = true;
     EXPECT_STATUS(pipeline_run(&c->pipeline, THREADS), OK);
     EXPECT_INT(c->done, ITEMS);
@@ -102,26 +102,26 @@ static void stages_go_on_side_by_side(void **state)
     free(c);
 }
 
-static void an_error_ends_all(void **state)
+static void test_error_ends_all(void **state)
 {
     (void)state;
-    struct course *c = course();
+    struct pipeline_case *c = course();
     c->fails = true;
     EXPECT_STATUS(pipeline_run(&c->pipeline, THREADS), ERR_CORRUPT);
-    assert_string_equal(status_sentence(), "item 123 is broken");
+    assert_string_equal(status_message(), "item 123 is broken");
     EXPECT_INT(c->wrong, 0);
     EXPECT_INT(c->at_work, 0);
     EXPECT_AT_MOST(c->done, FAILING + IN_FLIGHT);
     free(c);
 }
 
-static void whoever_does_not_want_it_gets_nothing(void **state)
+static void test_unwanted_output_is_dropped(void **state)
 {
     (void)state;
-    struct course *c = course();
+    struct pipeline_case *c = course();
     c->give_up_after = 20;
     EXPECT_STATUS(pipeline_run(&c->pipeline, THREADS), NOTHING);
-    EXPECT_INT(c->told, c->give_up_after);
+    EXPECT_INT(c->calls, c->give_up_after);
     EXPECT_INT(c->at_work, 0);
     EXPECT_AT_MOST(c->done, ITEMS - 1);
     free(c);
@@ -130,10 +130,10 @@ static void whoever_does_not_want_it_gets_nothing(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(all_go_through_all_stages),
-        cmocka_unit_test(stages_go_on_side_by_side),
-        cmocka_unit_test(an_error_ends_all),
-        cmocka_unit_test(whoever_does_not_want_it_gets_nothing),
+        cmocka_unit_test(test_all_items_pass_all_stages),
+        cmocka_unit_test(test_stages_run_concurrently),
+        cmocka_unit_test(test_error_ends_all),
+        cmocka_unit_test(test_unwanted_output_is_dropped),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,7 +8,7 @@
 static double clamp(double v) { return v < 0 ? 0 : v > 255 ? 255 : v; }
 
 // ITU-R BT.601-7 and BT.709-6, written out from kr and kb.
-static void reference(struct yuv_meaning m, int y, int cb, int cr, double rgb[3])
+static void reference(struct yuv_encoding m, int y, int cb, int cr, double rgb[3])
 {
     double kr = m.matrix == YUV_BT601 ? 0.299 : 0.2126, kb = m.matrix == YUV_BT601 ? 0.114 : 0.0722, kg = 1 - kr - kb;
     double luma = m.full_range ? y : (y - 16) * 255.0 / 219, scale = m.full_range ? 1 : 255.0 / 224;
@@ -18,7 +18,7 @@ static void reference(struct yuv_meaning m, int y, int cb, int cr, double rgb[3]
     rgb[1] = clamp(luma - (2 * (1 - kb) * kb * u + 2 * (1 - kr) * kr * v) / kg);
 }
 
-static void same(const uint8_t *got, struct yuv_meaning m, int y, int cb, int cr)
+static void same(const uint8_t *got, struct yuv_encoding m, int y, int cb, int cr)
 {
     double wanted[3];
     reference(m, y, cb, cr, wanted);
@@ -31,13 +31,13 @@ static void test_yuv(void **state)
     (void)state;
     enum { W = 6, H = 4, STRIDE = 2 * W + 5 };
     uint8_t in[STRIDE * H], chroma[(W + 3) * H / 2], rgb[W * H * 3];
-    struct dice dice = {20};
+    struct rng rng = {20};
     for (int round = 0; round < 400; round++) {
-        struct yuv_meaning m = {round & 1 ? YUV_BT709 : YUV_BT601, round & 2};
+        struct yuv_encoding m = {round & 1 ? YUV_BT709 : YUV_BT601, round & 2};
         for (size_t i = 0; i < sizeof in; i++)
-            in[i] = (uint8_t)(dice_uniform(&dice) * 256);
+            in[i] = (uint8_t)(rng_uniform(&rng) * 256);
         for (size_t i = 0; i < sizeof chroma; i++)
-            chroma[i] = (uint8_t)(dice_uniform(&dice) * 256);
+            chroma[i] = (uint8_t)(rng_uniform(&rng) * 256);
         pixels_from_yuv422(in, STRIDE, true, m, W, H, rgb);
         for (int y = 0; y < H; y++)
             for (int x = 0; x < W; x++) {

@@ -9,7 +9,7 @@
 
 static int nice_of_this_thread(void) { return getpriority(PRIO_PROCESS, 0); }
 
-static void *look(void *nice)
+static void *record_policy(void *nice)
 {
     *(int *)nice = nice_of_this_thread();
     return NULL;
@@ -19,14 +19,14 @@ static void *go_behind(void *nices)
 {
     int *nice = nices;
     pthread_t child;
-    background_begin();
+    thread_lower_priority();
     nice[0] = nice_of_this_thread();
-    assert_int_equal(pthread_create(&child, NULL, look, &nice[1]), 0);
+    assert_int_equal(pthread_create(&child, NULL, record_policy, &nice[1]), 0);
     pthread_join(child, NULL);
     return NULL;
 }
 
-static void only_that_thread_and_its_own(void **state)
+static void test_lowers_only_calling_thread_and_children(void **state)
 {
     (void)state;
     const int before = nice_of_this_thread(), nicest = 19;
@@ -49,12 +49,12 @@ static int policy_of_this_thread(void)
 
 static void *leave_real_time(void *policy)
 {
-    background_begin();
+    thread_lower_priority();
     *(int *)policy = policy_of_this_thread();
     return NULL;
 }
 
-static void real_time_is_not_for_the_background(void **state)
+static void test_real_time_policy_is_dropped(void **state)
 {
     (void)state;
     const struct sched_param first = {1}, none = {0};
@@ -71,7 +71,7 @@ static void real_time_is_not_for_the_background(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(only_that_thread_and_its_own),
-                                       cmocka_unit_test(real_time_is_not_for_the_background)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_lowers_only_calling_thread_and_children),
+                                       cmocka_unit_test(test_real_time_policy_is_dropped)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -154,7 +154,7 @@ enum status bench_add_row(struct bench *b, const char *name, const double *value
 
 enum { KEY_MOTIONS = 256, KEY_SEQUENCES, KEY_BODIES, KEY_JOINTS, KEY_PLOT };
 
-struct arguments {
+struct bench_arguments {
     const char *stage, *html;
     struct bench_inputs inputs;
     bool json;
@@ -163,7 +163,7 @@ struct arguments {
 
 static error_t parse(int key, char *argument, struct argp_state *state)
 {
-    struct arguments *a = state->input;
+    struct bench_arguments *a = state->input;
     char *end;
     switch (key) {
     case 'j': a->json = true; return 0;
@@ -213,7 +213,7 @@ static char *list_stages(int key, const char *text, void *input)
     return list; // argp frees it
 }
 
-static int run_stages(const struct arguments *a, struct json *root, FILE *html)
+static int run_stages(const struct bench_arguments *a, struct json *root, FILE *html)
 {
     struct json *stages = root ? json_add_array(root, "stages") : NULL;
     for (size_t i = 0; i < COUNT_OF(bench_stages); i++) {
@@ -236,7 +236,7 @@ static int run_stages(const struct arguments *a, struct json *root, FILE *html)
             if (html)
                 bench_print_html(html, &b.result);
         } else {
-            fprintf(stderr, "reenact-bench: %s: %s\n", bench_stages[i]->name, status_sentence());
+            fprintf(stderr, "reenact-bench: %s: %s\n", bench_stages[i]->name, status_message());
         }
         free(b.result.rows);
         free(b.plain.rows);
@@ -267,7 +267,7 @@ int main(int argc, char **argv)
                                      .doc = "Measures error against time, next to what a user would take instead.\v ",
                                      .help_filter = list_stages};
     argp_err_exit_status = 2;
-    struct arguments a = {.rounds = 5};
+    struct bench_arguments a = {.rounds = 5};
     if (argp_parse(&argp, argc, argv, 0, NULL, &a))
         return 2;
     bool known = !a.stage;

@@ -13,10 +13,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PICTURES_MOST = 24, MADE = 8, MADE_WIDTH = 640, MADE_HEIGHT = 480 };
+enum { IMAGES_MOST = 24, MADE = 8, MADE_WIDTH = 640, MADE_HEIGHT = 480 };
 
-struct pictures {
-    uint16_t *depth[PICTURES_MOST];
+struct depth_images {
+    uint16_t *depth[IMAGES_MOST];
     int count, width, height;
     // Working memory of the contenders.
     struct compressor *compressor;
@@ -26,7 +26,7 @@ struct pictures {
     size_t capacity;
 };
 
-static size_t pixels_of(const struct pictures *p) { return (size_t)p->width * (size_t)p->height; }
+static size_t pixels_of(const struct depth_images *p) { return (size_t)p->width * (size_t)p->height; }
 
 // ------------------------------------------------------------- the pictures
 
@@ -71,14 +71,14 @@ static double scene(double x, double y, int index)
 static void make_picture(uint16_t *depth, int index)
 {
     const double focal = 575, base_m = 0.075;
-    uint64_t dice = 2017 + (uint64_t)index;
+    uint64_t rng = 2017 + (uint64_t)index;
     for (int y = 0; y < MADE_HEIGHT; y++) {
         double shadow_until = -1;
         for (int x = 0; x < MADE_WIDTH; x++) {
             double z = scene((x - 319.5) / focal, (y - 239.5) / focal, index);
             double disparity = focal * base_m / z;
-            double steps = round(8 * disparity + 0.35 * normal(&dice));
-            bool hidden = x + disparity < shadow_until || uniform(&dice) < 0.002;
+            double steps = round(8 * disparity + 0.35 * normal(&rng));
+            bool hidden = x + disparity < shadow_until || uniform(&rng) < 0.002;
             shadow_until = fmax(shadow_until, x + disparity);
             depth[y * MADE_WIDTH + x] = hidden ? 0 : (uint16_t)(1000 * 8 * focal * base_m / steps);
         }
@@ -87,7 +87,7 @@ static void make_picture(uint16_t *depth, int index)
 
 static int by_name(const void *a, const void *b) { return strcmp(*(char *const *)a, *(char *const *)b); }
 
-static enum status read_pictures(struct pictures *p, const char *folder)
+static enum status read_pictures(struct depth_images *p, const char *folder)
 {
     char path[4200], **names = NULL;
     size_t count = 0;
@@ -112,7 +112,7 @@ static enum status read_pictures(struct pictures *p, const char *folder)
     if (count)
         qsort(names, count, sizeof *names, by_name);
     enum status status = count ? OK : fail(ERR_INPUT, "%s holds no .png", path);
-    p->count = count < PICTURES_MOST ? (int)count : PICTURES_MOST;
+    p->count = count < IMAGES_MOST ? (int)count : IMAGES_MOST;
     for (int i = 0; status == OK && i < p->count; i++) { // spread over the whole sequence
         int width, height;
         snprintf(path, sizeof path, "%s/depth/%s", folder, names[(size_t)i * count / (size_t)p->count]);
@@ -128,7 +128,7 @@ static enum status read_pictures(struct pictures *p, const char *folder)
     return status;
 }
 
-static enum status make_pictures(struct pictures *p)
+static enum status make_images(struct depth_images *p)
 {
     p->count = MADE;
     p->width = MADE_WIDTH;
@@ -225,15 +225,15 @@ static void rvl_decode(uint8_t *bytes, uint16_t *depth, size_t n)
 
 // ------------------------------------------------------------- the contenders
 
-struct contender {
-    struct pictures *pictures;
+struct depth_contender {
+    struct depth_images *images;
     enum { OURS, PNG, ZSTD, RVL } code;
     int level; // of PNG and zstd; for RVL: 0 for RVL alone
 };
 
-static enum status encode(const struct contender *c, const uint16_t *depth, uint8_t **bytes, size_t *count)
+static enum status encode(const struct depth_contender *c, const uint16_t *depth, uint8_t **bytes, size_t *count)
 {
-    struct pictures *p = c->pictures;
+    struct depth_images *p = c->images;
     size_t n = pixels_of(p);
     const uint8_t *lent;
     enum status status;
@@ -259,9 +259,9 @@ static enum status encode(const struct contender *c, const uint16_t *depth, uint
     }
 }
 
-static enum status decode(const struct contender *c, uint8_t *bytes, size_t count, uint16_t **back)
+static enum status decode(const struct depth_contender *c, uint8_t *bytes, size_t count, uint16_t **back)
 {
-    struct pictures *p = c->pictures;
+    struct depth_images *p = c->images;
     size_t n = pixels_of(p), plain;
     int width, height;
     enum status status = OK;
@@ -283,8 +283,8 @@ static enum status decode(const struct contender *c, uint8_t *bytes, size_t coun
 
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
-    struct contender *c = self;
-    struct pictures *p = c->pictures;
+    struct depth_contender *c = self;
+    struct depth_images *p = c->images;
     uint8_t *bytes = NULL;
     uint16_t *back = NULL;
     size_t count, n = pixels_of(p);
@@ -311,8 +311,8 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 
 static enum status run(struct bench *b)
 {
-    struct pictures p = {0};
-    enum status status = bench_inputs(b)->data ? read_pictures(&p, bench_inputs(b)->data) : make_pictures(&p);
+    struct depth_images p = {0};
+    enum status status = bench_inputs(b)->data ? read_pictures(&p, bench_inputs(b)->data) : make_images(&p);
     if (status == OK) {
         // RVL needs at most 6 nibbles a pixel and as many for the runs.
         p.capacity = compress_bound(8 * pixels_of(&p)) + 64;
@@ -327,7 +327,7 @@ static enum status run(struct bench *b)
     if (status == OK)
         status = depth_coder_open(&p.coder);
     if (status == OK) {
-        struct contender all[] = {
+        struct depth_contender all[] = {
             {&p, OURS, 0}, {&p, PNG, 6}, {&p, PNG, 1}, {&p, ZSTD, 1}, {&p, RVL, 0}, {&p, RVL, 1},
         };
         const struct bench_contender contenders[] = {
@@ -337,7 +337,7 @@ static enum status run(struct bench *b)
         };
         status = bench_run(b, contenders, COUNT_OF(contenders), p.count);
     }
-    for (int i = 0; i < PICTURES_MOST; i++)
+    for (int i = 0; i < IMAGES_MOST; i++)
         free(p.depth[i]);
     free(p.coded);
     free(p.packed);

@@ -18,10 +18,10 @@
 enum { WIDTH = 1280, HEIGHT = 800, ITEMS = 24, MANY = 500, SLOWEST = 10 };
 static const double AWAY_M = 2.6;
 
-struct contender {
+struct draw_contender {
     struct gpu *gpu;
     struct take *take;
-    struct painter *painter;
+    struct renderer *renderer;
     bool same_frame;
 };
 
@@ -33,18 +33,18 @@ struct steps {
     bool loaded;   // the frame was not kept
 };
 
-static enum status draw(struct contender *c, int item, struct steps *out)
+static enum status draw(struct draw_contender *c, int item, struct steps *out)
 {
     int64_t frame = c->same_frame ? 0 : item % take_frame_count(c->take);
     const struct take_entry *first = take_entry(c->take, 0), *e = take_entry(c->take, frame);
     struct vec3 him = pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]);
     double angle = 6.283185307179586 * item / ITEMS;
     struct vec3 eye = v3_add(him, v3(AWAY_M * sin(angle), -AWAY_M * cos(angle), 0.4));
-    struct painter_view view = {.world_from_camera = bench_look_at(eye, him), .time_ns = e->time_ns - first->time_ns};
-    struct painter_result result;
-    *out = (struct steps){.loaded = painter_near(c->painter, frame, 0) < 0};
+    struct renderer_view view = {.world_from_camera = bench_look_at(eye, him), .time_ns = e->time_ns - first->time_ns};
+    struct renderer_result result;
+    *out = (struct steps){.loaded = renderer_nearest_resident_frame(c->renderer, frame, 0) < 0};
     const double began_ms = bench_all_threads_ms(), asking_ms = bench_clock_ms();
-    enum status status = painter_draw(c->painter, &view, &result);
+    enum status status = renderer_draw(c->renderer, &view, &result);
     const double ending_ms = bench_clock_ms();
     if (status == OK)
         status = gpu_wait(c->gpu);
@@ -57,11 +57,11 @@ static enum status draw(struct contender *c, int item, struct steps *out)
 
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
-    struct contender *c = self;
+    struct draw_contender *c = self;
     struct steps steps;
-    struct gpu_counts before = gpu_count(c->gpu);
+    struct gpu_counts before = gpu_get_counts(c->gpu);
     enum status status = draw(c, item, &steps);
-    struct gpu_counts now = gpu_count(c->gpu);
+    struct gpu_counts now = gpu_get_counts(c->gpu);
     out->time_ms = steps.all;
     out->error = (double)(now.draws - before.draws);
     out->extra[0] = (double)(now.uploads - before.uploads);
@@ -69,20 +69,20 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     return status;
 }
 
-static enum status open_painter(struct contender *c, const struct contender *like, enum detail detail, bool same_frame,
-                                bool kept)
+static enum status open_renderer(struct draw_contender *c, const struct draw_contender *like, enum detail detail,
+                                 bool same_frame, bool kept)
 {
     static const struct lens lens = {WIDTH, HEIGHT, 1000, 1000, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, 0, 0, 0,
                                      0,     0,      0,    0};
-    struct painter_options o = painter_default_options();
+    struct renderer_options o = renderer_default_options();
     *c = *like;
     o.detail = detail;
     o.texture_bytes = kept ? o.texture_bytes : 0;
     c->same_frame = same_frame;
-    return painter_open(&c->painter, c->gpu, c->take, &lens, &o);
+    return renderer_open(&c->renderer, c->gpu, c->take, &lens, &o);
 }
 
-struct picture {
+struct drawn_image {
     int number;
     struct steps ms;
     struct work work;
@@ -90,12 +90,12 @@ struct picture {
 
 static int slowest_first(const void *a, const void *b)
 {
-    const struct picture *x = a, *y = b;
+    const struct drawn_image *x = a, *y = b;
     return (x->ms.all < y->ms.all) - (x->ms.all > y->ms.all);
 }
 
 // After ITEMS pictures the same come again, so of each the least time is its own work, next to nothing else's.
-static double own_ms(const struct picture *pictures, int item)
+static double own_ms(const struct drawn_image *pictures, int item)
 {
     double least = INFINITY;
     for (int i = 0; i < MANY; i++)
@@ -105,12 +105,12 @@ static double own_ms(const struct picture *pictures, int item)
 }
 
 // Whoever had to wait for a processor finds its caches full of what another program needs.
-static bool was_disturbed(const struct picture *p)
+static bool was_disturbed(const struct drawn_image *p)
 {
     return p->work.stolen_ms > 0 || p->work.waited_ms > 0.1 * p->ms.all;
 }
 
-static void say_many(const char *name, struct picture *pictures)
+static void say_many(const char *name, struct drawn_image *pictures)
 {
     double own[ITEMS], sorted[ITEMS], undisturbed_ms = 0;
     for (int k = 0; k < ITEMS; k++)
@@ -129,7 +129,7 @@ static void say_many(const char *name, struct picture *pictures)
            "least\n",
            ITEMS, sorted[ITEMS - 1] / own_median);
     for (int i = 0; i < SLOWEST; i++) {
-        const struct picture *p = &pictures[i];
+        const struct drawn_image *p = &pictures[i];
         printf("  slow: number %3d, %5.2f ms, at least %5.2f (asking %5.2f, ending %5.2f, the driver's threads %5.2f); "
                "waited %5.2f, stolen %2.0f, %2.0f pages%s\n",
                p->number, p->ms.all, own[p->number % ITEMS], p->ms.asking, p->ms.ending,
@@ -140,12 +140,12 @@ static void say_many(const char *name, struct picture *pictures)
 }
 
 // Those before the first are drawn, too, but not told of: others have just drawn, and the caches are full of theirs.
-static enum status measure_many(const char *name, struct contender *c)
+static enum status measure_many(const char *name, struct draw_contender *c)
 {
-    struct picture pictures[MANY];
+    struct drawn_image pictures[MANY];
     for (int i = -ITEMS; i < MANY; i++) {
         const struct work before = work_so_far();
-        struct picture picture = {.number = i};
+        struct drawn_image picture = {.number = i};
         enum status status = draw(c, i < 0 ? i + ITEMS : i, &picture.ms);
         if (status < 0)
             return status;
@@ -173,7 +173,7 @@ static enum status run(struct bench *b)
         {"the plain path, likewise", DETAIL_PAPER, false, false},
     };
     struct rehearsed rehearsed;
-    struct contender base = {0}, all[CONTENDERS] = {{0}};
+    struct draw_contender base = {0}, all[CONTENDERS] = {{0}};
     struct bench_contender contenders[CONTENDERS];
     enum status status = rehearsed_open(&rehearsed, 0);
     base.take = rehearsed.take;
@@ -181,7 +181,7 @@ static enum status run(struct bench *b)
         status = gpu_open(&base.gpu);
     for (int i = 0; i < CONTENDERS && status == OK; i++) {
         contenders[i] = (struct bench_contender){plans[i].name, measure, &all[i], i == 1};
-        status = open_painter(&all[i], &base, plans[i].detail, plans[i].same_frame, plans[i].kept);
+        status = open_renderer(&all[i], &base, plans[i].detail, plans[i].same_frame, plans[i].kept);
     }
     if (status == OK) {
         printf("draw: %d x %d, %s\n", WIDTH, HEIGHT, gpu_renderer(base.gpu));
@@ -190,7 +190,7 @@ static enum status run(struct bench *b)
     for (int i = 0; i < 2 && status == OK; i++)
         status = measure_many(plans[i].name, &all[i]);
     for (int i = 0; i < CONTENDERS; i++)
-        painter_close(&all[i].painter);
+        renderer_close(&all[i].renderer);
     gpu_close(&base.gpu);
     rehearsed_close(&rehearsed);
     return status;

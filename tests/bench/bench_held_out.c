@@ -21,7 +21,7 @@ enum { EVERY = 5, FIRST = 2, MOST = 400, FILMED = 120 };
 static const uint8_t NOBODY = 128; // grey, where nothing is drawn
 static const uint8_t UNKNOWN = 128;
 
-struct picture {
+struct held_out_image {
     char name[64]; // 0007
     int64_t time_ns;
 };
@@ -32,14 +32,14 @@ struct left_out {
     struct recording *recording;
     struct take *take;
     struct lens lens;
-    struct picture picture[MOST];
+    struct held_out_image picture[MOST];
     int count;
 };
 
-struct viewer {
+struct held_out_viewer {
     const struct left_out *data;
-    struct painter *painter;
-    struct motion *motion;
+    struct renderer *renderer;
+    struct skeleton_track *motion;
     uint8_t *room, *drawn, *rgba, *expected;
 };
 
@@ -59,7 +59,7 @@ static enum status thin_out(const struct left_out *data, const char *list, struc
             fputs(line, to);
         if (!out || !names || names->count == MOST)
             continue;
-        struct picture *p = &names->picture[names->count++];
+        struct held_out_image *p = &names->picture[names->count++];
         const char *base = strrchr(file, '/') ? strrchr(file, '/') + 1 : file;
         snprintf(p->name, sizeof p->name, "%.*s", (int)strcspn(base, "."), base);
         p->time_ns = (int64_t)llround(seconds * 1e9);
@@ -132,7 +132,7 @@ static enum status read_expected(const struct left_out *data, const char *name, 
     return status;
 }
 
-static void judge(const struct viewer *v, const uint8_t *mask, struct bench_measure *out)
+static void judge(const struct held_out_viewer *v, const uint8_t *mask, struct bench_measure *out)
 {
     double both = 0, missing = 0, extra = 0, squares = 0, inside = 0;
     for (int i = 0; i < v->data->lens.width * v->data->lens.height; i++) {
@@ -159,22 +159,22 @@ static void judge(const struct viewer *v, const uint8_t *mask, struct bench_meas
 
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
-    struct viewer *v = self;
-    const struct picture *p = &v->data->picture[item];
+    struct held_out_viewer *v = self;
+    const struct held_out_image *p = &v->data->picture[item];
     uint8_t *mask = NULL;
-    struct painter_view view = {.time_ns = p->time_ns - take_entry(v->data->take, 0)->time_ns, .color = v->room};
-    struct painter_result result;
-    struct moment moment;
-    enum status status = motion_at(v->motion, view.time_ns, false, &moment);
+    struct renderer_view view = {.time_ns = p->time_ns - take_entry(v->data->take, 0)->time_ns, .color = v->room};
+    struct renderer_result result;
+    struct track_sample moment;
+    enum status status = skeleton_track_at(v->motion, view.time_ns, false, &moment);
     view.world_from_camera = moment.world_from_camera;
     double started_ms = bench_clock_ms();
     if (status == OK)
-        status = painter_draw(v->painter, &view, &result);
+        status = renderer_draw(v->renderer, &view, &result);
     if (status == OK)
-        status = painter_read(v->painter, v->drawn);
+        status = renderer_read(v->renderer, v->drawn);
     out->time_ms = bench_clock_ms() - started_ms;
     if (status == OK)
-        status = painter_read_actor(v->painter, v->rgba);
+        status = renderer_read_actor(v->renderer, v->rgba);
     if (status == OK)
         status = read_expected(v->data, p->name, v->expected, &mask);
     if (status == OK)
@@ -185,31 +185,32 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 
 static enum status draw_all(struct bench *b, const struct left_out *data, struct gpu *gpu)
 {
-    struct painter *full = NULL, *paper = NULL;
-    struct motion *motion = NULL;
-    struct painter_options options = painter_default_options();
+    struct renderer *full = NULL, *paper = NULL;
+    struct skeleton_track *motion = NULL;
+    struct renderer_options options = renderer_default_options();
     size_t pixels = (size_t)data->lens.width * (size_t)data->lens.height;
     uint8_t *bytes = malloc(13 * pixels);
     enum status status = bytes ? OK : fail(ERR_MEMORY, "no memory for a picture");
     options.shadow = false;
     if (status == OK)
-        status = motion_open(&motion, data->take);
+        status = skeleton_track_open(&motion, data->take);
     if (status == OK)
-        status = painter_open(&full, gpu, data->take, &data->lens, &options);
+        status = renderer_open(&full, gpu, data->take, &data->lens, &options);
     options.detail = DETAIL_PAPER;
     if (status == OK)
-        status = painter_open(&paper, gpu, data->take, &data->lens, &options);
+        status = renderer_open(&paper, gpu, data->take, &data->lens, &options);
     if (status == OK) {
         memset(bytes, NOBODY, 3 * pixels);
-        struct viewer ours = {data, full, motion, bytes, bytes + 3 * pixels, bytes + 6 * pixels, bytes + 10 * pixels};
-        struct viewer old = ours;
-        old.painter = paper;
+        struct held_out_viewer ours = {
+            data, full, motion, bytes, bytes + 3 * pixels, bytes + 6 * pixels, bytes + 10 * pixels};
+        struct held_out_viewer old = ours;
+        old.renderer = paper;
         const struct bench_contender contenders[] = {{"full", measure, &ours, false}, {"paper", measure, &old, true}};
         status = bench_run(b, contenders, COUNT_OF(contenders), data->count);
     }
-    motion_close(&motion);
-    painter_close(&full);
-    painter_close(&paper);
+    skeleton_track_close(&motion);
+    renderer_close(&full);
+    renderer_close(&paper);
     free(bytes);
     return status;
 }
@@ -233,7 +234,7 @@ static enum status film(struct left_out *data)
         char name[64];
         struct world_shot shot = {lens, world_sensor_pose(world), i / 30.0, true};
         snprintf(name, sizeof name, "sensor/truth/mask/%04d.png", i);
-        status = world_render(world, &shot, &(struct world_picture){.mask = mask});
+        status = world_render(world, &shot, &(struct world_image){.mask = mask});
         for (int k = 0; k < lens.width * lens.height; k++)
             mask[k] = mask[k] ? 255 : 0;
         if (status == OK)
@@ -267,7 +268,7 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_left_out = {"left-out",
+const struct bench_stage bench_stage_held_out = {"left-out",
                                                  "frames of a take drawn from the others",
                                                  "outline_pct",
                                                  "draw_ms",

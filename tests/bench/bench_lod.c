@@ -36,7 +36,7 @@ static const struct {
 };
 
 struct level {
-    struct painter *painter;
+    struct renderer *renderer;
     double area, length, predicted, squares, covered; // sums over a distance's views
     int plain;                                        // views drawn at paper
     double ms[VIEWS];
@@ -44,7 +44,7 @@ struct level {
 
 enum { NOBODY, PERSON, HIDDEN };
 
-struct stage {
+struct lod_bench {
     struct views_data data;
     struct world *world;
     struct gpu *gpu;
@@ -80,7 +80,7 @@ static struct lens crop_to(const struct lens *whole, const struct skeleton *in_v
 }
 
 // The sum over directions of an outline's steps between pixels is 4/pi of its length.
-static double outline_length(const uint8_t *seen, int width, int height)
+static double silhouette_length(const uint8_t *seen, int width, int height)
 {
     int steps = 0;
     for (int y = 0; y < height; y++)
@@ -92,7 +92,7 @@ static double outline_length(const uint8_t *seen, int width, int height)
     return steps * 0.7853981633974483;
 }
 
-static enum status film_truth(struct stage *s, struct pose viewer, double time_s)
+static enum status film_truth(struct lod_bench *s, struct pose viewer, double time_s)
 {
     const struct lens *lens = &s->data.lens;
     size_t pixels = (size_t)lens->width * (size_t)lens->height;
@@ -105,10 +105,10 @@ static enum status film_truth(struct stage *s, struct pose viewer, double time_s
     uint16_t *room = malloc(part * sizeof *room);
     enum status status = rgb && mask && room ? OK : fail(ERR_MEMORY, "no memory for a picture");
     if (status == OK)
-        status = world_render(s->world, &shot, &(struct world_picture){.color = rgb, .mask = mask});
+        status = world_render(s->world, &shot, &(struct world_image){.color = rgb, .mask = mask});
     shot.actor = false;
     if (status == OK)
-        status = world_render(s->world, &shot, &(struct world_picture){.depth = room});
+        status = world_render(s->world, &shot, &(struct world_image){.depth = room});
     memset(s->seen, NOBODY, pixels);
     for (size_t i = 0; i < part && status == OK; i++) {
         size_t at = (i / (size_t)shot.lens.width + (size_t)top) * (size_t)lens->width + i % (size_t)shot.lens.width +
@@ -117,7 +117,7 @@ static enum status film_truth(struct stage *s, struct pose viewer, double time_s
         s->seen[at] = hidden ? HIDDEN : mask[i] ? PERSON : NOBODY;
         memcpy(s->rgb + 3 * at, rgb + 3 * i, 3);
     }
-    s->length = outline_length(s->seen, lens->width, lens->height);
+    s->length = silhouette_length(s->seen, lens->width, lens->height);
     free(rgb);
     free(mask);
     free(room);
@@ -126,7 +126,7 @@ static enum status film_truth(struct stage *s, struct pose viewer, double time_s
 
 // ------------------------------------------------------------- the levels
 
-static void judge(const struct stage *s, struct level *l)
+static void judge(const struct lod_bench *s, struct level *l)
 {
     l->length += s->length;
     for (int i = 0; i < s->data.lens.width * s->data.lens.height; i++) {
@@ -142,21 +142,21 @@ static void judge(const struct stage *s, struct level *l)
     }
 }
 
-static enum status draw_view(struct stage *s, const struct painter_view *view, int number)
+static enum status draw_view(struct lod_bench *s, const struct renderer_view *view, int number)
 {
     double ms[LEVELS][DRAWN];
     enum status status = OK;
     for (int i = 0; i < DRAWN * LEVELS && status == OK; i++) {
         struct level *l = &s->level[i % LEVELS];
-        struct painter_result result;
+        struct renderer_result result;
         double started_ms = bench_all_threads_ms();
-        status = painter_draw(l->painter, view, &result);
+        status = renderer_draw(l->renderer, view, &result);
         if (status == OK)
             status = gpu_wait(s->gpu);
         ms[i % LEVELS][i / LEVELS] = bench_all_threads_ms() - started_ms;
         if (status != OK || i < (DRAWN - 1) * LEVELS)
             continue;
-        status = painter_read_actor(l->painter, s->rgba);
+        status = renderer_read_actor(l->renderer, s->rgba);
         l->predicted += result.error_px;
         l->plain += result.level == DETAIL_PAPER;
         judge(s, l);
@@ -166,7 +166,7 @@ static enum status draw_view(struct stage *s, const struct painter_view *view, i
     return status;
 }
 
-static enum status look(struct stage *s, double away_m, int number)
+static enum status measure_view(struct lod_bench *s, double away_m, int number)
 {
     const struct take *take = s->data.own;
     const struct take_entry *e = take_entry(take, number * take_frame_count(take) / VIEWS);
@@ -178,13 +178,13 @@ static enum status look(struct stage *s, double away_m, int number)
     enum status status = film_truth(s, viewer, time_s);
     // From the sensor on, so that where the sensor was found does not count.
     struct pose take_from_world = pose_multiply(e->world_from_camera, pose_inverse(world_sensor_pose(s->world)));
-    struct painter_view view = {.world_from_camera = pose_multiply(take_from_world, viewer), .time_ns = since_ns};
+    struct renderer_view view = {.world_from_camera = pose_multiply(take_from_world, viewer), .time_ns = since_ns};
     return status == OK ? draw_view(s, &view, number) : status;
 }
 
 // ------------------------------------------------------------- the stage
 
-static enum status open_stage(struct stage *s)
+static enum status open_lod_bench(struct lod_bench *s)
 {
     struct world_options world = world_default_options();
     enum status status = views_data_open(&s->data, NULL);
@@ -194,13 +194,13 @@ static enum status open_stage(struct stage *s)
     if (status == OK)
         status = gpu_open(&s->gpu);
     for (int i = 0; i < LEVELS && status == OK; i++) {
-        struct painter_options o = painter_default_options();
+        struct renderer_options o = renderer_default_options();
         o.detail = plans[i].detail;
         o.error_px = plans[i].error_px;
-        o.likeness_later = plans[i].unknown;
-        status = painter_open(&s->level[i].painter, s->gpu, s->data.own, &s->data.lens, &o);
+        o.avatar_later = plans[i].unknown;
+        status = renderer_open(&s->level[i].renderer, s->gpu, s->data.own, &s->data.lens, &o);
         if (status == OK && plans[i].unknown)
-            status = painter_give_likeness(s->level[i].painter, NULL);
+            status = renderer_set_avatar(s->level[i].renderer, NULL);
     }
     if (status != OK)
         return status;
@@ -210,10 +210,10 @@ static enum status open_stage(struct stage *s)
     return s->rgb && s->rgba && s->seen ? OK : fail(ERR_MEMORY, "no memory for a picture");
 }
 
-static void close_stage(struct stage *s)
+static void close_lod_bench(struct lod_bench *s)
 {
     for (int i = 0; i < LEVELS; i++)
-        painter_close(&s->level[i].painter);
+        renderer_close(&s->level[i].renderer);
     gpu_close(&s->gpu);
     world_close(&s->world);
     views_data_close(&s->data);
@@ -222,47 +222,47 @@ static void close_stage(struct stage *s)
     free(s->seen);
 }
 
-static enum status sum_up(struct bench *b, struct stage *s, int distance, struct levels_line *lines)
+static enum status sum_up(struct bench *b, struct lod_bench *s, int distance, struct lod_plot_line *lines)
 {
     enum status status = OK;
     double plain_ms = bench_percentile(s->level[0].ms, VIEWS, 0.5);
     for (int i = 0; i < LEVELS && status == OK; i++) {
         struct level *l = &s->level[i];
-        struct levels_mark *m = &lines[i].mark[distance];
+        struct lod_plot_mark *m = &lines[i].mark[distance];
         char name[64];
-        *m = (struct levels_mark){distance + 1, bench_percentile(l->ms, VIEWS, 0.5) / plain_ms, l->area / l->length,
-                                  l->predicted / VIEWS};
+        *m = (struct lod_plot_mark){distance + 1, bench_percentile(l->ms, VIEWS, 0.5) / plain_ms, l->area / l->length,
+                                    l->predicted / VIEWS};
         snprintf(name, sizeof name, "%g m, %s", m->away_m, plans[i].name);
         status = bench_add_row(b, name,
                                (const double[]){m->time_ratio, m->error_px, m->predicted_px,
                                                 sqrt(l->squares / fmax(l->covered, 1)), 100.0 * l->plain / VIEWS});
-        *l = (struct level){.painter = l->painter};
+        *l = (struct level){.renderer = l->renderer};
     }
     return status;
 }
 
 static enum status run(struct bench *b)
 {
-    static struct stage s;
+    static struct lod_bench s;
     static const char *const columns[] = {"time_ratio", "error_px", "predicted", "grey_rms", "paper_pct"};
-    struct levels_line lines[LEVELS];
+    struct lod_plot_line lines[LEVELS];
     for (int i = 0; i < LEVELS; i++)
-        lines[i] = (struct levels_line){
+        lines[i] = (struct lod_plot_line){
             .name = plans[i].name, .colour = plans[i].colour, .ring = plans[i].detail == DETAIL_AUTO};
     bench_columns(b, columns, COUNT_OF(columns));
-    enum status status = open_stage(&s);
-    for (int d = 0; d < LEVELS_DISTANCES && status == OK; d++) {
+    enum status status = open_lod_bench(&s);
+    for (int d = 0; d < LOD_PLOT_DISTANCES && status == OK; d++) {
         for (int v = 0; v < VIEWS && status == OK; v++)
-            status = look(&s, d + 1, v);
+            status = measure_view(&s, d + 1, v);
         if (status == OK)
             status = sum_up(b, &s, d, lines);
     }
     const char *plot = bench_inputs(b)->plot;
     if (status == OK && plot)
-        status = levels_plot(plot, lines, LEVELS);
-    close_stage(&s);
+        status = lod_plot(plot, lines, LEVELS);
+    close_lod_bench(&s);
     return status;
 }
 
-const struct bench_stage bench_stage_levels = {
+const struct bench_stage bench_stage_lod = {
     "levels", "error against time of each level, 1 m to 6 m from the person", "error_px", "time_ratio", {NULL}, run};

@@ -8,18 +8,18 @@
 enum { WIDE = 920, HIGH = 470, TOP = 40, BOTTOM = 350 };
 
 // What is between low and high lies between from and to, logarithmically where asked for.
-struct axis {
+struct lod_plot_axis {
     double low, high, from, to;
     bool powers;
 };
 
-static double place_on(const struct axis *a, double value)
+static double place_on(const struct lod_plot_axis *a, double value)
 {
     double share = a->powers ? log(value / a->low) / log(a->high / a->low) : (value - a->low) / (a->high - a->low);
     return a->from + share * (a->to - a->from);
 }
 
-static void put_x_axis(FILE *file, const struct axis *x, double step, const char *title)
+static void put_x_axis(FILE *file, const struct lod_plot_axis *x, double step, const char *title)
 {
     for (int i = 0; x->low + i * step <= x->high + 1e-9; i++) {
         double value = x->low + i * step, at = place_on(x, value);
@@ -32,7 +32,7 @@ static void put_x_axis(FILE *file, const struct axis *x, double step, const char
 }
 
 // Lines at 1, 2 and 5 times the powers of ten.
-static void put_y_axis(FILE *file, const struct axis *y, const struct axis *x, const char *title)
+static void put_y_axis(FILE *file, const struct lod_plot_axis *y, const struct lod_plot_axis *x, const char *title)
 {
     static const double steps[] = {1, 2, 5};
     for (int power = (int)floor(log10(y->low)); power <= (int)ceil(log10(y->high)); power++)
@@ -49,7 +49,7 @@ static void put_y_axis(FILE *file, const struct axis *y, const struct axis *x, c
             (TOP + BOTTOM) / 2, title);
 }
 
-static void put_mark(FILE *file, const struct levels_line *line, double x, double y)
+static void put_mark(FILE *file, const struct lod_plot_line *line, double x, double y)
 {
     fprintf(file, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%d\" ", x, y, line->ring ? 8 : 4);
     if (line->ring)
@@ -59,10 +59,11 @@ static void put_mark(FILE *file, const struct levels_line *line, double x, doubl
 }
 
 // Distances stand to the right of the marks; with `left` to the left, where no ring is beside them.
-static void put_time(FILE *file, const struct levels_line *line, bool left, const struct axis *x, const struct axis *y)
+static void put_time(FILE *file, const struct lod_plot_line *line, bool left, const struct lod_plot_axis *x,
+                     const struct lod_plot_axis *y)
 {
-    for (int d = 0; d < LEVELS_DISTANCES; d++) {
-        const struct levels_mark *m = &line->mark[d];
+    for (int d = 0; d < LOD_PLOT_DISTANCES; d++) {
+        const struct lod_plot_mark *m = &line->mark[d];
         double at = place_on(x, m->time_ratio), up = place_on(y, m->error_px);
         put_mark(file, line, at, up);
         if (!line->ring)
@@ -71,20 +72,21 @@ static void put_time(FILE *file, const struct levels_line *line, bool left, cons
     }
 }
 
-static void put_prediction(FILE *file, const struct levels_line *line, const struct axis *x, const struct axis *y)
+static void put_prediction(FILE *file, const struct lod_plot_line *line, const struct lod_plot_axis *x,
+                           const struct lod_plot_axis *y)
 {
     if (!line->ring) {
         fprintf(file, "<path fill=\"none\" stroke-dasharray=\"5 4\" stroke=\"%s\" d=\"", line->colour);
-        for (int d = 0; d < LEVELS_DISTANCES; d++)
+        for (int d = 0; d < LOD_PLOT_DISTANCES; d++)
             fprintf(file, "%c%.1f %.1f", d ? 'L' : 'M', place_on(x, line->mark[d].away_m),
                     place_on(y, line->mark[d].predicted_px));
         fputs("\"/>\n", file);
     }
-    for (int d = 0; d < LEVELS_DISTANCES; d++)
+    for (int d = 0; d < LOD_PLOT_DISTANCES; d++)
         put_mark(file, line, place_on(x, line->mark[d].away_m), place_on(y, line->mark[d].error_px));
 }
 
-static void put_legend(FILE *file, const struct levels_line *lines, int count)
+static void put_legend(FILE *file, const struct lod_plot_line *lines, int count)
 {
     enum { LETTER = 8, MARK = 52 }; // about as wide
     int at = 70;
@@ -99,12 +101,12 @@ static void put_legend(FILE *file, const struct levels_line *lines, int count)
         at - 8, HIGH - 32, at + 28, HIGH - 28);
 }
 
-enum status levels_plot(const char *path, const struct levels_line *lines, int count)
+enum status lod_plot(const char *path, const struct lod_plot_line *lines, int count)
 {
     double slowest = 1, best_px = INFINITY, worst_px = 0, least_px = INFINITY, most_px = 0;
     for (int i = 0; i < count; i++)
-        for (int d = 0; d < LEVELS_DISTANCES; d++) {
-            const struct levels_mark *m = &lines[i].mark[d];
+        for (int d = 0; d < LOD_PLOT_DISTANCES; d++) {
+            const struct lod_plot_mark *m = &lines[i].mark[d];
             slowest = fmax(slowest, m->time_ratio);
             best_px = fmin(best_px, m->error_px);
             worst_px = fmax(worst_px, m->error_px);
@@ -114,10 +116,11 @@ enum status levels_plot(const char *path, const struct levels_line *lines, int c
     FILE *file = fopen(path, "w");
     if (!file)
         return fail(ERR_IO, "%s cannot be written", path);
-    const struct axis error = {0.8 * best_px, 1.25 * worst_px, BOTTOM, TOP, true};
-    const struct axis either = {0.8 * fmin(best_px, least_px), 1.25 * fmax(worst_px, most_px), BOTTOM, TOP, true};
-    const struct axis time = {0, 0.25 * ceil(4 * slowest + 0.5), 70, 460, false};
-    const struct axis away = {0, LEVELS_DISTANCES + 1, 540, WIDE - 20, false};
+    const struct lod_plot_axis error = {0.8 * best_px, 1.25 * worst_px, BOTTOM, TOP, true};
+    const struct lod_plot_axis either = {0.8 * fmin(best_px, least_px), 1.25 * fmax(worst_px, most_px), BOTTOM, TOP,
+                                         true};
+    const struct lod_plot_axis time = {0, 0.25 * ceil(4 * slowest + 0.5), 70, 460, false};
+    const struct lod_plot_axis away = {0, LOD_PLOT_DISTANCES + 1, 540, WIDE - 20, false};
     fprintf(file,
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" viewBox=\"0 0 %d %d\">\n"
             "<style>text{font-family:sans-serif}</style><g font-size=\"13\" fill=\"#333\">"

@@ -26,7 +26,7 @@
 enum { MOST = 200, MOST_TAGS = 64, SWEEP = 40, WALK = 90 };
 static const double WALK_HZ = 30, STILL_AT_S = 1;
 
-struct walk {
+struct camera_walk {
     struct place place;
     struct lens lens;
     int count;
@@ -38,7 +38,7 @@ struct walk {
 static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
 
 // Keeps a copy of the picture.
-static enum status keep(struct walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
+static enum status keep(struct camera_walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
 {
     size_t pixels = pixels_of(&w->lens);
     int i = w->count;
@@ -56,7 +56,7 @@ static enum status keep(struct walk *w, const uint8_t *rgb, int64_t time_ns, str
 
 // Puts the truth into the place's axes, by where the map has the tags: whose poses are judged has
 // no say in it. truth: the same tags as they hang, count of them.
-static enum status align_truth(struct walk *w, const int32_t *ids, const struct vec3 *truth, int count)
+static enum status align_truth(struct camera_walk *w, const int32_t *ids, const struct vec3 *truth, int count)
 {
     struct vec3 ours[MOST_TAGS], theirs[MOST_TAGS];
     int n = 0;
@@ -76,7 +76,7 @@ static enum status align_truth(struct walk *w, const int32_t *ids, const struct 
     return OK;
 }
 
-static enum status align_to_world(struct walk *w, const struct world *world)
+static enum status align_to_world(struct camera_walk *w, const struct world *world)
 {
     int32_t count, ids[MOST_TAGS];
     struct vec3 at[MOST_TAGS];
@@ -89,7 +89,7 @@ static enum status align_to_world(struct walk *w, const struct world *world)
 }
 
 // truth/tags_truth.json: {"tags": [{"id": 0, "corners": [[x, y, z], ...]}, ...]}
-static enum status align_to_file(struct walk *w, const char *data)
+static enum status align_to_file(struct camera_walk *w, const char *data)
 {
     char path[4096];
     struct json *root = NULL;
@@ -116,7 +116,7 @@ static enum status align_to_file(struct walk *w, const char *data)
 
 // ---------------------------------------------------------------- the small world's walk
 
-static enum status map_world(const struct world *world, struct walk *w)
+static enum status map_world(const struct world *world, struct camera_walk *w)
 {
     struct calibration sensor = world_calibration(1);
     struct mapper_tag tags[64];
@@ -133,7 +133,7 @@ static enum status map_world(const struct world *world, struct walk *w)
         double t = (double)WORLD_SWEEP_S * i / SWEEP;
         struct world_shot shot = {sensor.color, world_sweep_pose(world, t), 0, false};
         struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = depth};
-        status = world_render(world, &shot, &(struct world_picture){.color = color, .depth = depth});
+        status = world_render(world, &shot, &(struct world_image){.color = color, .depth = depth});
         world_color_noise(color, sensor.color.width, sensor.color.height, (uint64_t)i);
         if (status == OK)
             status = world_depth_noise(&sensor.color, depth, (uint64_t)i, depth);
@@ -149,7 +149,7 @@ static enum status map_world(const struct world *world, struct walk *w)
     return status;
 }
 
-static enum status make(struct walk *w, bool still)
+static enum status make(struct camera_walk *w, bool still)
 {
     struct world_options options = world_default_options();
     struct world *world;
@@ -164,7 +164,7 @@ static enum status make(struct walk *w, bool still)
         status = fail(ERR_MEMORY, "no memory for a picture");
     for (int i = 0; i < WALK && status == OK; i++) {
         struct world_shot shot = {w->lens, world_viewer_pose(world, still ? STILL_AT_S : i / WALK_HZ), 0, false};
-        status = world_render(world, &shot, &(struct world_picture){.color = color});
+        status = world_render(world, &shot, &(struct world_image){.color = color});
         world_color_noise(color, w->lens.width, w->lens.height, 500 + (uint64_t)i);
         if (status == OK)
             status = keep(w, color, (int64_t)(i / WALK_HZ * 1e9), shot.world_from_camera);
@@ -178,7 +178,7 @@ static enum status make(struct walk *w, bool still)
 
 // ---------------------------------------------------------------- a folder's walk
 
-static enum status read_folder(const char *data, struct walk *w)
+static enum status read_folder(const char *data, struct camera_walk *w)
 {
     char path[4096];
     struct source *camera = NULL;
@@ -224,10 +224,10 @@ static const struct setting {
 enum { SETTINGS = COUNT_OF(settings), PEERS = 2 };
 
 struct runner {
-    const struct walk *walk;
+    const struct camera_walk *walk;
     const struct setting *setting;
     struct locator *locator;
-    struct camera_track *track;
+    struct camera_tracker *track;
     struct apriltag_peer *peer;
     int last; // the item before; its error:
     struct vec3 error;
@@ -254,7 +254,7 @@ static enum status measure_find(void *self, int item, struct bench_measure *out)
     struct runner *r = self;
     struct location at;
     double started_ms = bench_clock_ms();
-    enum status status = locator_find(r->locator, r->walk->rgb[item], NULL, &at);
+    enum status status = locator_localize(r->locator, r->walk->rgb[item], NULL, &at);
     out->time_ms = bench_clock_ms() - started_ms;
     if (status == OK)
         judge(r, item, at.world_from_camera, out);
@@ -277,13 +277,14 @@ static enum status measure_track(void *self, int item, struct bench_measure *out
     struct camera_motion motion;
     if (item == 0) { // a new round
         struct locator_options options = options_of(r->setting);
-        camera_track_close(&r->track);
-        enum status status = camera_track_open(&r->track, &r->walk->place, &r->walk->lens, &options);
+        camera_tracker_close(&r->track);
+        enum status status = camera_tracker_open(&r->track, &r->walk->place, &r->walk->lens, &options);
         if (status != OK)
             return status;
     }
     double started_ms = bench_clock_ms();
-    enum status status = camera_track_look(r->track, r->walk->rgb[item], NULL, r->walk->time_ns[item], &at, &motion);
+    enum status status =
+        camera_tracker_process(r->track, r->walk->rgb[item], NULL, r->walk->time_ns[item], &at, &motion);
     out->time_ms = bench_clock_ms() - started_ms;
     if (status == OK)
         judge(r, item, at.world_from_camera, out);
@@ -305,7 +306,7 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
 
 static enum status run(struct bench *b, bool still)
 {
-    static struct walk w;
+    static struct camera_walk w;
     struct runner r[SETTINGS + PEERS];
     struct bench_contender contenders[SETTINGS + PEERS];
     const char *data = bench_inputs(b)->data;
@@ -330,7 +331,7 @@ static enum status run(struct bench *b, bool still)
         status = bench_run(b, contenders, COUNT_OF(contenders), w.count);
     for (size_t i = 0; i < COUNT_OF(r); i++) {
         locator_close(&r[i].locator);
-        camera_track_close(&r[i].track);
+        camera_tracker_close(&r[i].track);
         apriltag_peer_close(&r[i].peer);
     }
     for (int i = 0; i < w.count; i++) {
@@ -345,7 +346,7 @@ static enum status run_walking(struct bench *b) { return run(b, false); }
 
 static enum status run_still(struct bench *b) { return run(b, true); }
 
-const struct bench_stage bench_stage_place = {
+const struct bench_stage bench_stage_map = {
     "place",   "where a tablet is that is carried round a room",       "position_mm",
     "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm", "behind_mm"}, run_walking};
 

@@ -17,33 +17,33 @@
 enum { MOST = 4000, FILMED = 120 };
 static const double MINUTE_S = 60;
 
-static const char *const step_names[LIKENESS_STEPS] = {
-    [LIKENESS_FIRST] = "decode, sort, first shape",
-    [LIKENESS_FIRST_OUTLINES] = "its outlines",
-    [LIKENESS_LAID] = "lay on it, shape",
-    [LIKENESS_LAID_OUTLINES] = "its outlines",
-    [LIKENESS_LOOK] = "look for colours",
-    [LIKENESS_FOLLOW] = "learn colours",
-    [LIKENESS_TURNS] = "how head and legs turn",
-    [LIKENESS_SHAPE] = "lay on it so, shape",
-    [LIKENESS_OUTLINES] = "outlines",
-    [LIKENESS_COLORS] = "bend, gather colours",
-    [LIKENESS_SURFACE] = "triangles",
-    [LIKENESS_COAT] = "light and colours",
-    [LIKENESS_ATLAS] = "as it is drawn",
+static const char *const step_names[AVATAR_STEPS] = {
+    [AVATAR_TSDF_FROM_JOINTS] = "decode, sort, first shape",
+    [AVATAR_SILHOUETTES_FROM_JOINTS] = "its outlines",
+    [AVATAR_TSDF_ALIGNED] = "lay on it, shape",
+    [AVATAR_SILHOUETTES_ALIGNED] = "its outlines",
+    [AVATAR_ROTATION_SEED] = "look for colours",
+    [AVATAR_ROTATION_TRACK] = "learn colours",
+    [AVATAR_ROTATION_MEASURE] = "how head and legs turn",
+    [AVATAR_TSDF_FINAL] = "lay on it so, shape",
+    [AVATAR_SILHOUETTES_FINAL] = "outlines",
+    [AVATAR_COLOR_SAMPLES] = "bend, gather colours",
+    [AVATAR_SURFACE] = "triangles",
+    [AVATAR_VERTEX_COLORS] = "light and colours",
+    [AVATAR_ATLAS] = "as it is drawn",
 };
 
-struct entry {
+struct time_entry {
     double seconds;
     char file[256];
 };
 
-struct list {
-    struct entry entry[MOST];
+struct time_list {
+    struct time_entry entry[MOST];
     int count;
 };
 
-static enum status read_list(const char *folder, const char *name, struct list *out)
+static enum status read_list(const char *folder, const char *name, struct time_list *out)
 {
     char path[8192], line[512];
     snprintf(path, sizeof path, "%s/%s", folder, name);
@@ -52,7 +52,7 @@ static enum status read_list(const char *folder, const char *name, struct list *
         return fail(ERR_MISSING, "%s cannot be read", path);
     out->count = 0;
     while (out->count < MOST && fgets(line, sizeof line, from)) {
-        struct entry *e = &out->entry[out->count];
+        struct time_entry *e = &out->entry[out->count];
         out->count += sscanf(line, "%lf %255s", &e->seconds, e->file) == 2;
     }
     fclose(from);
@@ -60,8 +60,8 @@ static enum status read_list(const char *folder, const char *name, struct list *
 }
 
 // start, end: seconds of what is played there and back.
-static enum status write_list(const struct scratch *scratch, const char *name, const struct list *list, double start,
-                              double end)
+static enum status write_list(const struct scratch *scratch, const char *name, const struct time_list *list,
+                              double start, double end)
 {
     FILE *to = fopen(scratch_file(scratch, name), "w");
     if (!to)
@@ -69,7 +69,7 @@ static enum status write_list(const struct scratch *scratch, const char *name, c
     for (double from = 0; from < MINUTE_S; from += 2 * (end - start))
         for (int i = 0; i < 2 * list->count - 1; i++) {
             bool back = i >= list->count;
-            const struct entry *e = &list->entry[back ? 2 * list->count - 1 - i : i];
+            const struct time_entry *e = &list->entry[back ? 2 * list->count - 1 - i : i];
             double since = from + (back ? 2 * end - e->seconds : e->seconds) - start;
             if (since < MINUTE_S)
                 fprintf(to, "%.6f %s\n", start + since, e->file);
@@ -79,7 +79,7 @@ static enum status write_list(const struct scratch *scratch, const char *name, c
 
 static enum status stretch(const struct scratch *scratch, const char *folder)
 {
-    static struct list color, depth;
+    static struct time_list color, depth;
     static const char *const links[] = {"rgb", "depth", "calibration.json"};
     char path[8192], *whole = realpath(folder, NULL);
     enum status status = read_list(folder, "rgb.txt", &color);
@@ -115,8 +115,8 @@ struct moment_of {
 };
 
 struct split {
-    struct moment_of began[LIKENESS_STEPS];
-    bool known[LIKENESS_STEPS];
+    struct moment_of began[AVATAR_STEPS];
+    bool known[AVATAR_STEPS];
 };
 
 static struct moment_of now(void)
@@ -140,57 +140,67 @@ static void began(void *self, int step)
     s->known[step] = true;
 }
 
-static enum status tell(struct bench *b, const char *name, const struct moment_of *from, const struct moment_of *to)
+static enum status print_times(struct bench *b, const char *name, const struct moment_of *from,
+                               const struct moment_of *to)
 {
     return bench_add_row(b, name, (double[]){to->cpu_s - from->cpu_s, to->clock_s - from->clock_s, to->memory_mib});
 }
 
-static enum status tell_split(struct bench *b, const struct split *s, const struct moment_of *begun,
-                              const struct moment_of *ended)
+static enum status print_split(struct bench *b, const struct split *s, const struct moment_of *begun,
+                               const struct moment_of *ended)
 {
-    static const enum likeness_step order[] = {
-        LIKENESS_FIRST,  LIKENESS_FIRST_OUTLINES, LIKENESS_LAID,  LIKENESS_LAID_OUTLINES, LIKENESS_LOOK,
-        LIKENESS_FOLLOW, LIKENESS_TURNS,          LIKENESS_SHAPE, LIKENESS_OUTLINES,      LIKENESS_SURFACE,
-        LIKENESS_COLORS, LIKENESS_COAT,           LIKENESS_ATLAS};
-    enum status status = tell(b, "what the joints say", begun, &s->began[order[0]]);
+    static const enum avatar_step order[] = {AVATAR_TSDF_FROM_JOINTS,
+                                             AVATAR_SILHOUETTES_FROM_JOINTS,
+                                             AVATAR_TSDF_ALIGNED,
+                                             AVATAR_SILHOUETTES_ALIGNED,
+                                             AVATAR_ROTATION_SEED,
+                                             AVATAR_ROTATION_TRACK,
+                                             AVATAR_ROTATION_MEASURE,
+                                             AVATAR_TSDF_FINAL,
+                                             AVATAR_SILHOUETTES_FINAL,
+                                             AVATAR_SURFACE,
+                                             AVATAR_COLOR_SAMPLES,
+                                             AVATAR_VERTEX_COLORS,
+                                             AVATAR_ATLAS};
+    enum status status = print_times(b, "what the joints say", begun, &s->began[order[0]]);
     for (size_t i = 0; i < COUNT_OF(order) && status == OK; i++) {
         assert(s->known[order[i]]);
         const struct moment_of *to = i + 1 < COUNT_OF(order) ? &s->began[order[i + 1]] : ended;
-        status = tell(b, step_names[order[i]], &s->began[order[i]], to);
+        status = print_times(b, step_names[order[i]], &s->began[order[i]], to);
     }
-    return status == OK ? tell(b, "together", begun, ended) : status;
+    return status == OK ? print_times(b, "together", begun, ended) : status;
 }
 
-static bool same(const struct likeness *a, const struct likeness *b)
+static bool same(const struct avatar *a, const struct avatar *b)
 {
     size_t points = (size_t)a->surface.point_count;
     return a->surface.point_count == b->surface.point_count && a->frame_count == b->frame_count &&
            !memcmp(a->surface.points, b->surface.points, sizeof *a->surface.points * points) &&
-           !memcmp(a->coat.color, b->coat.color, sizeof *a->coat.color * points) &&
-           !memcmp(a->adjustments, b->adjustments, sizeof *a->adjustments * (size_t)a->frame_count);
+           !memcmp(a->vertex_colors.color, b->vertex_colors.color, sizeof *a->vertex_colors.color * points) &&
+           !memcmp(a->frame_corrections, b->frame_corrections, sizeof *a->frame_corrections * (size_t)a->frame_count);
 }
 
 static enum status measure(struct bench *b, struct take *take)
 {
     static const char *const columns[] = {"cpu_s", "clock_s", "memory_mib"};
     struct source_rays *rays = NULL;
-    struct likeness one = {0}, other = {0};
+    struct avatar one = {0}, other = {0};
     struct split split = {0};
     const struct progress_watch watch = {.went_on = went_on, .self = &split, .began = began};
     bench_columns(b, columns, COUNT_OF(columns));
     enum status status = source_rays_open(&rays, take_calibration(take));
     struct moment_of begun = now();
     if (status == OK)
-        status = likeness_make(&one, take, rays, LIKENESS_FRAMES, &watch);
+        status = avatar_make(&one, take, rays, AVATAR_FRAMES, &watch);
     struct moment_of ended = now();
     if (status == OK)
-        status = tell_split(b, &split, &begun, &ended);
+        status = print_split(b, &split, &begun, &ended);
     if (status == OK)
-        status = likeness_make(&other, take, rays, LIKENESS_FRAMES, NULL);
+        status = avatar_make(&other, take, rays, AVATAR_FRAMES, NULL);
     if (status == OK && !same(&one, &other))
         status = fail(ERR_INPUT, "prepared twice, the take is not the same");
-    likeness_free(&one);
-    likeness_free(&other);
+    avatar_free(&one);
+    avatar_free(&other);
     source_rays_close(&rays);
     return status;
 }

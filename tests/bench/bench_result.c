@@ -145,13 +145,13 @@ void bench_print_html_head(FILE *file)
 }
 
 // A logarithmic axis over the values, with a margin, in pixels.
-struct axis {
+struct result_axis {
     double low, high, from_px, to_px;
 };
 
-static struct axis axis_over(const struct bench_result *r, bool time, double from_px, double to_px)
+static struct result_axis axis_over(const struct bench_result *r, bool time, double from_px, double to_px)
 {
-    struct axis a = {INFINITY, -INFINITY, from_px, to_px};
+    struct result_axis a = {INFINITY, -INFINITY, from_px, to_px};
     for (size_t i = 0; i < r->count; i++) {
         double value = time ? r->rows[i].time_ms : r->rows[i].error;
         if (value > 0) {
@@ -167,14 +167,14 @@ static struct axis axis_over(const struct bench_result *r, bool time, double fro
     return a;
 }
 
-static double place_on(const struct axis *a, double value)
+static double place_on(const struct result_axis *a, double value)
 {
     double at = value > 0 ? log10(value) : a->low; // zero and less lie on the edge
     return a->from_px + (at - a->low) / (a->high - a->low) * (a->to_px - a->from_px);
 }
 
 // Lines at 1, 2 and 5 times the powers of ten.
-static void put_grid(FILE *file, const struct axis *a, bool upright, double from_px, double to_px)
+static void put_grid(FILE *file, const struct result_axis *a, bool upright, double from_px, double to_px)
 {
     static const double steps[] = {1, 2, 5};
     for (int power = (int)floor(a->low); power <= (int)ceil(a->high); power++)
@@ -197,7 +197,7 @@ static void put_grid(FILE *file, const struct axis *a, bool upright, double from
 
 static void put_plot(FILE *file, const struct bench_result *r)
 {
-    struct axis time = axis_over(r, true, 70, 760), error = axis_over(r, false, 340, 20);
+    struct result_axis time = axis_over(r, true, 70, 760), error = axis_over(r, false, 340, 20);
     fprintf(file, "<svg width=\"900\" height=\"390\" viewBox=\"0 0 900 390\">\n");
     put_grid(file, &time, true, 340, 20);
     put_grid(file, &error, false, 70, 760);

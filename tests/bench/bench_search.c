@@ -22,11 +22,11 @@ static const uint64_t SEED = 2014;
 struct take_of_limbs {
     int count;
     struct skeleton *frames;
-    struct selector *selector;
+    struct frame_selector *selector;
     float *numbers; // of the frames, necks at 0
     struct nanoflann_peer *peer;
     struct skeleton queries[QUERIES];
-    struct selection best[QUERIES];
+    struct frame_selection best[QUERIES];
 };
 
 // ------------------------------------------------------------- the plain loop
@@ -39,13 +39,13 @@ static double equation_5(const struct skeleton *k, const struct skeleton *n)
     return sum;
 }
 
-static struct selection plain_loop(const struct take_of_limbs *t, const struct skeleton *k)
+static struct frame_selection plain_loop(const struct take_of_limbs *t, const struct skeleton *k)
 {
-    struct selection best = {0, equation_5(k, &t->frames[0])};
+    struct frame_selection best = {0, equation_5(k, &t->frames[0])};
     for (int n = 1; n < t->count; n++) {
         double cost = equation_5(k, &t->frames[n]);
         if (cost < best.cost_m)
-            best = (struct selection){n, cost};
+            best = (struct frame_selection){n, cost};
     }
     return best;
 }
@@ -57,8 +57,8 @@ typedef enum status search(const struct take_of_limbs *t, const struct skeleton 
 
 static enum status search_ours(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
-    struct selection found;
-    enum status status = select_whole(t->selector, k, &found);
+    struct frame_selection found;
+    enum status status = frame_selector_find_body(t->selector, k, &found);
     *frame = found.frame;
     return status;
 }
@@ -66,9 +66,9 @@ static enum status search_ours(const struct take_of_limbs *t, const struct skele
 // Its answers are held by tests/reenact/test_frame_selection; here only the time is of interest.
 static enum status search_parts(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
-    struct selection found[PART_COUNT];
+    struct frame_selection found[PART_COUNT];
     *frame = -1;
-    return select_parts(t->selector, k, found);
+    return frame_selector_find_parts(t->selector, k, found);
 }
 
 static enum status search_plainly(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
@@ -97,7 +97,7 @@ static enum status search_nanoflann(const struct take_of_limbs *t, const struct 
     return status;
 }
 
-struct contender {
+struct search_contender {
     const struct take_of_limbs *take;
     search *search;
 };
@@ -105,7 +105,7 @@ struct contender {
 // A batch of queries in a row: the first finds the caches as the other contenders left them.
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
-    const struct contender *c = self;
+    const struct search_contender *c = self;
     int64_t found[BATCH];
     enum status status = OK;
     double started_ms = bench_clock_ms();
@@ -117,7 +117,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
     out->time_ms = (bench_clock_ms() - started_ms) / BATCH;
     for (int i = 0; i < BATCH && status == OK; i++) {
         const struct skeleton *query = &c->take->queries[item * BATCH + i];
-        const struct selection *best = &c->take->best[item * BATCH + i];
+        const struct frame_selection *best = &c->take->best[item * BATCH + i];
         if (found[i] >= 0)
             out->error += (equation_5(query, &c->take->frames[found[i]]) - best->cost_m) / BATCH;
         out->extra[0] += (found[i] < 0 || found[i] == best->frame) / (double)BATCH;
@@ -130,29 +130,29 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 static enum status fill(struct take_of_limbs *t)
 {
     static const struct body body = {.radius_rate = {0.4, 0.4, 0.5, 0.15, 0.12, 0.15, 0.12, 0.17, 0.12, 0.17, 0.12}};
-    struct nearest *index;
-    enum status status = nearest_open(&index, JOINT_COUNT, 1.0 / 2048, t->count);
+    struct pose_index *index;
+    enum status status = pose_index_open(&index, JOINT_COUNT, 1.0 / 2048, t->count);
     double started_ms = bench_clock_ms();
     for (int n = 0; n < t->count && status == OK; n++) {
-        struct nearest_point point = {.known = (1u << JOINT_COUNT) - 1};
+        struct pose_index_point point = {.known = (1u << JOINT_COUNT) - 1};
         for (int j = 0; j < JOINT_COUNT; j++)
-            point.place[j] = v3_sub(t->frames[n].joint[j], t->frames[n].joint[JOINT_NECK]);
-        nearest_add(index, &point);
+            point.position[j] = v3_sub(t->frames[n].joint[j], t->frames[n].joint[JOINT_NECK]);
+        pose_index_add(index, &point);
     }
     double index_ms = bench_clock_ms() - started_ms;
-    nearest_close(&index);
+    pose_index_close(&index);
     if (status == OK)
-        status = selector_open(&t->selector, t->count);
+        status = frame_selector_open(&t->selector, t->count);
     started_ms = bench_clock_ms();
     for (int n = 0; n < t->count && status == OK; n++)
-        status = selector_add(t->selector, n, &t->frames[n], &body);
+        status = frame_selector_add(t->selector, n, &t->frames[n], &body);
     if (status == OK)
         printf("search: %d frames, adding one: %.2f us to the index of whole bodies, %.1f us with all that is known of "
                "its parts\n",
                t->count, 1e3 * index_ms / t->count, 1e3 * (bench_clock_ms() - started_ms) / t->count);
     started_ms = bench_clock_ms();
     if (status == OK)
-        status = selector_settle(t->selector);
+        status = frame_selector_pack(t->selector);
     if (status == OK)
         printf("search: settling them: %.0f ms\n", bench_clock_ms() - started_ms);
     return status;
@@ -160,20 +160,20 @@ static enum status fill(struct take_of_limbs *t)
 
 static enum status make(struct take_of_limbs *t, int count)
 {
-    struct dice dice = {SEED};
-    struct limbs limbs = limbs_random(&dice);
+    struct rng rng = {SEED};
+    struct limbs limbs = limbs_random(&rng);
     *t = (struct take_of_limbs){.count = count,
                                 .frames = calloc((size_t)count, sizeof *t->frames),
                                 .numbers = calloc((size_t)count, POSE_NUMBERS * sizeof *t->numbers)};
     if (!t->frames || !t->numbers)
         return fail(ERR_MEMORY, "no memory for a take");
     for (int n = 0; n < count; n++) {
-        t->frames[n] = limbs_at(&limbs, n / 30.0, 0.01, &dice);
+        t->frames[n] = limbs_at(&limbs, n / 30.0, 0.01, &rng);
         to_numbers(&t->frames[n], t->numbers + (size_t)n * POSE_NUMBERS);
     }
     for (int i = 0; i < QUERIES; i++) {
-        const struct skeleton *shown = &t->frames[(int)(dice_uniform(&dice) * count)];
-        t->queries[i] = limbs_turned(shown, 2 * dice_uniform(&dice) - 1, 0.03, &dice);
+        const struct skeleton *shown = &t->frames[(int)(rng_uniform(&rng) * count)];
+        t->queries[i] = limbs_rotated(shown, 2 * rng_uniform(&rng) - 1, 0.03, &rng);
         t->best[i] = plain_loop(t, &t->queries[i]);
     }
     enum status status = fill(t);
@@ -188,14 +188,14 @@ static enum status run(struct bench *b)
     for (int i = 0; i < TAKES && status == OK; i++)
         status = make(&takes[i], take_frames[i]);
     if (status == OK) {
-        struct contender small[] = {{&takes[0], search_ours},
-                                    {&takes[0], search_parts},
-                                    {&takes[0], search_plainly},
-                                    {&takes[0], search_nanoflann}};
-        struct contender large[] = {{&takes[1], search_ours},
-                                    {&takes[1], search_parts},
-                                    {&takes[1], search_plainly},
-                                    {&takes[1], search_nanoflann}};
+        struct search_contender small[] = {{&takes[0], search_ours},
+                                           {&takes[0], search_parts},
+                                           {&takes[0], search_plainly},
+                                           {&takes[0], search_nanoflann}};
+        struct search_contender large[] = {{&takes[1], search_ours},
+                                           {&takes[1], search_parts},
+                                           {&takes[1], search_plainly},
+                                           {&takes[1], search_nanoflann}};
         const struct bench_contender contenders[] = {
             {"ours, 10 000 frames", measure, &small[0], false},  {"ours, its eleven parts", measure, &small[1], false},
             {"plain loop", measure, &small[2], false},           {"nanoflann", measure, &small[3], true},
@@ -206,7 +206,7 @@ static enum status run(struct bench *b)
     }
     for (int i = 0; i < TAKES; i++) {
         nanoflann_peer_close(&takes[i].peer);
-        selector_close(&takes[i].selector);
+        frame_selector_close(&takes[i].selector);
         free(takes[i].numbers);
         free(takes[i].frames);
     }

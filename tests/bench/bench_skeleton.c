@@ -14,7 +14,7 @@
 
 #include <stdlib.h>
 
-struct ours {
+struct skeleton_ours {
     const struct skeleton_data *data;
     struct tracker_options options;
     struct tracker *tracker;
@@ -22,7 +22,7 @@ struct ours {
 
 static enum status measure_ours(void *self, int item, struct bench_measure *out)
 {
-    struct ours *o = self;
+    struct skeleton_ours *o = self;
     if (item == 0) { // a new round
         tracker_close(&o->tracker);
         enum status status = tracker_open(&o->tracker, &o->data->calibration, &o->options);
@@ -36,7 +36,7 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
     out->time_ms = bench_clock_ms() - started_ms;
     if (status != OK)
         return status;
-    struct tracker_times times = tracker_times(o->tracker);
+    struct tracker_times times = tracker_last_times(o->tracker);
     const int64_t steps_ns[] = {times.segment, times.evidence, times.fit, times.search};
     for (size_t i = 0; i < COUNT_OF(steps_ns); i++)
         out->extra[2 + i] = (double)steps_ns[i] * 1e-6;
@@ -49,7 +49,7 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
     return OK;
 }
 
-struct peer {
+struct skeleton_peer {
     const struct skeleton_data *data;
     struct apriltag_peer *apriltag;
 };
@@ -57,7 +57,7 @@ struct peer {
 // Only its time counts: it knows nothing of bodies.
 static enum status measure_peer(void *self, int item, struct bench_measure *out)
 {
-    struct peer *o = self;
+    struct skeleton_peer *o = self;
     struct pose found;
     double started_ms = bench_clock_ms();
     enum status status =
@@ -77,12 +77,12 @@ static enum status run_settings(struct bench *b)
     };
     enum { SETTINGS = COUNT_OF(settings) };
     struct skeleton_data data;
-    struct ours ours[SETTINGS];
+    struct skeleton_ours ours[SETTINGS];
     struct bench_contender contenders[SETTINGS + 1];
-    struct peer peer = {.data = &data};
+    struct skeleton_peer peer = {.data = &data};
     enum status status = skeleton_data_open(&data, bench_inputs(b)->data);
     for (int i = 0; i < SETTINGS; i++) {
-        ours[i] = (struct ours){&data, tracker_default_options(), NULL};
+        ours[i] = (struct skeleton_ours){&data, tracker_default_options(), NULL};
         ours[i].options.points = settings[i].points;
         ours[i].options.iterations = settings[i].iterations;
         contenders[i] = (struct bench_contender){settings[i].name, measure_ours, &ours[i], false};

@@ -58,7 +58,7 @@ static enum status film(struct skeleton_data *data)
         }
         f->time_ns = (int64_t)llround(t * 1e9);
         f->truth = world_joints_in_camera(w, t, from);
-        status = world_render(w, &shot, &(struct world_picture){.color = rgb, .depth = f->depth});
+        status = world_render(w, &shot, &(struct world_image){.color = rgb, .depth = f->depth});
         if (status == OK)
             status = world_depth_noise(&lens, f->depth, (uint64_t)k, f->depth);
         to_gray(rgb, pixels, f->gray);

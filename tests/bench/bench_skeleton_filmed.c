@@ -16,7 +16,7 @@ static const char *const columns[] = {"mean_mm", "p95_mm",  "in_10cm_%", "claime
 enum { MEAN, P95, WITHIN, CLAIMED, SWAPPED, STEP, FRAMES, LOST };
 
 // What is said of a take: distances of the joints that are claimed.
-struct tally {
+struct joint_tally {
     double error_m[FRAMES_MOST * JOINT_COUNT];
     int claimed, frames, lost, swapped, within;
     double step_m;
@@ -41,7 +41,7 @@ static bool is_swapped(const struct skeleton *got, const struct skeleton *truth)
     return false;
 }
 
-static void add_frame(struct tally *t, const struct skeleton *got, const struct skeleton *truth,
+static void add_frame(struct joint_tally *t, const struct skeleton *got, const struct skeleton *truth,
                       const struct skeleton *before)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -56,7 +56,7 @@ static void add_frame(struct tally *t, const struct skeleton *got, const struct 
     t->swapped += is_swapped(got, truth);
 }
 
-static enum status film(const struct world *w, struct pose from, struct settled_film *f, struct skeleton *truth)
+static enum status film(const struct world *w, struct pose from, struct smoothed_film *f, struct skeleton *truth)
 {
     struct lens lens = f->calibration.depth;
     uint16_t *depth = calloc((size_t)lens.width * (size_t)lens.height, sizeof *depth);
@@ -66,21 +66,21 @@ static enum status film(const struct world *w, struct pose from, struct settled_
         double time_s = (double)k / FPS;
         struct world_shot shot = {lens, from, time_s, true};
         truth[k] = world_joints_in_camera(w, time_s, from);
-        status = world_render(w, &shot, &(struct world_picture){.depth = depth});
+        status = world_render(w, &shot, &(struct world_image){.depth = depth});
         if (status == OK)
             status = world_depth_noise(&lens, depth, (uint64_t)k, depth);
         if (status == OK)
-            status = settled_film_add(f, (int64_t)llround(time_s * 1e9), depth);
+            status = smoothed_film_add(f, (int64_t)llround(time_s * 1e9), depth);
     }
     free(depth);
     return status;
 }
 
-static void tally_up(const struct settled_film *f, const struct skeleton *got, const struct skeleton *truth,
-                     struct tally *t)
+static void tally_up(const struct smoothed_film *f, const struct skeleton *got, const struct skeleton *truth,
+                     struct joint_tally *t)
 {
     static const struct skeleton nobody;
-    *t = (struct tally){.frames = f->count};
+    *t = (struct joint_tally){.frames = f->count};
     for (int k = 0; k < f->count; k++) {
         t->lost += !f->found[k];
         if (f->found[k])
@@ -89,7 +89,7 @@ static void tally_up(const struct settled_film *f, const struct skeleton *got, c
 }
 
 // Adds the row and its share of the average.
-static enum status add_row(struct bench *b, const char *name, struct tally *t, double sum[BENCH_COLUMNS])
+static enum status add_row(struct bench *b, const char *name, struct joint_tally *t, double sum[BENCH_COLUMNS])
 {
     double mean = 0, all = fmax(1, t->frames * JOINT_COUNT);
     for (int i = 0; i < t->claimed; i++)
@@ -109,27 +109,27 @@ static enum status add_row(struct bench *b, const char *name, struct tally *t, d
     return bench_add_row(b, name, value);
 }
 
-enum { SETTLED, TOLD, KINDS }; // with the end known, and at once
+enum { SMOOTHED, ONLINE, KINDS }; // with the end known, and at once
 struct sums {
     double of[KINDS][BENCH_COLUMNS];
 };
 
 // One film: a row for each kind.
-static enum status add_film(struct bench *b, const struct world *w, struct pose from, const char *name, struct tally *t,
-                            struct sums *sums)
+static enum status add_film(struct bench *b, const struct world *w, struct pose from, const char *name,
+                            struct joint_tally *t, struct sums *sums)
 {
-    struct settled_film f = {.calibration = world_calibration(0.5)};
+    struct smoothed_film f = {.calibration = world_calibration(0.5)};
     struct skeleton *truth = calloc(FRAMES_MOST, sizeof *truth);
-    char told[320];
-    snprintf(told, sizeof told, "%s, told at once", name);
+    char online[320];
+    snprintf(online, sizeof online, "%s, told at once", name);
     enum status status = truth ? film(w, from, &f, truth) : fail(ERR_MEMORY, "no memory for the truth");
     if (status == OK)
-        status = settled_film_track(&f);
+        status = smoothed_film_track(&f);
     for (int kind = 0; kind < KINDS && status == OK; kind++) {
-        tally_up(&f, kind == TOLD ? f.told : f.settled, truth, t);
-        status = add_row(b, kind == TOLD ? told : name, t, sums->of[kind]);
+        tally_up(&f, kind == ONLINE ? f.online : f.smoothed, truth, t);
+        status = add_row(b, kind == ONLINE ? online : name, t, sums->of[kind]);
     }
-    settled_film_free(&f);
+    smoothed_film_free(&f);
     free(truth);
     return status;
 }
@@ -141,7 +141,7 @@ static enum status add_averages(struct bench *b, const struct sums *sums, size_t
         double value[COUNT_OF(columns)];
         for (size_t k = 0; k < COUNT_OF(columns); k++)
             value[k] = sums->of[kind][k] / (double)count;
-        status = bench_add_row(b, kind == TOLD ? "average, told at once" : "average", value);
+        status = bench_add_row(b, kind == ONLINE ? "average, told at once" : "average", value);
     }
     return status;
 }
@@ -161,7 +161,7 @@ enum status trial_motions(struct bench *b, const char *folder)
     if (glob(pattern, 0, NULL, &files) || !files.gl_pathc)
         return fail(ERR_MISSING, "%s: no BVH file is there", folder);
     struct sums sums = {0};
-    struct tally *t = malloc(sizeof *t);
+    struct joint_tally *t = malloc(sizeof *t);
     enum status status = t ? OK : fail(ERR_MEMORY, "no memory for the bench");
     bench_columns(b, columns, COUNT_OF(columns));
     for (size_t i = 0; i < 2 * files.gl_pathc && status == OK; i++) {
@@ -200,7 +200,7 @@ enum status trial_bodies(struct bench *b)
     static const char *const motions[] = {"pirouette", "kata"};
     char name[64];
     struct sums sums = {0};
-    struct tally *t = malloc(sizeof *t);
+    struct joint_tally *t = malloc(sizeof *t);
     enum status status = t ? OK : fail(ERR_MEMORY, "no memory for the bench");
     bench_columns(b, columns, COUNT_OF(columns));
     for (size_t i = 0; i < COUNT_OF(bodies) * COUNT_OF(motions) && status == OK; i++) {

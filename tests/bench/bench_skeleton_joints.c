@@ -13,7 +13,7 @@ enum { MEAN, P95, WITHIN, ASIDE, DOWN, FORWARD, MEAN_LESS, P95_LESS, WITHIN_LESS
 
 // Of one joint over the film, in the axes of the half of the body that it hangs on: x to the person's left, y down, z
 // forward.
-struct errors {
+struct joint_errors {
     struct vec3 *off;
     int count;
 };
@@ -38,7 +38,7 @@ static struct vec3 in_body(const struct skeleton *truth, int j, struct vec3 v)
     return v3(v3_dot(x, v), v3_dot(v3_cross(x, forward), v), v3_dot(forward, v));
 }
 
-static struct vec3 constant_of(const struct errors *of)
+static struct vec3 constant_of(const struct joint_errors *of)
 {
     struct vec3 mean = v3(0, 0, 0);
     for (int f = 0; f < of->count; f++)
@@ -47,26 +47,26 @@ static struct vec3 constant_of(const struct errors *of)
 }
 
 // Of `count` joints together; less: what is constant of each taken out.
-static void sum_up(const struct errors *of, int count, bool less, double *mean_mm, double *p95_mm, double *within,
+static void sum_up(const struct joint_errors *of, int count, bool less, double *mean_mm, double *p95_mm, double *within,
                    double *scratch)
 {
-    int used = 0, near = 0;
+    int used = 0, close = 0;
     double sum = 0;
     for (int j = 0; j < count; j++) {
         const struct vec3 constant = less ? constant_of(&of[j]) : v3(0, 0, 0);
         for (int f = 0; f < of[j].count; f++) {
             const double e = v3_distance(of[j].off[f], constant);
-            near += e < 0.1;
+            close += e < 0.1;
             sum += e;
             scratch[used++] = e;
         }
     }
     *mean_mm = 1000 * sum / used;
     *p95_mm = 1000 * bench_percentile(scratch, used, 0.95);
-    *within = 100.0 * near / used;
+    *within = 100.0 * close / used;
 }
 
-static enum status add_row(struct bench *b, const char *name, const struct errors *of, int count, int frames,
+static enum status add_row(struct bench *b, const char *name, const struct joint_errors *of, int count, int frames,
                            double *scratch)
 {
     double v[COUNT_OF(columns)];
@@ -79,9 +79,9 @@ static enum status add_row(struct bench *b, const char *name, const struct error
     return bench_add_row(b, name, v);
 }
 
-static enum status compare(struct bench *b, const struct skeleton_data *data, const struct settled_film *film)
+static enum status compare(struct bench *b, const struct skeleton_data *data, const struct smoothed_film *film)
 {
-    struct errors of[JOINT_COUNT] = {{0}};
+    struct joint_errors of[JOINT_COUNT] = {{0}};
     const size_t frames = (size_t)data->count;
     struct vec3 *off = malloc(frames * JOINT_COUNT * sizeof *off);
     double *scratch = malloc(frames * JOINT_COUNT * sizeof *scratch);
@@ -91,7 +91,7 @@ static enum status compare(struct bench *b, const struct skeleton_data *data, co
         for (int f = 0; f < data->count; f++)
             if (film->found[f]) {
                 const struct skeleton *truth = &data->frame[f].truth;
-                of[j].off[of[j].count++] = in_body(truth, j, v3_sub(film->settled[f].joint[j], truth->joint[j]));
+                of[j].off[of[j].count++] = in_body(truth, j, v3_sub(film->smoothed[f].joint[j], truth->joint[j]));
             }
     }
     if (status == OK && !of[0].count)
@@ -109,16 +109,16 @@ static enum status compare(struct bench *b, const struct skeleton_data *data, co
 enum status trial_joints(struct bench *b, const char *folder)
 {
     struct skeleton_data data;
-    struct settled_film film = {0};
+    struct smoothed_film film = {0};
     enum status status = skeleton_data_open(&data, folder);
     film.calibration = data.calibration;
     for (int f = 0; f < data.count && status == OK; f++)
-        status = settled_film_add(&film, data.frame[f].time_ns, data.frame[f].depth);
+        status = smoothed_film_add(&film, data.frame[f].time_ns, data.frame[f].depth);
     if (status == OK)
-        status = settled_film_track(&film);
+        status = smoothed_film_track(&film);
     if (status == OK)
         status = compare(b, &data, &film);
-    settled_film_free(&film);
+    smoothed_film_free(&film);
     skeleton_data_close(&data);
     return status;
 }

@@ -76,7 +76,7 @@ static enum status read_theirs(struct sequence *s, const char *folder)
     return OK;
 }
 
-static enum status follow(struct settled_film *f, const char *folder)
+static enum status follow(struct smoothed_film *f, const char *folder)
 {
     char uri[4096];
     struct source *source;
@@ -86,12 +86,12 @@ static enum status follow(struct settled_film *f, const char *folder)
     if (status == OK)
         f->calibration = *source_calibration(source);
     while (status >= 0 && f->count < FRAMES_MOST && (status = source_next(source, &frame)) == OK)
-        status = settled_film_add(f, frame.time_ns, frame.depth);
+        status = smoothed_film_add(f, frame.time_ns, frame.depth);
     source_close(&source);
-    return status < 0 ? status : settled_film_track(f);
+    return status < 0 ? status : smoothed_film_track(f);
 }
 
-static enum status compare(struct sequence *s, const struct settled_film *f, const struct skeleton *got,
+static enum status compare(struct sequence *s, const struct smoothed_film *f, const struct skeleton *got,
                            const char *folder)
 {
     s->count = f->count;
@@ -218,7 +218,7 @@ static enum status sum_up(struct bench *b, const char *name, double (*values)[CO
     return bench_add_row(b, name, out);
 }
 
-enum { SETTLED, TOLD, KINDS }; // with the end known, and at once
+enum { SMOOTHED, ONLINE, KINDS }; // with the end known, and at once
 
 typedef double values_row[COUNT_OF(columns)];
 
@@ -226,30 +226,30 @@ typedef double values_row[COUNT_OF(columns)];
 static enum status add_sequence(struct bench *b, const char *folder, struct sequence *s, values_row *values[KINDS],
                                 size_t at)
 {
-    struct settled_film f = {0};
+    struct smoothed_film f = {0};
     char name[300];
     const char *slash = strrchr(folder, '/');
     enum status status = follow(&f, folder);
     for (int kind = 0; kind < KINDS && status == OK; kind++) {
-        status = compare(s, &f, kind == TOLD ? f.told : f.settled, folder);
+        status = compare(s, &f, kind == ONLINE ? f.online : f.smoothed, folder);
         if (status != OK)
             break;
         measure(s, values[kind][at]);
-        snprintf(name, sizeof name, "%.200s%s", slash ? slash + 1 : folder, kind == TOLD ? ", told at once" : "");
+        snprintf(name, sizeof name, "%.200s%s", slash ? slash + 1 : folder, kind == ONLINE ? ", told at once" : "");
         status = bench_add_row(b, name, values[kind][at]);
     }
-    settled_film_free(&f);
+    smoothed_film_free(&f);
     return status;
 }
 
 static enum status add_sums(struct bench *b, values_row *values[KINDS], size_t count)
 {
-    enum status status = sum_up(b, "first, third, fifth ...", values[SETTLED], count, 0, 2);
+    enum status status = sum_up(b, "first, third, fifth ...", values[SMOOTHED], count, 0, 2);
     if (status == OK)
-        status = sum_up(b, "second, fourth, sixth ...", values[SETTLED], count, 1, 2);
+        status = sum_up(b, "second, fourth, sixth ...", values[SMOOTHED], count, 1, 2);
     if (status == OK)
-        status = sum_up(b, "all", values[SETTLED], count, 0, 1);
-    return status == OK ? sum_up(b, "all, told at once", values[TOLD], count, 0, 1) : status;
+        status = sum_up(b, "all", values[SMOOTHED], count, 0, 1);
+    return status == OK ? sum_up(b, "all, told at once", values[ONLINE], count, 0, 1) : status;
 }
 
 enum status trial_sequences(struct bench *b, const char *folder)
@@ -261,7 +261,7 @@ enum status trial_sequences(struct bench *b, const char *folder)
         return fail(ERR_MISSING, "%s: no folder with truth/joints_kinect_sdk.csv is there", folder);
     struct sequence *s = malloc(sizeof *s);
     values_row *values[KINDS] = {calloc(folders.gl_pathc, sizeof **values), calloc(folders.gl_pathc, sizeof **values)};
-    enum status status = s && values[SETTLED] && values[TOLD] ? OK : fail(ERR_MEMORY, "no memory for the bench");
+    enum status status = s && values[SMOOTHED] && values[ONLINE] ? OK : fail(ERR_MEMORY, "no memory for the bench");
     bench_columns(b, columns, COUNT_OF(columns));
     for (size_t i = 0; i < folders.gl_pathc && status == OK; i++) {
         char *path = folders.gl_pathv[i];
@@ -271,8 +271,8 @@ enum status trial_sequences(struct bench *b, const char *folder)
     if (status == OK)
         status = add_sums(b, values, folders.gl_pathc);
     globfree(&folders);
-    free(values[SETTLED]);
-    free(values[TOLD]);
+    free(values[SMOOTHED]);
+    free(values[ONLINE]);
     free(s);
     return status;
 }

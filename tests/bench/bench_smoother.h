@@ -3,17 +3,17 @@
 #include "capture/recording/skeleton.h"
 #include "base/lens.h"
 
-struct settled_film {
+struct smoothed_film {
     struct calibration calibration;
-    int count, room;
+    int count, capacity;
     int64_t *time_ns;
     uint16_t **depth;
-    struct skeleton *told, *settled; // all confidence 0: nobody
+    struct skeleton *online, *smoothed; // all confidence 0: nobody
     bool *found;
 };
 
 // Empty it with {0} and set its calibration first. Copies the picture. ERR_MEMORY.
-MUST_CHECK enum status settled_film_add(struct settled_film *f, int64_t time_ns, const uint16_t *depth);
+MUST_CHECK enum status smoothed_film_add(struct smoothed_film *f, int64_t time_ns, const uint16_t *depth);
 // Fills told, settled and found. ERR_MEMORY.
-MUST_CHECK enum status settled_film_track(struct settled_film *f);
-void settled_film_free(struct settled_film *f);
+MUST_CHECK enum status smoothed_film_track(struct smoothed_film *f);
+void smoothed_film_free(struct smoothed_film *f);

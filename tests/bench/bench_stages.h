@@ -7,16 +7,16 @@ extern const struct bench_stage bench_stage_skeleton;
 extern const struct bench_stage bench_stage_search;
 extern const struct bench_stage bench_stage_tags;
 extern const struct bench_stage bench_stage_tag_distance;
-extern const struct bench_stage bench_stage_place;
+extern const struct bench_stage bench_stage_map;
 extern const struct bench_stage bench_stage_still;
 extern const struct bench_stage bench_stage_views;
-extern const struct bench_stage bench_stage_left_out;
+extern const struct bench_stage bench_stage_held_out;
 extern const struct bench_stage bench_stage_prepare;
 extern const struct bench_stage bench_stage_draw;
-extern const struct bench_stage bench_stage_levels;
+extern const struct bench_stage bench_stage_lod;
 
 static const struct bench_stage *const bench_stages[] = {
     &bench_stage_depth,        &bench_stage_skeleton, &bench_stage_search, &bench_stage_tags,
-    &bench_stage_tag_distance, &bench_stage_place,    &bench_stage_still,  &bench_stage_views,
-    &bench_stage_left_out,     &bench_stage_prepare,  &bench_stage_draw,   &bench_stage_levels,
+    &bench_stage_tag_distance, &bench_stage_map,      &bench_stage_still,  &bench_stage_views,
+    &bench_stage_held_out,     &bench_stage_prepare,  &bench_stage_draw,   &bench_stage_lod,
 };

@@ -25,8 +25,8 @@ struct result {
 
 struct setup {
     struct lens lens;
-    struct tag_finder *finder;
-    struct refiner *refiner;
+    struct tag_detector *finder;
+    struct tag_refiner *refiner;
     struct apriltag_peer *apriltag;
     uint8_t *rgb, *gray;
     int drawn; // the picture in rgb and gray: 2 * item + with the second tag; -1: none
@@ -36,20 +36,20 @@ struct setup {
     struct result (*results)[WHO_COUNT]; // of each item
 };
 
-struct contender {
+struct distance_contender {
     struct setup *setup;
     int who;
 };
 
 static enum status draw(struct setup *s, int item, bool two)
 {
-    uint64_t dice = SEED * 7919 + (uint64_t)item;
+    uint64_t rng = SEED * 7919 + (uint64_t)item;
     if (s->drawn == 2 * item + two)
         return OK;
     double distance = 1 + item / POSES;
-    double yaw = 2 * tag_picture_uniform(&dice) - 1, pitch = 2 * tag_picture_uniform(&dice) - 1;
+    double yaw = 2 * tag_picture_uniform(&rng) - 1, pitch = 2 * tag_picture_uniform(&rng) - 1;
     for (int i = 0; i < 2; i++)
-        s->tags[i] = (struct place_tag){.id = (int32_t)((TAG_NUMBERS - 1) * tag_picture_uniform(&dice)),
+        s->tags[i] = (struct place_tag){.id = (int32_t)((TAG_ID_COUNT - 1) * tag_picture_uniform(&rng)),
                                         .side_m = SIDE_M,
                                         .world_from_tag = {POSE_IDENTITY.rotation, {i * ASIDE_M, 0, 0}}};
     if (s->tags[1].id == s->tags[0].id)
@@ -63,7 +63,7 @@ static enum status draw(struct setup *s, int item, bool two)
         .tag_count = two ? 2 : 1,
         .noise = 2,
         .seed = SEED + (uint64_t)item,
-        .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&dice)),
+        .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&rng)),
         .rgb = s->rgb,
     };
     if (!tag_picture_draw(&picture))
@@ -77,23 +77,23 @@ static enum status draw(struct setup *s, int item, bool two)
 // As locate does it for a place of these tags.
 static enum status find(struct setup *s, int tag_count, struct pose *found, bool *ambiguous)
 {
-    struct tag_seen seen[8];
-    struct sighting fine[2];
-    struct fit_tag tags[2];
-    struct camera_fit fit;
+    struct tag_detection seen[8];
+    struct tag_observation fine[2];
+    struct pnp_tag tags[2];
+    struct pnp_solution fit;
     int count, kept = 0;
     gray_from_rgb(s->rgb, PIXELS, s->gray);
-    enum status status = tag_finder_find(s->finder, s->gray, WIDTH, HEIGHT, seen, 8, &count);
+    enum status status = tag_detector_detect(s->finder, s->gray, WIDTH, HEIGHT, seen, 8, &count);
     for (int i = 0; i < count && status == OK; i++)
         for (int k = 0; k < tag_count && kept < 2; k++)
             if (seen[i].id == s->tags[k].id &&
-                refine_tag(s->refiner, s->rgb, seen[i].id, &s->patterns[k], seen[i].corner, &fine[kept])) {
-                tags[kept] = (struct fit_tag){
+                tag_refine(s->refiner, s->rgb, seen[i].id, &s->patterns[k], seen[i].corner, &fine[kept])) {
+                tags[kept] = (struct pnp_tag){
                     .seen = &fine[kept], .world_from_tag = s->tags[k].world_from_tag, .side_m = SIDE_M};
                 kept++;
             }
     if (status == OK)
-        status = kept ? fit_camera(tags, kept, s->lens.fx, s->lens.fy, MAX_RMS_PX, NULL, &fit) : NOTHING;
+        status = kept ? pnp_solve(tags, kept, s->lens.fx, s->lens.fy, MAX_RMS_PX, NULL, &fit) : NOTHING;
     if (status != OK && status != AMBIGUOUS)
         return status;
     *ambiguous = status == AMBIGUOUS;
@@ -103,7 +103,7 @@ static enum status find(struct setup *s, int tag_count, struct pose *found, bool
 
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
-    struct contender *c = self;
+    struct distance_contender *c = self;
     struct setup *s = c->setup;
     struct pose found = POSE_IDENTITY;
     bool ambiguous = false;
@@ -141,14 +141,14 @@ static double median(double *values, int count)
     return values[count / 2];
 }
 
-struct summary {
+struct distance_summary {
     int found, flips, ambiguous;
     double range_mm, turn_deg; // medians over what both found
 };
 
-static struct summary sum_up(const struct setup *s, int distance, int who, int other)
+static struct distance_summary sum_up(const struct setup *s, int distance, int who, int other)
 {
-    struct summary sum = {0};
+    struct distance_summary sum = {0};
     double range[POSES], turn[POSES];
     int both = 0;
     for (int i = distance * POSES; i < (distance + 1) * POSES; i++) {
@@ -172,8 +172,8 @@ static void print_by_distance(const struct setup *s)
            (unsigned long long)SEED);
     printf("  m        found     range mm        turn deg        flips (ours said so)   by two tags: found flips\n");
     for (int d = 0; d < DISTANCES; d++) {
-        struct summary a = sum_up(s, d, OURS, THEIRS), b = sum_up(s, d, THEIRS, OURS),
-                       two = sum_up(s, d, OURS_BY_TWO, OURS_BY_TWO);
+        struct distance_summary a = sum_up(s, d, OURS, THEIRS), b = sum_up(s, d, THEIRS, OURS),
+                                two = sum_up(s, d, OURS_BY_TWO, OURS_BY_TWO);
         printf("  %d   %4d /%4d   %6.2f /%6.2f   %6.3f /%6.3f   %3d /%3d (%3d)           %4d %4d\n", d + 1, a.found,
                b.found, a.range_mm, b.range_mm, a.turn_deg, b.turn_deg, a.flips, b.flips, a.ambiguous, two.found,
                two.flips);
@@ -187,16 +187,16 @@ static enum status run(struct bench *b)
                       .gray = malloc(PIXELS),
                       .drawn = -1,
                       .results = calloc(PICTURES, sizeof *s.results)};
-    struct contender who[WHO_COUNT];
+    struct distance_contender who[WHO_COUNT];
     enum status status = s.rgb && s.gray && s.results ? OK : fail(ERR_MEMORY, "no memory for pictures of tags");
     if (status == OK)
-        status = refiner_open(&s.refiner, &s.lens);
+        status = tag_refiner_open(&s.refiner, &s.lens);
     if (status == OK)
-        status = tag_finder_open(&s.finder, 1);
+        status = tag_detector_open(&s.finder, 1);
     if (status == OK)
         status = apriltag_peer_open(&s.apriltag, 1);
     for (int i = 0; i < WHO_COUNT; i++)
-        who[i] = (struct contender){&s, i};
+        who[i] = (struct distance_contender){&s, i};
     const struct bench_contender contenders[] = {
         {"ours", measure, &who[OURS], false},
         {"libapriltag", measure, &who[THEIRS], true},
@@ -206,8 +206,8 @@ static enum status run(struct bench *b)
         status = bench_run(b, contenders, COUNT_OF(contenders), PICTURES);
     if (status == OK)
         print_by_distance(&s);
-    tag_finder_close(&s.finder);
-    refiner_close(&s.refiner);
+    tag_detector_close(&s.finder);
+    tag_refiner_close(&s.refiner);
     apriltag_peer_close(&s.apriltag);
     free(s.rgb);
     free(s.gray);

@@ -14,16 +14,16 @@ enum { PICTURES = 200, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 static const uint64_t SEED = 2014;
 static const double SIDE_M = 0.16, FLIP_DEG = 15;
 
-struct pictures {
+struct tag_images {
     struct lens lens;
     uint8_t *rgb, *gray; // PICTURES of each
     struct pose camera_from_tag[PICTURES];
     int32_t id[PICTURES];
 };
 
-static enum status make(struct pictures *p)
+static enum status make(struct tag_images *p)
 {
-    uint64_t dice = SEED;
+    uint64_t rng = SEED;
     p->lens = tag_picture_lens(WIDTH, HEIGHT, 525);
     p->rgb = malloc((size_t)PICTURES * PIXELS * 3);
     p->gray = malloc((size_t)PICTURES * PIXELS);
@@ -31,9 +31,9 @@ static enum status make(struct pictures *p)
         return fail(ERR_MEMORY, "no memory for pictures of tags");
     printf("tags: seed %llu\n", (unsigned long long)SEED);
     for (int i = 0; i < PICTURES; i++) {
-        double distance = 1 + 4 * tag_picture_uniform(&dice);
-        double yaw = 2 * tag_picture_uniform(&dice) - 1, pitch = 2 * tag_picture_uniform(&dice) - 1;
-        struct place_tag tag = {.id = (int32_t)(TAG_NUMBERS * tag_picture_uniform(&dice)),
+        double distance = 1 + 4 * tag_picture_uniform(&rng);
+        double yaw = 2 * tag_picture_uniform(&rng) - 1, pitch = 2 * tag_picture_uniform(&rng) - 1;
+        struct place_tag tag = {.id = (int32_t)(TAG_ID_COUNT * tag_picture_uniform(&rng)),
                                 .side_m = SIDE_M,
                                 .world_from_tag = POSE_IDENTITY};
         struct tag_picture picture = {
@@ -42,11 +42,11 @@ static enum status make(struct pictures *p)
             .tag_count = 1,
             .noise = 2,
             .seed = SEED + (uint64_t)i,
-            .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&dice)),
+            .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&rng)),
             .rgb = p->rgb + (size_t)i * PIXELS * 3,
         };
         // anywhere in the picture
-        double up = 0.6 * (tag_picture_uniform(&dice) - 0.5), right = 0.8 * (tag_picture_uniform(&dice) - 0.5);
+        double up = 0.6 * (tag_picture_uniform(&rng) - 0.5), right = 0.8 * (tag_picture_uniform(&rng) - 0.5);
         struct vec3 aside = v3(right, up, 0);
         picture.world_from_camera.translation =
             v3_add(picture.world_from_camera.translation,
@@ -60,7 +60,7 @@ static enum status make(struct pictures *p)
     return OK;
 }
 
-static void judge(const struct pictures *p, int item, struct pose found, double started_ms, struct bench_measure *out)
+static void judge(const struct tag_images *p, int item, struct pose found, double started_ms, struct bench_measure *out)
 {
     out->time_ms = bench_clock_ms() - started_ms;
     const struct pose *truth = &p->camera_from_tag[item];
@@ -70,54 +70,54 @@ static void judge(const struct pictures *p, int item, struct pose found, double 
     out->extra[1] = turned > FLIP_DEG;
 }
 
-struct ours {
-    const struct pictures *pictures;
-    struct tag_finder *finder;
-    struct refiner *refiner;
+struct tags_ours {
+    const struct tag_images *images;
+    struct tag_detector *finder;
+    struct tag_refiner *refiner;
     struct tag_pattern patterns[PICTURES];
     uint8_t *gray;
 };
 
-static enum status open_ours(struct ours *o, const struct pictures *p, double quad_decimate)
+static enum status open_ours(struct tags_ours *o, const struct tag_images *p, double quad_decimate)
 {
-    *o = (struct ours){.pictures = p, .gray = malloc(PIXELS)};
+    *o = (struct tags_ours){.images = p, .gray = malloc(PIXELS)};
     if (!o->gray)
         return fail(ERR_MEMORY, "no memory for a picture");
     for (int i = 0; i < PICTURES; i++)
         if (!tag_pattern(p->id[i], &o->patterns[i]))
             return fail(ERR_MEMORY, "no memory for a tag's pattern");
-    enum status status = refiner_open(&o->refiner, &p->lens);
-    return status == OK ? tag_finder_open(&o->finder, quad_decimate) : status;
+    enum status status = tag_refiner_open(&o->refiner, &p->lens);
+    return status == OK ? tag_detector_open(&o->finder, quad_decimate) : status;
 }
 
-static void close_ours(struct ours *o)
+static void close_ours(struct tags_ours *o)
 {
-    tag_finder_close(&o->finder);
-    refiner_close(&o->refiner);
+    tag_detector_close(&o->finder);
+    tag_refiner_close(&o->refiner);
     free(o->gray);
 }
 
 // From the colour picture to the pose, as locate does it for a place of one tag.
 static enum status measure_ours(void *self, int item, struct bench_measure *out)
 {
-    struct ours *o = self;
-    const struct pictures *p = o->pictures;
+    struct tags_ours *o = self;
+    const struct tag_images *p = o->images;
     const uint8_t *rgb = p->rgb + (size_t)item * PIXELS * 3;
-    struct tag_seen seen[8];
+    struct tag_detection seen[8];
     int count;
     double started_ms = bench_clock_ms();
     gray_from_rgb(rgb, PIXELS, o->gray);
-    enum status status = tag_finder_find(o->finder, o->gray, WIDTH, HEIGHT, seen, 8, &count);
+    enum status status = tag_detector_detect(o->finder, o->gray, WIDTH, HEIGHT, seen, 8, &count);
     if (status != OK)
         return status;
     for (int i = 0; i < count; i++) {
-        struct sighting fine;
-        struct camera_fit fit;
+        struct tag_observation fine;
+        struct pnp_solution fit;
         if (seen[i].id != p->id[item] ||
-            !refine_tag(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
+            !tag_refine(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
             continue;
-        struct fit_tag tag = {.seen = &fine, .world_from_tag = POSE_IDENTITY, .side_m = SIDE_M};
-        if (fit_camera(&tag, 1, p->lens.fx, p->lens.fy, 2.5, NULL, &fit) == NOTHING)
+        struct pnp_tag tag = {.seen = &fine, .world_from_tag = POSE_IDENTITY, .side_m = SIDE_M};
+        if (pnp_solve(&tag, 1, p->lens.fx, p->lens.fy, 2.5, NULL, &fit) == NOTHING)
             continue;
         judge(p, item, fit.camera_from_world, started_ms, out);
         return OK;
@@ -126,16 +126,16 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
     return NOTHING;
 }
 
-struct peer {
-    const struct pictures *pictures;
+struct tags_peer {
+    const struct tag_images *images;
     struct apriltag_peer *apriltag; // or NULL: ArUco
     enum aruco_corners corners;
 };
 
 static enum status measure_peer(void *self, int item, struct bench_measure *out)
 {
-    struct peer *o = self;
-    const struct pictures *p = o->pictures;
+    struct tags_peer *o = self;
+    const struct tag_images *p = o->images;
     const uint8_t *gray = p->gray + (size_t)item * PIXELS;
     struct pose found;
     double started_ms = bench_clock_ms();
@@ -150,14 +150,14 @@ static enum status measure_peer(void *self, int item, struct bench_measure *out)
 
 static enum status run(struct bench *b)
 {
-    struct pictures p = {0};
-    struct ours ours[3] = {0};
-    struct peer peers[5] = {0};
+    struct tag_images p = {0};
+    struct tags_ours ours[3] = {0};
+    struct tags_peer peers[5] = {0};
     enum status status = make(&p);
     for (int i = 0; i < 3 && status == OK; i++)
         status = open_ours(&ours[i], &p, i + 1);
     for (int i = 0; i < 5; i++)
-        peers[i] = (struct peer){.pictures = &p, .corners = (enum aruco_corners)(i < 2 ? 0 : i - 2)};
+        peers[i] = (struct tags_peer){.images = &p, .corners = (enum aruco_corners)(i < 2 ? 0 : i - 2)};
     for (int i = 0; i < 2 && status == OK; i++)
         status = apriltag_peer_open(&peers[i].apriltag, i + 1);
     if (status == OK) {

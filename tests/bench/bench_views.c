@@ -17,9 +17,9 @@ enum { BINS = 5 };
 static const double bin_ends_deg[BINS] = {15, 45, 90, 135, 180};
 static const char *const bin_names[BINS] = {"0-15 degrees", "15-45", "45-90", "90-135", "135-180"};
 
-struct viewer {
+struct views_viewer {
     const struct views_data *data;
-    struct painter *painter; // NULL: the mesh
+    struct renderer *renderer; // NULL: the mesh
     bool true_poses;
     uint8_t *rgb, *rgba, *alpha;
 };
@@ -29,7 +29,7 @@ static double decibels(double squares, double count)
     return count > 0 ? 10 * log10(65025 / fmax(squares / (3 * count), 1e-6)) : NAN;
 }
 
-static void judge(const struct viewer *v, const struct views_picture *p, struct bench_measure *out)
+static void judge(const struct views_viewer *v, const struct views_image *p, struct bench_measure *out)
 {
     double both = 0, missing = 0, extra = 0, squares = 0, inside = 0;
     for (int i = 0; i < v->data->lens.width * v->data->lens.height; i++) {
@@ -66,28 +66,28 @@ static int64_t nearest_frame(const struct take *take, int64_t since_ns)
 
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
-    struct viewer *v = self;
-    const struct views_picture *p = &v->data->picture[item];
+    struct views_viewer *v = self;
+    const struct views_image *p = &v->data->picture[item];
     size_t pixels = (size_t)v->data->lens.width * (size_t)v->data->lens.height;
     if (!v->true_poses && !p->placed)
         return NOTHING;
     struct pose pose = v->true_poses ? p->truth : p->found;
     double started_ms = bench_clock_ms();
     enum status status;
-    if (v->painter) {
-        struct painter_view view = {.world_from_camera = pose, .time_ns = p->since_ns, .color = p->room};
-        struct painter_result result;
-        status = painter_draw(v->painter, &view, &result);
+    if (v->renderer) {
+        struct renderer_view view = {.world_from_camera = pose, .time_ns = p->since_ns, .color = p->room};
+        struct renderer_result result;
+        status = renderer_draw(v->renderer, &view, &result);
         if (status == OK)
-            status = painter_read(v->painter, v->rgb);
+            status = renderer_read(v->renderer, v->rgb);
     } else {
         memcpy(v->rgb, p->room, 3 * pixels);
         status = views_mesh_draw(v->data->own, nearest_frame(v->data->own, p->since_ns), &v->data->lens, pose, v->rgb,
                                  v->alpha);
     }
     out->time_ms = bench_clock_ms() - started_ms;
-    if (status == OK && v->painter) {
-        status = painter_read_actor(v->painter, v->rgba);
+    if (status == OK && v->renderer) {
+        status = renderer_read_actor(v->renderer, v->rgba);
         for (size_t i = 0; i < pixels; i++)
             v->alpha[i] = v->rgba[4 * i + 3];
     }
@@ -98,25 +98,25 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 
 static enum status run_viewers(struct bench *b, const struct views_data *data, struct gpu *gpu)
 {
-    struct painter *own = NULL, *told = NULL, *paper = NULL;
-    struct painter_options options = painter_default_options();
+    struct renderer *own = NULL, *true_joints = NULL, *paper = NULL;
+    struct renderer_options options = renderer_default_options();
     size_t pixels = (size_t)data->lens.width * (size_t)data->lens.height;
     uint8_t *rgb = malloc(3 * pixels), *rgba = malloc(4 * pixels), *alpha = malloc(pixels);
     enum status status = rgb && rgba && alpha ? OK : fail(ERR_MEMORY, "no memory for a picture");
     if (status == OK)
-        status = painter_open(&own, gpu, data->own, &data->lens, &options);
+        status = renderer_open(&own, gpu, data->own, &data->lens, &options);
     if (status == OK)
-        status = painter_open(&told, gpu, data->told, &data->lens, &options);
+        status = renderer_open(&true_joints, gpu, data->true_take, &data->lens, &options);
     options.detail = DETAIL_PAPER;
     if (status == OK)
-        status = painter_open(&paper, gpu, data->own, &data->lens, &options);
+        status = renderer_open(&paper, gpu, data->own, &data->lens, &options);
     if (status == OK) {
-        struct viewer full = {data, own, false, rgb, rgba, alpha}, poses = full, joints = full, both = full, old = full,
-                      mesh = full;
+        struct views_viewer full = {data, own, false, rgb, rgba, alpha}, poses = full, joints = full, both = full,
+                            old = full, mesh = full;
         poses.true_poses = both.true_poses = true;
-        joints.painter = both.painter = told;
-        old.painter = paper;
-        mesh.painter = NULL;
+        joints.renderer = both.renderer = true_joints;
+        old.renderer = paper;
+        mesh.renderer = NULL;
         const struct bench_contender contenders[] = {
             {"full", measure, &full, false},
             {"full, true poses", measure, &poses, false},
@@ -134,9 +134,9 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
         const struct bench_groups bins = {bin_names, BINS, bin_of};
         status = bench_run_grouped(b, contenders, COUNT_OF(contenders), data->count, &bins);
     }
-    painter_close(&own);
-    painter_close(&told);
-    painter_close(&paper);
+    renderer_close(&own);
+    renderer_close(&true_joints);
+    renderer_close(&paper);
     free(rgb);
     free(rgba);
     free(alpha);

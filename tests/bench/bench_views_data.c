@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FILMED = 240, LOOKED = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
+enum { FILMED = 240, VIEW_COUNT = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
 static const double SCALE = 1, SAME_S = 0.002;
 
 // The true joints of each frame of the take, in its colour camera's axes; and in truth's own world, who stands where.
@@ -32,7 +32,7 @@ void views_data_close(struct views_data *data)
         free(data->picture[i].mask);
     }
     take_close(&data->own);
-    take_close(&data->told);
+    take_close(&data->true_take);
     recording_free(&data->recording);
     if (data->scratch.path[0])
         scratch_remove(&data->scratch);
@@ -69,12 +69,12 @@ static enum status record(struct views_data *data, const char *sensor, const str
     return status;
 }
 
-static enum status tell_frame(struct recording_writer *writer, struct take *take, int64_t i,
-                              const struct skeleton *joints)
+static enum status add_true_frame(struct recording_writer *writer, struct take *take, int64_t i,
+                                  const struct skeleton *joints)
 {
     const struct take_entry *e = take_entry(take, i);
     const struct lens *lens = &take_calibration(take)->color;
-    struct take_pictures seen;
+    struct take_images seen;
     uint8_t *jpeg = NULL;
     size_t bytes = 0;
     enum status status = take_read(take, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &seen);
@@ -89,7 +89,7 @@ static enum status tell_frame(struct recording_writer *writer, struct take *take
 }
 
 // The take once more, with the true joints.
-static enum status tell(struct views_data *data, const struct truth *truth)
+static enum status record_truth(struct views_data *data, const struct truth *truth)
 {
     struct recording_writer *writer = NULL;
     const char *path = scratch_file(&data->scratch, "views.reenact");
@@ -97,7 +97,7 @@ static enum status tell(struct views_data *data, const struct truth *truth)
     if (status == OK)
         status = recording_begin_take(writer, "told", take_calibration(data->own));
     for (int64_t i = 0; i < take_frame_count(data->own) && status == OK; i++)
-        status = tell_frame(writer, data->own, i, &truth->joints[i]);
+        status = add_true_frame(writer, data->own, i, &truth->joints[i]);
     if (status == OK)
         status = recording_put_body(writer, take_body(data->own));
     if (status == OK)
@@ -110,7 +110,7 @@ static enum status tell(struct views_data *data, const struct truth *truth)
         status = recording_open(&data->recording, path);
     if (status == OK)
         status = take_open(&data->own, data->recording, "own");
-    return status == OK ? take_open(&data->told, data->recording, "told") : status;
+    return status == OK ? take_open(&data->true_take, data->recording, "told") : status;
 }
 
 // ------------------------------------------------------------- the pictures
@@ -128,8 +128,8 @@ static enum status add_picture(struct views_data *data, int64_t since_ns, struct
                                const uint8_t *expected, const uint8_t *mask)
 {
     size_t pixels = pixels_of(&data->lens);
-    struct views_picture *p = &data->picture[data->count++];
-    *p = (struct views_picture){.since_ns = since_ns, .truth = truth};
+    struct views_image *p = &data->picture[data->count++];
+    *p = (struct views_image){.since_ns = since_ns, .truth = truth};
     p->room = copy(room, 3 * pixels);
     p->expected = copy(expected, 3 * pixels);
     p->mask = copy(mask, pixels);
@@ -147,7 +147,7 @@ static void set_angles(struct views_data *data, const struct truth *truth)
 {
     int64_t frames = take_frame_count(data->own), start = take_entry(data->own, 0)->time_ns;
     for (int i = 0; i < data->count; i++) {
-        struct views_picture *p = &data->picture[i];
+        struct views_image *p = &data->picture[i];
         int64_t best = 0;
         for (int64_t f = 1; f < frames; f++)
             if (llabs(take_entry(data->own, f)->time_ns - start - p->since_ns) <
@@ -159,25 +159,25 @@ static void set_angles(struct views_data *data, const struct truth *truth)
 
 // Finds the cameras, and puts their truth into the place's axes: there the sensor, and with it the person, stands where
 // we find it, and the true cameras stand about it as in truth. So what finding either costs is told, not the one alone.
-static enum status find_pictures(struct views_data *data, const struct truth *truth, const struct place *place)
+static enum status find_images(struct views_data *data, const struct truth *truth, const struct place *place)
 {
     const struct pose place_from_truth =
         pose_multiply(take_entry(data->own, 0)->world_from_camera, pose_inverse(truth->world_from_sensor));
-    struct camera_track *track;
+    struct camera_tracker *track;
     int n = 0;
-    enum status status = camera_track_open(&track, place, &data->lens, NULL);
+    enum status status = camera_tracker_open(&track, place, &data->lens, NULL);
     for (int i = 0; i < data->count && status >= 0; i++) {
-        struct views_picture *p = &data->picture[i];
+        struct views_image *p = &data->picture[i];
         struct location at;
         struct camera_motion motion;
-        status = camera_track_look(track, p->room, NULL, p->since_ns, &at, &motion);
+        status = camera_tracker_process(track, p->room, NULL, p->since_ns, &at, &motion);
         p->placed = status == OK;
         if (!p->placed)
             continue;
         p->found = at.world_from_camera;
         n++;
     }
-    camera_track_close(&track);
+    camera_tracker_close(&track);
     if (status < 0)
         return status;
     if (n < 10)
@@ -189,19 +189,19 @@ static enum status find_pictures(struct views_data *data, const struct truth *tr
 
 // ------------------------------------------------------------- the small world
 
-static enum status film_pictures(struct views_data *data, const struct world *world, double seconds)
+static enum status film_images(struct views_data *data, const struct world *world, double seconds)
 {
     data->lens = world_viewer_calibration(SCALE).color;
     size_t pixels = pixels_of(&data->lens);
     uint8_t *room = malloc(3 * pixels), *with = malloc(3 * pixels), *mask = malloc(pixels);
     enum status status = room && with && mask ? OK : fail(ERR_MEMORY, "no memory for a picture");
-    for (int i = 0; i < LOOKED && status == OK; i++) {
-        double t = seconds * i / LOOKED;
+    for (int i = 0; i < VIEW_COUNT && status == OK; i++) {
+        double t = seconds * i / VIEW_COUNT;
         struct world_shot shot = {data->lens, world_viewer_pose(world, t), t, false};
-        status = world_render(world, &shot, &(struct world_picture){.color = room});
+        status = world_render(world, &shot, &(struct world_image){.color = room});
         shot.actor = true;
         if (status == OK)
-            status = world_render(world, &shot, &(struct world_picture){.color = with, .mask = mask});
+            status = world_render(world, &shot, &(struct world_image){.color = with, .mask = mask});
         if (status == OK)
             status = add_picture(data, (int64_t)llround(t * 1e9), shot.world_from_camera, room, with, mask);
     }
@@ -232,13 +232,13 @@ static enum status film(struct views_data *data, struct truth *truth)
         truth->waist[i] = world_joints(world, t).joint[JOINT_WAIST];
     }
     if (status == OK)
-        status = tell(data, truth);
+        status = record_truth(data, truth);
     if (status == OK)
-        status = film_pictures(data, world, seconds);
+        status = film_images(data, world, seconds);
     if (status == OK)
         set_angles(data, truth);
     if (status == OK)
-        status = find_pictures(data, truth, &place);
+        status = find_images(data, truth, &place);
     place_free(&place);
     world_close(&world);
     return status;
@@ -358,13 +358,13 @@ static enum status read_folder(struct views_data *data, const char *folder, stru
     if (status == OK)
         status = read_truth(data, folder, truth);
     if (status == OK)
-        status = tell(data, truth);
+        status = record_truth(data, truth);
     if (status == OK)
         status = read_pictures(data, folder);
     if (status == OK)
         set_angles(data, truth);
     if (status == OK)
-        status = find_pictures(data, truth, &place);
+        status = find_images(data, truth, &place);
     place_free(&place);
     return status;
 }

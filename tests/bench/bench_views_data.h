@@ -6,7 +6,7 @@
 
 enum { VIEWS_MOST = 128 };
 
-struct views_picture {
+struct views_image {
     int64_t since_ns;         // of the take's first frame
     uint8_t *room, *expected; // RGB: without the person, and with
     uint8_t *mask;            // not 0: the person
@@ -18,9 +18,9 @@ struct views_picture {
 struct views_data {
     struct scratch scratch;
     struct recording *recording;
-    struct take *own, *told; // with our joints, with the true ones
-    struct lens lens;        // of the pictures
-    struct views_picture picture[VIEWS_MOST];
+    struct take *own, *true_take; // with our joints, with the true ones
+    struct lens lens;             // of the pictures
+    struct views_image picture[VIEWS_MOST];
     int count;
 };
 

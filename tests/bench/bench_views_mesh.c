@@ -3,28 +3,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double TORN_M = 0.06; // neighbours further apart in depth are not joined
+static const double DEPTH_JUMP_M = 0.06; // neighbours further apart in depth are not joined
 
-struct corner {
+struct mesh_corner {
     bool there;
     double depth_m;     // in the sensor's picture
     double x, y, z;     // in the viewer's: pixels, metres
     const uint8_t *rgb; // of the sensor's picture
 };
 
-struct canvas {
+struct mesh_canvas {
     const struct lens *lens;
     uint8_t *rgb, *alpha;
     float *nearest; // metres
 };
 
-static double side(const struct corner *a, const struct corner *b, double x, double y)
+static double side(const struct mesh_corner *a, const struct mesh_corner *b, double x, double y)
 {
     return (b->x - a->x) * (y - a->y) - (b->y - a->y) * (x - a->x);
 }
 
-static void draw_triangle(const struct canvas *c, const struct corner *p, const struct corner *q,
-                          const struct corner *r)
+static void draw_triangle(const struct mesh_canvas *c, const struct mesh_corner *p, const struct mesh_corner *q,
+                          const struct mesh_corner *r)
 {
     double area = side(p, q, r->x, r->y);
     if (!(fabs(area) > 1e-12))
@@ -46,14 +46,14 @@ static void draw_triangle(const struct canvas *c, const struct corner *p, const 
         }
 }
 
-static bool joined(const struct corner *a, const struct corner *b, const struct corner *c)
+static bool joined(const struct mesh_corner *a, const struct mesh_corner *b, const struct mesh_corner *c)
 {
-    return a->there && b->there && c->there && fabs(a->depth_m - b->depth_m) < TORN_M &&
-           fabs(b->depth_m - c->depth_m) < TORN_M && fabs(c->depth_m - a->depth_m) < TORN_M;
+    return a->there && b->there && c->there && fabs(a->depth_m - b->depth_m) < DEPTH_JUMP_M &&
+           fabs(b->depth_m - c->depth_m) < DEPTH_JUMP_M && fabs(c->depth_m - a->depth_m) < DEPTH_JUMP_M;
 }
 
-static void place_corners(struct take *take, const struct take_pictures *seen, const struct lens *view,
-                          struct pose viewer_from_color, struct corner *corners)
+static void place_corners(struct take *take, const struct take_images *seen, const struct lens *view,
+                          struct pose viewer_from_color, struct mesh_corner *corners)
 {
     const struct calibration *k = take_calibration(take);
     struct pose color_from_depth = k->registered ? POSE_IDENTITY : k->color_from_depth;
@@ -71,7 +71,7 @@ static void place_corners(struct take *take, const struct take_pictures *seen, c
         int x = (int)floor(from.x + 0.5), y = (int)floor(from.y + 0.5);
         if (x < 0 || y < 0 || x >= k->color.width || y >= k->color.height)
             continue;
-        corners[i] = (struct corner){true, z, to.x, to.y, there.z, seen->color + 3 * (y * k->color.width + x)};
+        corners[i] = (struct mesh_corner){true, z, to.x, to.y, there.z, seen->color + 3 * (y * k->color.width + x)};
     }
 }
 
@@ -80,9 +80,9 @@ enum status views_mesh_draw(struct take *take, int64_t frame, const struct lens 
 {
     const struct lens *depth = &take_calibration(take)->depth;
     size_t pixels = (size_t)lens->width * (size_t)lens->height;
-    struct canvas canvas = {lens, rgb, alpha, malloc(sizeof(float) * pixels)};
-    struct corner *corners = malloc(sizeof *corners * (size_t)depth->width * (size_t)depth->height);
-    struct take_pictures seen;
+    struct mesh_canvas canvas = {lens, rgb, alpha, malloc(sizeof(float) * pixels)};
+    struct mesh_corner *corners = malloc(sizeof *corners * (size_t)depth->width * (size_t)depth->height);
+    struct take_images seen;
     enum status status = canvas.nearest && corners ? OK : fail(ERR_MEMORY, "no memory for the mesh");
     if (status == OK)
         status = take_read(take, frame, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &seen);
@@ -95,7 +95,8 @@ enum status views_mesh_draw(struct take *take, int64_t frame, const struct lens 
         place_corners(take, &seen, lens, viewer_from_color, corners);
         for (int y = 0; y + 1 < depth->height; y++)
             for (int x = 0; x + 1 < depth->width; x++) {
-                const struct corner *a = &corners[y * depth->width + x], *b = a + 1, *c = a + depth->width, *d = c + 1;
+                const struct mesh_corner *a = &corners[y * depth->width + x], *b = a + 1, *c = a + depth->width,
+                                         *d = c + 1;
                 if (joined(a, b, c))
                     draw_triangle(&canvas, a, b, c);
                 if (joined(b, d, c))

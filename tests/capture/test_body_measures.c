@@ -16,27 +16,27 @@ static double breadth_m(const struct skeleton *s)
     return v3_distance(s->joint[JOINT_LEFT_SHOULDER], s->joint[JOINT_RIGHT_SHOULDER]);
 }
 
-// How much wider shoulders are told in the end than they are.
+// How much wider shoulders are tracked in the end than they are.
 static double too_broad_m(const char *figure, double aside_degrees)
 {
     struct tracked_film f;
-    struct skeleton told, truth;
+    struct skeleton tracked, truth;
     tracked_film_open(&f, figure, "kata");
     struct pose from = seen_from(&f, aside_degrees);
     for (int k = 0; k < FRAMES; k++) {
         double t = (double)k / FPS;
         tracked_film_shoot(&f, from, t, (uint64_t)k);
-        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds(t), f.depth, &told, NULL), OK);
+        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds(t), f.depth, &tracked, NULL), OK);
         truth = world_joints_in_camera(f.world, t, from);
     }
     tracked_film_close(&f);
     print_message("%s, from %g degrees: %.0f mm broad between the shoulders, %.0f in truth\n", figure, aside_degrees,
-                  1000 * breadth_m(&told), 1000 * breadth_m(&truth));
-    return breadth_m(&told) - breadth_m(&truth);
+                  1000 * breadth_m(&tracked), 1000 * breadth_m(&truth));
+    return breadth_m(&tracked) - breadth_m(&truth);
 }
 
 // What stands out beside the person says that a body is too broad; points on its surface alone do not.
-static void shoulders_are_as_broad_as_they_are(void **state)
+static void test_shoulder_width(void **state)
 {
     (void)state;
     static const struct {
@@ -52,7 +52,7 @@ static void shoulders_are_as_broad_as_they_are(void **state)
 
 // Of who stands so near that no feet are in sight, the level of the crown says how tall they are, and a hem above the
 // picture's lower edge that they wear a skirt: the trunk does not grow to be all that is seen.
-static void who_is_near_is_no_giant(void **state)
+static void test_close_person_has_true_size(void **state)
 {
     (void)state;
     static const struct {
@@ -62,16 +62,16 @@ static void who_is_near_is_no_giant(void **state)
     enum { LAST = 45 };
     for (size_t i = 0; i < COUNT_OF(cases); i++) {
         struct tracked_film f;
-        struct skeleton told;
+        struct skeleton tracked;
         double sum = 0;
         tracked_film_open(&f, cases[i].figure, cases[i].motion);
         struct pose from = moved(world_sensor_pose(f.world), v3(0, 0, cases[i].nearer_m));
         for (int k = 0; k < LAST; k++) {
             double t = (double)k / FPS;
             tracked_film_shoot(&f, from, t, (uint64_t)k);
-            EXPECT_STATUS(tracker_next(f.tracker, nanoseconds(t), f.depth, &told, NULL), OK);
+            EXPECT_STATUS(tracker_next(f.tracker, nanoseconds(t), f.depth, &tracked, NULL), OK);
             struct skeleton truth = world_joints_in_camera(f.world, t, from);
-            sum += error_of(&told, &truth) / LAST;
+            sum += error_of(&tracked, &truth) / LAST;
         }
         tracked_film_close(&f);
         print_message("%s, %s, %g m nearer: %.0f mm off\n", cases[i].figure, cases[i].motion, cases[i].nearer_m,
@@ -83,8 +83,8 @@ static void who_is_near_is_no_giant(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(shoulders_are_as_broad_as_they_are),
-        cmocka_unit_test(who_is_near_is_no_giant),
+        cmocka_unit_test(test_shoulder_width),
+        cmocka_unit_test(test_close_person_has_true_size),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -72,15 +72,15 @@ static void draw(const struct calibration *c, const struct skeleton *s)
             }
 }
 
-static void test_radii_of_a_clear_pose(void **state)
+static void test_radii_of_clear_pose(void **state)
 {
     (void)state;
     struct calibration c = kinect();
     struct skeleton s = puppet();
-    struct representative r;
+    struct body_radii r;
     draw(&c, &s);
-    representative_start(&r);
-    EXPECT_TRUE(representative_offer(&r, 5, &c, &s, depth, mask));
+    body_radii_start(&r);
+    EXPECT_TRUE(body_radii_add_frame(&r, 5, &c, &s, depth, mask));
     EXPECT_INT(r.body.representative_frame, 5);
     for (int p = 0; p < PART_COUNT; p++) {
         double length = v3_distance(s.joint[part_ends[p].from], s.joint[part_ends[p].to]);
@@ -89,7 +89,7 @@ static void test_radii_of_a_clear_pose(void **state)
     }
 }
 
-static void test_value_prefers_what_the_paper_asks_for(void **state)
+static void test_score_prefers_paper_criteria(void **state)
 {
     (void)state;
     struct skeleton good = puppet(), arms_down = puppet(), arms_forward = puppet(), crossed = puppet();
@@ -97,31 +97,31 @@ static void test_value_prefers_what_the_paper_asks_for(void **state)
     arms_forward.joint[JOINT_LEFT_HAND] = v3(0.2, -0.4, 1.9);
     crossed.joint[JOINT_LEFT_FOOT].x = -0.3;
     crossed.joint[JOINT_RIGHT_FOOT].x = 0.3;
-    double value = representative_value(&good);
-    EXPECT_TRUE(value > representative_value(&arms_down) + 0.1);
-    EXPECT_TRUE(value > representative_value(&arms_forward) + 0.1);
-    EXPECT_TRUE(representative_value(&arms_down) > representative_value(&crossed));
+    double value = body_radii_pose_score(&good);
+    EXPECT_TRUE(value > body_radii_pose_score(&arms_down) + 0.1);
+    EXPECT_TRUE(value > body_radii_pose_score(&arms_forward) + 0.1);
+    EXPECT_TRUE(body_radii_pose_score(&arms_down) > body_radii_pose_score(&crossed));
     // Seen from behind, the same pose is worth the same.
     struct skeleton back = good;
     for (int j = 0; j < JOINT_COUNT; j++)
         back.joint[j] = v3(-good.joint[j].x, good.joint[j].y, 5 - good.joint[j].z);
-    EXPECT_NEAR(representative_value(&back), value, 1e-9);
+    EXPECT_NEAR(body_radii_pose_score(&back), value, 1e-9);
 }
 
-static void test_what_was_never_seen_has_no_radius(void **state)
+static void test_unseen_part_has_no_radius(void **state)
 {
     (void)state;
     struct calibration c = kinect();
     struct skeleton s = puppet();
-    struct representative r;
+    struct body_radii r;
     draw(&c, &s);
     const enum joint unseen[] = {JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT};
     for (size_t i = 0; i < COUNT_OF(unseen); i++) {
         s.confidence[unseen[i]] = 0;
         s.joint[unseen[i]] = v3(NAN, NAN, NAN);
     }
-    representative_start(&r);
-    EXPECT_TRUE(representative_offer(&r, 0, &c, &s, depth, mask));
+    body_radii_start(&r);
+    EXPECT_TRUE(body_radii_add_frame(&r, 0, &c, &s, depth, mask));
     EXPECT_NEAR(r.body.radius_rate[PART_LEFT_SHIN], 0, 0);
     EXPECT_NEAR(r.body.radius_rate[PART_RIGHT_THIGH], 0, 0);
     EXPECT_AT_LEAST(r.body.radius_rate[PART_LEFT_FOREARM], 0.05);
@@ -135,25 +135,25 @@ static void test_hard_cases_give_no_radius_and_no_nan(void **state)
     draw(&c, &s);
     struct skeleton none = s;
     none.joint[JOINT_LEFT_HAND] = none.joint[JOINT_LEFT_ELBOW]; // a limb of no length
-    EXPECT_NEAR(representative_part_radius(&c, &none, depth, mask, PART_LEFT_FOREARM), 0, 0);
+    EXPECT_NEAR(body_radii_measure_part(&c, &none, depth, mask, PART_LEFT_FOREARM), 0, 0);
     struct skeleton behind = s;
     behind.joint[JOINT_LEFT_HAND].z = -1;
-    EXPECT_NEAR(representative_part_radius(&c, &behind, depth, mask, PART_LEFT_FOREARM), 0, 0);
+    EXPECT_NEAR(body_radii_measure_part(&c, &behind, depth, mask, PART_LEFT_FOREARM), 0, 0);
     struct skeleton outside = s;
     outside.joint[JOINT_LEFT_ELBOW].x += 2;
     outside.joint[JOINT_LEFT_HAND].x += 2;
-    EXPECT_NEAR(representative_part_radius(&c, &outside, depth, mask, PART_LEFT_FOREARM), 0, 0);
+    EXPECT_NEAR(body_radii_measure_part(&c, &outside, depth, mask, PART_LEFT_FOREARM), 0, 0);
     memset(depth, 0, sizeof depth);
     for (int p = 0; p < PART_COUNT; p++)
-        EXPECT_NEAR(representative_part_radius(&c, &s, depth, mask, (enum part)p), 0, 0);
+        EXPECT_NEAR(body_radii_measure_part(&c, &s, depth, mask, (enum part)p), 0, 0);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_radii_of_a_clear_pose),
-        cmocka_unit_test(test_value_prefers_what_the_paper_asks_for),
-        cmocka_unit_test(test_what_was_never_seen_has_no_radius),
+        cmocka_unit_test(test_radii_of_clear_pose),
+        cmocka_unit_test(test_score_prefers_paper_criteria),
+        cmocka_unit_test(test_unseen_part_has_no_radius),
         cmocka_unit_test(test_hard_cases_give_no_radius_and_no_nan),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -32,7 +32,7 @@ static enum status film(struct mapper *m, const struct lens *lens)
     for (int i = 0; i < SWEEP && status == OK; i++) {
         double time_s = (double)WORLD_SWEEP_S * i / SWEEP;
         struct world_shot shot = {*lens, world_sweep_pose(room.world, time_s), 0, false};
-        EXPECT_STATUS(world_render(room.world, &shot, &(struct world_picture){.color = color}), OK);
+        EXPECT_STATUS(world_render(room.world, &shot, &(struct world_image){.color = color}), OK);
         world_color_noise(color, lens->width, lens->height, seed * 1000 + (uint64_t)i);
         status = mapper_add(m, &(struct frame){.time_ns = (int64_t)(time_s * 1e9), .color = color});
     }
@@ -74,17 +74,17 @@ static int leave(void **state)
     return 0;
 }
 
-static void tags_are_where_they_say(void **state)
+static void test_tag_poses_are_consistent(void **state)
 {
     (void)state;
-    double squared = tags_squared(&room.place, room.tags, room.world_from_place);
+    double squared = tags_mahalanobis_squared(&room.place, room.tags, room.world_from_place);
     printf("%d tags within %.2f mm rms, off by %.1f where 6 is said\n", (int)room.place.tag_count,
            room.tags_off_m * 1e3, squared);
     EXPECT_AT_MOST(room.tags_off_m, 0.002);
     EXPECT_AT_MOST(squared, 2 * 6);
 }
 
-static void points_are_kept(void **state)
+static void test_landmarks_are_kept(void **state)
 {
     (void)state;
     printf("%d points\n", (int)room.place.point_count);
@@ -122,7 +122,7 @@ struct found {
 static void find(struct locator *l, const uint8_t *color, struct pose truth, struct found *f)
 {
     struct location at;
-    enum status status = locator_find(l, color, NULL, &at);
+    enum status status = locator_localize(l, color, NULL, &at);
     EXPECT_TRUE(status >= 0);
     if (status != OK)
         return;
@@ -151,7 +151,7 @@ static void expect_honest(const char *name, const struct found *f, int least_fou
     EXPECT_AT_MOST(f->worst, NEVER);
 }
 
-static void cameras_are_where_they_say(void **state)
+static void test_camera_poses_are_consistent(void **state)
 {
     (void)state;
     const struct lens lens = world_viewer_calibration(1).color;
@@ -166,7 +166,7 @@ static void cameras_are_where_they_say(void **state)
     for (int i = 0; i < cameras; i++) {
         double time_s = world_seconds(room.world) * i / cameras;
         struct world_shot shot = {lens, world_viewer_pose(room.world, time_s), time_s, false};
-        EXPECT_STATUS(world_render(room.world, &shot, &(struct world_picture){.color = color}), OK);
+        EXPECT_STATUS(world_render(room.world, &shot, &(struct world_image){.color = color}), OK);
         world_color_noise(color, lens.width, lens.height, seed * 1000 + 500 + (uint64_t)i);
         find(with_tags, color, shot.world_from_camera, &in_sight);
         find(without, color, shot.world_from_camera, &taken_away);
@@ -181,9 +181,9 @@ static void cameras_are_where_they_say(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tags_are_where_they_say),
-        cmocka_unit_test(points_are_kept),
-        cmocka_unit_test(cameras_are_where_they_say),
+        cmocka_unit_test(test_tag_poses_are_consistent),
+        cmocka_unit_test(test_landmarks_are_kept),
+        cmocka_unit_test(test_camera_poses_are_consistent),
     };
     if (argc > 1)
         cameras = atoi(argv[1]);

@@ -20,7 +20,7 @@ static struct take *take;
 
 static struct skeleton truth(int i) { return world_joints_in_camera(world, i / 10.0, world_sensor_pose(world)); }
 
-static void test_csv_holds_every_joint(void **state)
+static void test_csv_has_every_joint(void **state)
 {
     (void)state;
     const char *path = scratch_file(&scratch, "joints.csv");
@@ -50,7 +50,7 @@ static void test_csv_holds_every_joint(void **state)
 
 // The bones of a BVH have one length for the whole file, and trunk and pelvis are one
 // piece; so joints come back to some centimetres, not to the digit.
-static void test_bvh_moves_as_the_take(void **state)
+static void test_bvh_matches_take(void **state)
 {
     (void)state;
     const char *path = scratch_file(&scratch, "motion.bvh");
@@ -123,8 +123,8 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_csv_holds_every_joint),
-        cmocka_unit_test(test_bvh_moves_as_the_take),
+        cmocka_unit_test(test_csv_has_every_joint),
+        cmocka_unit_test(test_bvh_matches_take),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -7,12 +7,12 @@
 #include <string.h>
 
 // What the first pictures of a motion say of a hem; filmed from so much nearer than the sensor stands.
-static struct hem_belief look(const char *figure, const char *motion, double height_m, double nearer_m, double *waist_m,
-                              double *knee_m)
+static struct hem_estimate learn_hem(const char *figure, const char *motion, double height_m, double nearer_m,
+                                     double *waist_m, double *knee_m)
 {
     struct tracked_film f;
-    struct body_evidence *e;
-    struct hem_belief belief = {0};
+    struct depth_evidence *e;
+    struct hem_estimate belief = {0};
     tracked_film_open(&f, figure, motion);
     struct pose from = moved(world_sensor_pose(f.world), v3(0, 0, nearer_m));
     struct vec3 up = quat_rotate(quat_conjugate(from.rotation), v3(0, 0, 1));
@@ -29,15 +29,15 @@ static struct hem_belief look(const char *figure, const char *motion, double hei
         struct skeleton truth = world_joints(f.world, t);
         *waist_m = truth.joint[JOINT_WAIST].z;
         *knee_m = truth.joint[JOINT_LEFT_KNEE].z;
-        if (hem_find(&task, height_m, &hem))
-            hem_learn(&belief, &hem, *waist_m);
+        if (hem_detect(&task, height_m, &hem))
+            hem_update(&belief, &hem, *waist_m);
     }
     evidence_close(&e);
     tracked_film_close(&f);
     return belief;
 }
 
-static void a_hem_is_found_where_one_is(void **state)
+static void test_hem_is_detected(void **state)
 {
     (void)state;
     static const struct {
@@ -53,7 +53,8 @@ static void a_hem_is_found_where_one_is(void **state)
     };
     for (size_t i = 0; i < COUNT_OF(who); i++) {
         double waist_m, knee_m;
-        struct hem_belief b = look(who[i].figure, who[i].motion, who[i].height_m, who[i].nearer_m, &waist_m, &knee_m);
+        struct hem_estimate b =
+            learn_hem(who[i].figure, who[i].motion, who[i].height_m, who[i].nearer_m, &waist_m, &knee_m);
         print_message("%s, %s, %g m nearer: %d pictures, %.2f m below the waist (the knee %.2f), %.2f m wide, narrower "
                       "by %.2f\n",
                       who[i].figure, who[i].motion, who[i].nearer_m, b.count, b.below_m, waist_m - knee_m, b.wide_m,
@@ -66,7 +67,7 @@ static void a_hem_is_found_where_one_is(void **state)
     }
 }
 
-static void legs_in_a_skirt_are_where_they_should_be(void **state)
+static void test_legs_under_skirt(void **state)
 {
     (void)state;
     static const enum joint low[] = {JOINT_LEFT_HIP,  JOINT_LEFT_KNEE,  JOINT_LEFT_FOOT,
@@ -97,8 +98,8 @@ static void legs_in_a_skirt_are_where_they_should_be(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_hem_is_found_where_one_is),
-        cmocka_unit_test(legs_in_a_skirt_are_where_they_should_be),
+        cmocka_unit_test(test_hem_is_detected),
+        cmocka_unit_test(test_legs_under_skirt),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

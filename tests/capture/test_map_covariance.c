@@ -15,19 +15,19 @@ static uint8_t rgb[WIDTH * HEIGHT * 3];
 static int pictures = 20;
 
 // Where a map has a tag that errs by so much in each of its own axes.
-static const double MAP_TURN = 0.01, MAP_SHIFT_M = 0.002;
-static void map_badly(struct place_tag *tag, struct dice *dice)
+static const double MAP_ROTATION = 0.01, MAP_SHIFT_M = 0.002;
+static void map_badly(struct place_tag *tag, struct rng *rng)
 {
-    const struct vec3 turn = dice_normal3(dice, MAP_TURN);
-    const struct pose off = {quat_from_rotation_vector(turn), dice_normal3(dice, MAP_SHIFT_M)};
+    const struct vec3 rotation = rng_normal3(rng, MAP_ROTATION);
+    const struct pose off = {quat_from_rotation_vector(rotation), rng_normal3(rng, MAP_SHIFT_M)};
     tag->world_from_tag = pose_multiply(tag->world_from_tag, off);
     memset(tag->covariance, 0, sizeof tag->covariance);
     for (int k = 0, i = 0; k < 6; i += 6 - k++)
-        tag->covariance[i] = (float)(k < 3 ? MAP_TURN * MAP_TURN : MAP_SHIFT_M * MAP_SHIFT_M);
+        tag->covariance[i] = (float)(k < 3 ? MAP_ROTATION * MAP_ROTATION : MAP_SHIFT_M * MAP_SHIFT_M);
 }
 
 // Pictures with `noise` grey levels of the first `count` tags from near and far, steep and straight.
-static void look_at_tags(int count, double noise, bool badly_mapped, struct tally *all)
+static void observe_tags(int count, double noise, bool badly_mapped, struct coverage_count *all)
 {
     struct place_tag tags[3] = {
         {.id = 3, .side_m = 0.16, .world_from_tag = {{0, 0, 0, 1}, {-0.15, 0.1, 0}}},
@@ -36,20 +36,20 @@ static void look_at_tags(int count, double noise, bool badly_mapped, struct tall
     };
     struct place_tag mapped[3];
     const struct place place = {.tags = mapped, .tag_count = count};
-    struct dice errors = {31 + (uint64_t)count};
+    struct rng errors = {31 + (uint64_t)count};
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
     struct locator_options options = locator_default_options();
     struct locator *l;
-    uint64_t dice = 77 + (uint64_t)count;
-    struct tally t = {0};
+    uint64_t rng = 77 + (uint64_t)count;
+    struct coverage_count t = {0};
     options.max_position_sigma_m = 10;
     for (int i = 0; i < pictures; i++) {
         memcpy(mapped, tags, sizeof mapped);
         for (int k = 0; k < count && badly_mapped; k++)
             map_badly(&mapped[k], &errors);
         EXPECT_STATUS(locator_open(&l, &place, &lens, &options), OK);
-        double distance = 0.7 + 0.8 * tag_picture_uniform(&dice), yaw = 1.6 * tag_picture_uniform(&dice) - 0.8,
-               pitch = 1 * tag_picture_uniform(&dice) - 0.5, roll = 6.28 * tag_picture_uniform(&dice);
+        double distance = 0.7 + 0.8 * tag_picture_uniform(&rng), yaw = 1.6 * tag_picture_uniform(&rng) - 0.8,
+               pitch = 1 * tag_picture_uniform(&rng) - 0.5, roll = 6.28 * tag_picture_uniform(&rng);
         struct tag_picture p = {.lens = lens,
                                 .tags = tags,
                                 .tag_count = count,
@@ -60,46 +60,46 @@ static void look_at_tags(int count, double noise, bool badly_mapped, struct tall
                                 .world_from_camera = tag_picture_view(distance, yaw, pitch, roll)};
         struct location at;
         EXPECT_TRUE(tag_picture_draw(&p));
-        enum status status = locator_find(l, rgb, NULL, &at);
+        enum status status = locator_localize(l, rgb, NULL, &at);
         locator_close(&l);
         if (status != OK || at.tags_used < count)
             continue;
-        take_in(&t, &at, p.world_from_camera);
+        coverage_add(&t, &at, p.world_from_camera);
     }
     printf("%d tags, noise %.0f%s: ", count, noise, badly_mapped ? ", mapped badly" : "");
-    tell(&t);
+    print_coverage(&t);
     EXPECT_AT_LEAST(t.found, 0.9 * pictures);
-    judge(&t);
+    expect_coverage(&t);
     all->found += t.found;
     all->sum += t.sum;
     all->within_95 += t.within_95;
     all->within_50 += t.within_50;
 }
 
-static void tags_are_as_sure_as_they_say(void **state)
+static void test_tag_covariances_are_consistent(void **state)
 {
     (void)state;
-    struct tally all = {0};
-    look_at_tags(1, 4, false, &all);
-    look_at_tags(2, 4, false, &all);
-    look_at_tags(3, 4, false, &all);
-    look_at_tags(1, 4, true, &all);
+    struct coverage_count all = {0};
+    observe_tags(1, 4, false, &all);
+    observe_tags(2, 4, false, &all);
+    observe_tags(3, 4, false, &all);
+    observe_tags(1, 4, true, &all);
 #ifndef EMULATED
-    look_at_tags(1, 8, false, &all);
-    look_at_tags(2, 2, false, &all);
-    look_at_tags(2, 8, false, &all);
-    look_at_tags(3, 8, false, &all);
-    look_at_tags(3, 4, true, &all);
+    observe_tags(1, 8, false, &all);
+    observe_tags(2, 2, false, &all);
+    observe_tags(2, 8, false, &all);
+    observe_tags(3, 8, false, &all);
+    observe_tags(3, 4, true, &all);
 #endif
     printf("together: ");
-    tell(&all);
+    print_coverage(&all);
     EXPECT_NEAR((double)all.within_95 / all.found, 0.95, 0.03);
     EXPECT_NEAR((double)all.within_50 / all.found, 0.5, 0.15);
 }
 
 int main(int argc, char **argv)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(tags_are_as_sure_as_they_say)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_tag_covariances_are_consistent)};
     if (argc > 1)
         pictures = atoi(argv[1]);
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -22,7 +22,7 @@ static uint64_t seed = 31;
 static void film(struct lens lens, struct pose world_from_camera, uint64_t noise)
 {
     struct world_shot shot = {lens, world_from_camera, 0, false};
-    EXPECT_STATUS(world_render(world, &shot, &(struct world_picture){.color = rgb, .depth = depth}), OK);
+    EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = rgb, .depth = depth}), OK);
     world_color_noise(rgb, WIDTH, HEIGHT, noise);
 }
 
@@ -32,7 +32,7 @@ static int map_points(const struct lens *lens, struct pose world_from_camera, st
     static struct feature features[FEATURES_MAX];
     int found, count = 0;
     gray_from_rgb(rgb, PIXELS, gray);
-    EXPECT_STATUS(features_find(gray, WIDTH, HEIGHT, features, FEATURES_MAX, &found), OK);
+    EXPECT_STATUS(features_detect(gray, WIDTH, HEIGHT, features, FEATURES_MAX, &found), OK);
     for (int i = 0; i < found; i++) {
         int x = (int)(features[i].at.x + 0.5), y = (int)(features[i].at.y + 0.5), low = 65535, high = 0;
         if (x < 3 || y < 3 || x > WIDTH - 4 || y > HEIGHT - 4)
@@ -52,69 +52,70 @@ static int map_points(const struct lens *lens, struct pose world_from_camera, st
 }
 
 // From somewhere in the middle of the room to any side.
-static struct pose any_view(struct dice *dice)
+static struct pose any_view(struct rng *rng)
 {
     struct quat level = {-0.7071067811865476, 0, 0, 0.7071067811865476}; // z forward along the world's y, y down
-    struct quat turn = quat_multiply(quat_from_rotation_vector(v3(0, 0, dice_between(dice, -3.14, 3.14))), level);
-    turn = quat_multiply(turn, quat_from_rotation_vector(v3_add(v3(-0.1, 0, 0), dice_within(dice, v3(0.2, 0, 0.2)))));
-    return (struct pose){quat_unit(turn), v3_add(v3(0, 0, 1.45), dice_within(dice, v3(1, 1, 0.25)))};
+    struct quat rotation = quat_multiply(quat_from_rotation_vector(v3(0, 0, rng_between(rng, -3.14, 3.14))), level);
+    rotation =
+        quat_multiply(rotation, quat_from_rotation_vector(v3_add(v3(-0.1, 0, 0), rng_within(rng, v3(0.2, 0, 0.2)))));
+    return (struct pose){quat_unit(rotation), v3_add(v3(0, 0, 1.45), rng_within(rng, v3(1, 1, 0.25)))};
 }
 
-static struct pose near_by(struct pose view, struct dice *dice)
+static struct pose perturbed_pose(struct pose view, struct rng *rng)
 {
-    struct vec3 turn = dice_within(dice, v3(0.1, 0.1, 0.1));
-    struct vec3 shift = dice_within(dice, v3(0.2, 0.2, 0.2));
-    return pose_multiply(view, (struct pose){quat_from_rotation_vector(turn), shift});
+    struct vec3 rotation_vector = rng_within(rng, v3(0.1, 0.1, 0.1));
+    struct vec3 shift = rng_within(rng, v3(0.2, 0.2, 0.2));
+    return pose_multiply(view, (struct pose){quat_from_rotation_vector(rotation_vector), shift});
 }
 
-static void look(const struct place *place, const struct lens *lens, struct pose truth, struct tally *t)
+static void look_at(const struct place *place, const struct lens *lens, struct pose truth, struct coverage_count *t)
 {
     struct locator_options options = locator_default_options();
     struct locator *l;
     struct location at;
     options.max_position_sigma_m = 10;
     EXPECT_STATUS(locator_open(&l, place, lens, &options), OK);
-    if (locator_find(l, rgb, NULL, &at) == OK && at.points_used)
-        take_in(t, &at, truth);
+    if (locator_localize(l, rgb, NULL, &at) == OK && at.points_used)
+        coverage_add(t, &at, truth);
     locator_close(&l);
 }
 
-static void points_are_as_sure_as_they_say(void **state)
+static void test_landmark_covariances_are_consistent(void **state)
 {
     (void)state;
     static struct place_point points[FEATURES_MAX];
     struct world_options o = world_default_options();
     struct lens lens = world_viewer_calibration(0.75).color;
-    struct dice dice = {seed};
-    struct tally alone = {0}, with_tags = {0};
+    struct rng rng = {seed};
+    struct coverage_count alone = {0}, with_tags = {0};
     int32_t tag_count;
     o.motion = "still";
     o.threads = 2;
     EXPECT_STATUS(world_open(&world, &o), OK);
     struct place_tag *tags = (struct place_tag *)(uintptr_t)world_tags(world, &tag_count);
     for (int i = 0; i < pictures; i++) {
-        struct pose mapped = any_view(&dice), truth = near_by(mapped, &dice);
+        struct pose mapped = any_view(&rng), truth = perturbed_pose(mapped, &rng);
         film(lens, mapped, 100 + 2 * (uint64_t)i);
         int count = map_points(&lens, mapped, points);
         film(lens, truth, 101 + 2 * (uint64_t)i);
-        look(&(struct place){.points = points, .point_count = count}, &lens, truth, &alone);
-        look(&(struct place){.points = points, .point_count = count, .tags = tags, .tag_count = tag_count}, &lens,
-             truth, &with_tags);
+        look_at(&(struct place){.points = points, .point_count = count}, &lens, truth, &alone);
+        look_at(&(struct place){.points = points, .point_count = count, .tags = tags, .tag_count = tag_count}, &lens,
+                truth, &with_tags);
     }
     world_close(&world);
     printf("points alone: ");
-    tell(&alone);
+    print_coverage(&alone);
     printf("points and tags: ");
-    tell(&with_tags);
+    print_coverage(&with_tags);
     EXPECT_AT_LEAST(alone.found, pictures / 2);
     EXPECT_AT_LEAST(with_tags.found, pictures / 2);
-    judge(&alone);
-    judge(&with_tags);
+    expect_coverage(&alone);
+    expect_coverage(&with_tags);
 }
 
 int main(int argc, char **argv)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(points_are_as_sure_as_they_say)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_landmark_covariances_are_consistent)};
     if (argc > 1)
         pictures = atoi(argv[1]);
     if (argc > 2)

@@ -1,4 +1,4 @@
-// What a sweep's pictures show is the same whether one is looked at at a time or as many as there is room for, and
+// What a sweep's pictures show is the same whether one is extracted at at a time or as many as there is room for, and
 // comes in their order.
 #include "tests/support/test.h"
 
@@ -10,20 +10,20 @@
 
 enum { PICTURES = 9 };
 
-struct sweep {
+struct frontend_sweep {
     struct map map;
     struct map_tag tags[64];
     uint8_t *color[PICTURES];
     uint16_t *depth[PICTURES];
 };
 
-static void film(struct sweep *s)
+static void film(struct frontend_sweep *s)
 {
     struct world *world;
     struct world_options o = world_default_options();
     o.motion = "still";
     EXPECT_STATUS(world_open(&world, &o), OK);
-    *s = (struct sweep){.map = {.calibration = world_calibration(0.5), .tags = s->tags}};
+    *s = (struct frontend_sweep){.map = {.calibration = world_calibration(0.5), .tags = s->tags}};
     int32_t count;
     const struct place_tag *tags = world_tags(world, &count);
     for (int32_t i = 0; i < count; i++) {
@@ -38,28 +38,28 @@ static void film(struct sweep *s)
         EXPECT_TRUE(s->color[i] && s->depth[i]);
         struct world_shot shot = {s->map.calibration.color, world_sweep_pose(world, WORLD_SWEEP_S * i / PICTURES), 0,
                                   false};
-        struct world_picture picture = {.color = s->color[i], .depth = s->depth[i]};
+        struct world_image picture = {.color = s->color[i], .depth = s->depth[i]};
         EXPECT_STATUS(world_render(world, &shot, &picture), OK);
     }
     world_close(&world);
 }
 
-static void put(const struct sweep *s, struct map_look *l, int i)
+static void put(const struct frontend_sweep *s, struct map_frontend *l, int i)
 {
     struct frame frame = {.time_ns = i, .color = s->color[i], .depth = s->depth[i]};
-    EXPECT_STATUS(map_look_put(l, &frame, 10 * i), OK);
+    EXPECT_STATUS(map_frontend_put(l, &frame, 10 * i), OK);
 }
 
-static void expect_same(const struct map_looked *a, const struct map_looked *b)
+static void expect_same(const struct map_frontend_result *a, const struct map_frontend_result *b)
 {
-    const struct map_frame *f = &a->shown, *g = &b->shown;
+    const struct map_frame *f = &a->observed, *g = &b->observed;
     EXPECT_INT(f->time_ns, g->time_ns);
     EXPECT_INT(a->number, b->number);
     EXPECT_INT(a->id_count, b->id_count);
     EXPECT_TRUE(!memcmp(a->ids, b->ids, (size_t)a->id_count * sizeof *a->ids));
     EXPECT_INT(f->seen_count, g->seen_count);
     for (int32_t i = 0; i < f->seen_count; i++) {
-        EXPECT_INT(f->which[i], g->which[i]);
+        EXPECT_INT(f->tag_index[i], g->tag_index[i]);
         EXPECT_TRUE(!memcmp(f->seen[i].ray, g->seen[i].ray, sizeof f->seen[i].ray));
         EXPECT_TRUE(!memcmp(f->seen[i].information, g->seen[i].information, sizeof f->seen[i].information));
         EXPECT_INT(f->depths[i].count, g->depths[i].count);
@@ -73,48 +73,48 @@ static void expect_same(const struct map_looked *a, const struct map_looked *b)
     }
 }
 
-static void one_at_a_time_or_many(void **state)
+static void test_same_for_any_thread_count(void **state)
 {
     (void)state;
-    struct sweep s;
+    struct frontend_sweep s;
     struct mapper_options options = mapper_default_options();
-    struct map_look *single, *many;
-    struct map_looked alone[PICTURES], looked;
+    struct map_frontend *single, *many;
+    struct map_frontend_result alone[PICTURES], result;
     film(&s);
-    EXPECT_STATUS(map_look_open(&single, &s.map, &options), OK);
-    EXPECT_STATUS(map_look_open(&many, &s.map, &options), OK);
-    EXPECT_STATUS(map_look_take(many, &looked), NOTHING);
+    EXPECT_STATUS(map_frontend_open(&single, &s.map, &options), OK);
+    EXPECT_STATUS(map_frontend_open(&many, &s.map, &options), OK);
+    EXPECT_STATUS(map_frontend_take(many, &result), NOTHING);
     int tags = 0, features = 0, taken = 0, put_first = 0;
     for (int i = 0; i < PICTURES; i++) {
         put(&s, single, i);
-        EXPECT_STATUS(map_look_take(single, &alone[i]), OK);
+        EXPECT_STATUS(map_frontend_take(single, &alone[i]), OK);
         EXPECT_INT(alone[i].number, 10 * i);
-        tags += alone[i].shown.seen_count;
-        features += alone[i].shown.feature_count;
+        tags += alone[i].observed.seen_count;
+        features += alone[i].observed.feature_count;
     }
     EXPECT_AT_LEAST(tags, 5);
     EXPECT_AT_LEAST(features, 500);
     for (int i = 0; i < PICTURES; i++) {
-        if (map_look_full(many)) {
+        if (map_frontend_full(many)) {
             put_first = put_first ? put_first : i;
-            EXPECT_STATUS(map_look_take(many, &looked), OK);
-            expect_same(&looked, &alone[taken++]);
-            map_frame_free(&looked.shown);
+            EXPECT_STATUS(map_frontend_take(many, &result), OK);
+            expect_same(&result, &alone[taken++]);
+            map_frame_free(&result.observed);
         }
         put(&s, many, i);
     }
     EXPECT_AT_LEAST(put_first, 2);
-    while (map_look_take(many, &looked) == OK) {
-        expect_same(&looked, &alone[taken++]);
-        map_frame_free(&looked.shown);
+    while (map_frontend_take(many, &result) == OK) {
+        expect_same(&result, &alone[taken++]);
+        map_frame_free(&result.observed);
     }
     EXPECT_INT(taken, PICTURES);
     put(&s, many, 0); // closed with pictures in it
     put(&s, many, 1);
-    map_look_close(&many);
-    map_look_close(&single);
+    map_frontend_close(&many);
+    map_frontend_close(&single);
     for (int i = 0; i < PICTURES; i++) {
-        map_frame_free(&alone[i].shown);
+        map_frame_free(&alone[i].observed);
         free(s.color[i]);
         free(s.depth[i]);
     }
@@ -122,6 +122,6 @@ static void one_at_a_time_or_many(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(one_at_a_time_or_many)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_same_for_any_thread_count)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

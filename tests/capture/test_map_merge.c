@@ -15,7 +15,7 @@
 enum { PICTURES = 24, FIRST_END = 13, SECOND_START = 9, SECOND_END = 21, MOST_TAGS = 32 };
 enum { WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 
-static struct room {
+static struct sweep_room {
     struct world *world;
     struct calibration calibration;
     struct mapper_tag tags[MOST_TAGS];
@@ -25,13 +25,13 @@ static struct room {
     struct place first; // by its own sweep
 } room;
 
-static int64_t picture_time_ns(int i) { return (int64_t)(1e9 * WORLD_SWEEP_S * i / PICTURES); }
+static int64_t image_time_ns(int i) { return (int64_t)(1e9 * WORLD_SWEEP_S * i / PICTURES); }
 
 static enum status film(struct mapper *m, int from, int to)
 {
     enum status status = OK;
     for (int i = from; i < to && status == OK; i++) {
-        struct frame frame = {.time_ns = picture_time_ns(i), .color = room.color[i], .depth = room.depth[i]};
+        struct frame frame = {.time_ns = image_time_ns(i), .color = room.color[i], .depth = room.depth[i]};
         status = mapper_add(m, &frame);
     }
     return status;
@@ -43,7 +43,7 @@ static enum status map(const struct place *before, int32_t tag_count, int from, 
 {
     struct mapper *m;
     struct mapper_options o = mapper_default_options();
-    o.before = before;
+    o.prior = before;
     enum status status = mapper_open(&m, &room.calibration, room.tags, tag_count, &o);
     if (status == OK)
         status = film(m, from, to);
@@ -68,9 +68,9 @@ static int enter(void **state)
     for (int32_t i = 0; i < room.tag_count; i++)
         room.tags[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
     for (int i = 0; i < PICTURES; i++) {
-        struct world_shot shot = {room.calibration.color,
-                                  world_sweep_pose(room.world, (double)picture_time_ns(i) * 1e-9), 0, false};
-        struct world_picture picture = {.color = room.color[i], .depth = room.depth[i]};
+        struct world_shot shot = {room.calibration.color, world_sweep_pose(room.world, (double)image_time_ns(i) * 1e-9),
+                                  0, false};
+        struct world_image picture = {.color = room.color[i], .depth = room.depth[i]};
         EXPECT_STATUS(world_render(room.world, &shot, &picture), OK);
         world_color_noise(room.color[i], WIDTH, HEIGHT, 1000 + (uint64_t)i);
         EXPECT_STATUS(world_depth_noise(&shot.lens, room.depth[i], 50 + (uint64_t)i, room.depth[i]), OK);
@@ -127,7 +127,7 @@ static double corner_error(const struct place *place, int32_t from, int32_t to, 
 }
 
 // In how many of the pictures from..to the sensor's own camera is found, and the worst error.
-static int find_pictures(const struct place *place, int from, int to, struct pose world_from_place, double *worst_m)
+static int find_images(const struct place *place, int from, int to, struct pose world_from_place, double *worst_m)
 {
     struct locator *l;
     int found = 0;
@@ -135,9 +135,9 @@ static int find_pictures(const struct place *place, int from, int to, struct pos
     EXPECT_STATUS(locator_open(&l, place, &room.calibration.color, NULL), OK);
     for (int i = from; i < to; i++) {
         struct location at;
-        if (locator_find(l, room.color[i], NULL, &at) != OK)
+        if (locator_localize(l, room.color[i], NULL, &at) != OK)
             continue;
-        struct pose truth = world_sweep_pose(room.world, (double)picture_time_ns(i) * 1e-9);
+        struct pose truth = world_sweep_pose(room.world, (double)image_time_ns(i) * 1e-9);
         struct pose ours = pose_multiply(world_from_place, at.world_from_camera);
         *worst_m = fmax(*worst_m, v3_distance(ours.translation, truth.translation));
         found++;
@@ -163,7 +163,7 @@ static void expect_kept(const struct place *before, const struct place *after)
             !memcmp(&after->views[i].world_from_camera, &before->views[i].world_from_camera, sizeof(struct pose)));
 }
 
-static void the_other_half_is_added(void **state)
+static void test_other_half_is_added(void **state)
 {
     (void)state;
     const struct place *first = &room.first;
@@ -194,8 +194,8 @@ static void the_other_half_is_added(void **state)
     EXPECT_AT_MOST(fabs(both.rms_px - whole.rms_px), 0.1);
     EXPECT_AT_MOST(fabs(both.rms_m - whole.rms_m), 0.01);
     double before_m, after_m;
-    int before = find_pictures(first, FIRST_END, SECOND_END, world_from_place, &before_m);
-    int after = find_pictures(&both, FIRST_END, SECOND_END, world_from_place, &after_m);
+    int before = find_images(first, FIRST_END, SECOND_END, world_from_place, &before_m);
+    int after = find_images(&both, FIRST_END, SECOND_END, world_from_place, &after_m);
     printf("in the other half found in %d of %d pictures, then in %d, within %.1f mm\n", before, SECOND_END - FIRST_END,
            after, after_m * 1e3);
     EXPECT_AT_LEAST(after, before + 1);
@@ -206,7 +206,7 @@ static void the_other_half_is_added(void **state)
 }
 
 // No list of tags: those of the place are known, new ones are natural points of walls.
-static void tags_of_the_place_need_not_be_listed(void **state)
+static void test_known_tags_need_not_be_listed(void **state)
 {
     (void)state;
     struct place both;
@@ -221,7 +221,7 @@ static void tags_of_the_place_need_not_be_listed(void **state)
     place_free(&both);
 }
 
-static void a_place_without_tags_grows_by_its_points(void **state)
+static void test_place_without_tags_grows_by_landmarks(void **state)
 {
     (void)state;
     struct place first, both;
@@ -235,7 +235,7 @@ static void a_place_without_tags_grows_by_its_points(void **state)
     struct pose world_from_place = {quat_from_rotation_vector(v3(0, 0, atan2(x.y, x.x))), picture.translation};
     world_from_place.translation.z = 0;
     double worst_m;
-    int found = find_pictures(&both, FIRST_END, SECOND_END, world_from_place, &worst_m);
+    int found = find_images(&both, FIRST_END, SECOND_END, world_from_place, &worst_m);
     printf("without tags: %d of %d pictures placed, found in %d of %d, within %.1f mm\n", (int)report.frames_placed,
            (int)report.frames, found, SECOND_END - FIRST_END, worst_m * 1e3);
     EXPECT_AT_LEAST(report.frames_placed, SECOND_END - SECOND_START - 2);
@@ -246,13 +246,13 @@ static void a_place_without_tags_grows_by_its_points(void **state)
 }
 
 // What a sweep cannot be added to, and why.
-static void what_does_not_belong_is_refused(void **state)
+static void test_unrelated_sweep_is_refused(void **state)
 {
     (void)state;
     struct place known = room.first, out;
     struct mapper_report report;
-    struct place_tag elsewhere = {.id = 580, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
-    known.tags = &elsewhere;
+    struct place_tag unrelated_tag = {.id = 580, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
+    known.tags = &unrelated_tag;
     known.tag_count = 1;
     known.point_count = 0;
     EXPECT_STATUS(map(&known, room.tag_count, 0, 6, &out, &report), ERR_INPUT);
@@ -261,14 +261,14 @@ static void what_does_not_belong_is_refused(void **state)
     struct mapper_tag other = {room.first.tags[0].id, room.first.tags[0].side_m + 0.01};
     struct mapper_options o = mapper_default_options();
     struct mapper *m;
-    o.before = &room.first;
+    o.prior = &room.first;
     EXPECT_STATUS(mapper_open(&m, &room.calibration, &other, 1, &o), ERR_INPUT);
     EXPECT_TRUE(m == NULL);
     EXPECT_SAYS("list");
 }
 
-// A tag that was hung elsewhere after the first sweep: said, placed anew, and nothing else is moved.
-static void a_moved_tag_is_noticed(void **state)
+// A tag that was hung unrelated_tag after the first sweep: said, placed anew, and nothing else is moved.
+static void test_moved_tag_is_detected(void **state)
 {
     (void)state;
     struct place known = room.first, both;
@@ -294,7 +294,7 @@ static void a_moved_tag_is_noticed(void **state)
     place_free(&both);
 }
 
-static void takes_in_the_place_stay(void **state)
+static void test_takes_are_kept(void **state)
 {
     (void)state;
     struct scratch scratch = scratch_make();
@@ -343,12 +343,12 @@ static void takes_in_the_place_stay(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_other_half_is_added),
-        cmocka_unit_test(tags_of_the_place_need_not_be_listed),
-        cmocka_unit_test(a_place_without_tags_grows_by_its_points),
-        cmocka_unit_test(what_does_not_belong_is_refused),
-        cmocka_unit_test(a_moved_tag_is_noticed),
-        cmocka_unit_test(takes_in_the_place_stay),
+        cmocka_unit_test(test_other_half_is_added),
+        cmocka_unit_test(test_known_tags_need_not_be_listed),
+        cmocka_unit_test(test_place_without_tags_grows_by_landmarks),
+        cmocka_unit_test(test_unrelated_sweep_is_refused),
+        cmocka_unit_test(test_moved_tag_is_detected),
+        cmocka_unit_test(test_takes_are_kept),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

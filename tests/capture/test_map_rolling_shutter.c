@@ -17,7 +17,7 @@ static struct pose path(const void *context, double time_s)
     return world_sweep_pose(context, fmin(fmax(time_s, 0), WORLD_SWEEP_S));
 }
 
-struct film {
+struct rolling_sweep {
     const struct world *world;
     struct calibration sensor; // with the readout it was filmed with
     uint8_t *color[PICTURES];
@@ -26,9 +26,9 @@ struct film {
 
 static double time_of(int picture) { return (picture + 1) * STEP_S; }
 
-static struct film make_film(const struct world *w, double readout_s)
+static struct rolling_sweep make_film(const struct world *w, double readout_s)
 {
-    struct film f = {.world = w, .sensor = world_calibration(1)};
+    struct rolling_sweep f = {.world = w, .sensor = world_calibration(1)};
     f.sensor.color.readout_s = readout_s;
     const struct lens *lens = &f.sensor.color;
     size_t pixels = (size_t)lens->width * (size_t)lens->height;
@@ -37,7 +37,7 @@ static struct film make_film(const struct world *w, double readout_s)
         f.depth[i] = malloc(pixels * sizeof *f.depth[i]);
         EXPECT_TRUE(f.color[i] && f.depth[i]);
         struct world_shot shot = {*lens, path(w, time_of(i)), 0, false};
-        struct world_picture picture = {.color = f.color[i], .depth = f.depth[i]};
+        struct world_image picture = {.color = f.color[i], .depth = f.depth[i]};
         EXPECT_STATUS(readout_s > 0 ? world_render_rolling(w, &shot, path, w, time_of(i), &picture)
                                     : world_render(w, &shot, &picture),
                       OK);
@@ -47,7 +47,7 @@ static struct film make_film(const struct world *w, double readout_s)
     return f;
 }
 
-static void free_film(struct film *f)
+static void free_film(struct rolling_sweep *f)
 {
     for (int i = 0; i < PICTURES; i++) {
         free(f->color[i]);
@@ -55,8 +55,8 @@ static void free_film(struct film *f)
     }
 }
 
-// Maps the film, of which the mapper is told that it was read within `told_s`. What the tags are off by.
-static double map_film(const char *name, const struct film *f, double told_s)
+// Maps the film, of which the mapper is told that it was read within `modelled_s`. What the tags are off by.
+static double map_film(const char *name, const struct rolling_sweep *f, double modelled_s)
 {
     struct calibration sensor = f->sensor;
     struct mapper_tag listed[32];
@@ -68,7 +68,7 @@ static double map_film(const char *name, const struct film *f, double told_s)
     EXPECT_AT_MOST(count, 32);
     for (int32_t i = 0; i < count; i++)
         listed[i] = (struct mapper_tag){tags[i].id, tags[i].side_m};
-    sensor.color.readout_s = told_s;
+    sensor.color.readout_s = modelled_s;
     EXPECT_STATUS(mapper_open(&m, &sensor, listed, count, NULL), OK);
     for (int i = 0; i < PICTURES; i++) {
         struct frame frame = {.time_ns = (int64_t)(time_of(i) * 1e9), .color = f->color[i], .depth = f->depth[i]};
@@ -86,7 +86,7 @@ static double map_film(const char *name, const struct film *f, double told_s)
     return off;
 }
 
-static void a_place_swept_row_by_row(void **state)
+static void test_mapping_with_rolling_shutter(void **state)
 {
     (void)state;
     struct world_options o = world_default_options();
@@ -94,12 +94,12 @@ static void a_place_swept_row_by_row(void **state)
     o.motion = "still";
     o.threads = 2;
     EXPECT_STATUS(world_open(&w, &o), OK);
-    struct film whole = make_film(w, 0), rolling = make_film(w, READOUT_S);
+    struct rolling_sweep whole = make_film(w, 0), rolling = make_film(w, READOUT_S);
     double wanted = map_film("all rows at once", &whole, 0);
     double untold = map_film("read in 30 ms, but not said to be", &rolling, 0);
-    double told = map_film("read in 30 ms", &rolling, READOUT_S);
+    double modelled = map_film("read in 30 ms", &rolling, READOUT_S);
     EXPECT_AT_LEAST(untold, 5 * wanted); // else nothing was to be undone
-    EXPECT_AT_MOST(told - wanted, (untold - wanted) * STAYS);
+    EXPECT_AT_MOST(modelled - wanted, (untold - wanted) * STAYS);
     free_film(&whole);
     free_film(&rolling);
     world_close(&w);
@@ -107,6 +107,6 @@ static void a_place_swept_row_by_row(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(a_place_swept_row_by_row)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_mapping_with_rolling_shutter)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -25,7 +25,7 @@ static enum status read_text(const char *text, struct mapper_tag **tags, int32_t
     return status;
 }
 
-static void tag_lists(void **state)
+static void test_tag_lists(void **state)
 {
     (void)state;
     static const char *const bad[] = {
@@ -49,7 +49,7 @@ static void tag_lists(void **state)
     int32_t count;
     for (size_t i = 0; i < COUNT_OF(bad); i++) {
         EXPECT_STATUS(read_text(bad[i], &tags, &count), ERR_INPUT);
-        EXPECT_TRUE(tags == NULL && strlen(status_sentence()) > 20);
+        EXPECT_TRUE(tags == NULL && strlen(status_message()) > 20);
     }
     EXPECT_STATUS(mapper_read_tags("/nowhere/tags.json", &tags, &count), ERR_MISSING);
     EXPECT_STATUS(read_text("{\"family\": \"tag36h11\", \"side_m\": {\"12\": 0.24, \"3\": 0.2}}", &tags, &count), OK);
@@ -63,7 +63,7 @@ static void tag_lists(void **state)
 
 enum { SWEEP = 36 }; // pictures of the sweep
 
-struct room {
+struct mapped_room {
     struct world *world;
     struct calibration calibration;
     struct mapper_tag tags[32];
@@ -72,14 +72,14 @@ struct room {
     uint16_t *depth[SWEEP];
 };
 
-static struct room the_room; // filmed once, for all tests
+static struct mapped_room the_room; // filmed once, for all tests
 
 static int64_t sweep_time_ns(int i) { return (int64_t)(1e9 * WORLD_SWEEP_S * i / SWEEP); }
 
 static int film_room(void **state)
 {
     (void)state;
-    struct room *r = &the_room;
+    struct mapped_room *r = &the_room;
     struct world_options o = world_default_options();
     int32_t count;
     o.motion = "still";
@@ -97,7 +97,7 @@ static int film_room(void **state)
         EXPECT_TRUE(r->color[i] && r->depth[i]);
         struct world_shot shot = {r->calibration.color, world_sweep_pose(r->world, (double)sweep_time_ns(i) * 1e-9), 0,
                                   false};
-        struct world_picture picture = {.color = r->color[i], .depth = r->depth[i]};
+        struct world_image picture = {.color = r->color[i], .depth = r->depth[i]};
         EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
         world_color_noise(r->color[i], shot.lens.width, shot.lens.height, 1000 + (uint64_t)i);
         EXPECT_STATUS(world_depth_noise(&shot.lens, r->depth[i], 50 + (uint64_t)i, r->depth[i]), OK);
@@ -118,16 +118,16 @@ static int leave_room(void **state)
 
 // Every `step`th picture of the sweep, by a sensor whose depth is so many times as long as it should be; 0: it has
 // none.
-static enum status film(const struct room *r, struct mapper *m, int step, double depth_times)
+static enum status film(const struct mapped_room *r, struct mapper *m, int step, double depth_scale)
 {
     size_t pixels = (size_t)r->calibration.depth.width * (size_t)r->calibration.depth.height;
     uint16_t *depth = malloc(pixels * sizeof *depth);
     enum status status = depth ? OK : ERR_MEMORY;
     for (int i = 0; i < SWEEP && status == OK; i += step) {
         struct frame frame = {
-            .time_ns = sweep_time_ns(i), .color = r->color[i], .depth = depth_times > 0 ? depth : NULL};
+            .time_ns = sweep_time_ns(i), .color = r->color[i], .depth = depth_scale > 0 ? depth : NULL};
         for (size_t k = 0; k < pixels; k++)
-            depth[k] = (uint16_t)(depth_times * r->depth[i][k] + 0.5);
+            depth[k] = (uint16_t)(depth_scale * r->depth[i][k] + 0.5);
         status = mapper_add(m, &frame);
     }
     free(depth);
@@ -135,7 +135,7 @@ static enum status film(const struct room *r, struct mapper *m, int step, double
 }
 
 // rms of the mapped tags' corners against the truth after the best rigid motion.
-static double tag_error(const struct room *r, const struct place *place, struct pose *world_from_place)
+static double tag_error(const struct mapped_room *r, const struct place *place, struct pose *world_from_place)
 {
     int32_t count;
     const struct place_tag *tags = world_tags(r->world, &count);
@@ -143,7 +143,7 @@ static double tag_error(const struct room *r, const struct place *place, struct 
 }
 
 // What a sweep of the room came to.
-struct mapped {
+struct mapping_result {
     struct place place;
     struct mapper_report report;
     struct pose world_from_place; // by its tags, where there are any
@@ -151,12 +151,12 @@ struct mapped {
 };
 
 // From what `film` films. tag_count: how many of the room's tags are told of.
-static struct mapped map_room(const struct room *r, int32_t tag_count, int step, double depth_times)
+static struct mapping_result map_room(const struct mapped_room *r, int32_t tag_count, int step, double depth_scale)
 {
-    struct mapped m;
+    struct mapping_result m;
     struct mapper *mapper;
     EXPECT_STATUS(mapper_open(&mapper, &r->calibration, tag_count ? r->tags : NULL, tag_count, NULL), OK);
-    EXPECT_STATUS(film(r, mapper, step, depth_times), OK);
+    EXPECT_STATUS(film(r, mapper, step, depth_scale), OK);
     EXPECT_STATUS(mapper_finish(mapper, &m.place, &m.report), OK);
     mapper_close(&mapper);
     m.world_from_place = POSE_IDENTITY;
@@ -182,8 +182,8 @@ static void check_axes(const struct place *place, struct pose world_from_place)
 }
 
 // Where the tablet is found in the map, against the truth.
-static void check_viewer(const struct room *r, const struct place *place, struct pose world_from_place, double most_m,
-                         double most_deg)
+static void check_viewer(const struct mapped_room *r, const struct place *place, struct pose world_from_place,
+                         double most_m, double most_deg)
 {
     struct calibration viewer = world_viewer_calibration(1);
     uint8_t *color = malloc((size_t)viewer.color.width * (size_t)viewer.color.height * 3);
@@ -194,11 +194,11 @@ static void check_viewer(const struct room *r, const struct place *place, struct
     EXPECT_STATUS(locator_open(&l, place, &viewer.color, NULL), OK);
     for (double t = 0; t < world_seconds(r->world); t += world_seconds(r->world) / 6, asked++) {
         struct world_shot shot = {viewer.color, world_viewer_pose(r->world, t), t, false};
-        struct world_picture picture = {.color = color};
+        struct world_image picture = {.color = color};
         struct location at;
         EXPECT_STATUS(world_render(r->world, &shot, &picture), OK);
         world_color_noise(color, shot.lens.width, shot.lens.height, 77);
-        enum status status = locator_find(l, color, NULL, &at);
+        enum status status = locator_localize(l, color, NULL, &at);
         EXPECT_TRUE(status >= 0);
         if (status != OK)
             continue;
@@ -217,49 +217,49 @@ static void check_viewer(const struct room *r, const struct place *place, struct
 
 // A tablet that is walked once round in nine seconds and hands out two pictures a second: each lies far from where the
 // ones before lead.
-static void check_slow_viewer(const struct room *r, const struct place *place, struct pose world_from_place,
+static void check_slow_viewer(const struct mapped_room *r, const struct place *place, struct pose world_from_place,
                               double most_m)
 {
-    enum { PICTURES_ROUND = 18 };
+    enum { IMAGES_ROUND = 18 };
     struct calibration viewer = world_viewer_calibration(1);
     uint8_t *color = malloc((size_t)viewer.color.width * (size_t)viewer.color.height * 3);
-    struct camera_track *track;
+    struct camera_tracker *track;
     double worst_m = 0;
     int found = 0;
     EXPECT_TRUE(color != NULL);
-    EXPECT_STATUS(camera_track_open(&track, place, &viewer.color, NULL), OK);
-    for (int i = 0; i < PICTURES_ROUND; i++) {
-        double t = world_seconds(r->world) * i / PICTURES_ROUND;
+    EXPECT_STATUS(camera_tracker_open(&track, place, &viewer.color, NULL), OK);
+    for (int i = 0; i < IMAGES_ROUND; i++) {
+        double t = world_seconds(r->world) * i / IMAGES_ROUND;
         struct world_shot shot = {viewer.color, world_viewer_pose(r->world, t), t, false};
         struct location at;
         struct camera_motion motion;
-        EXPECT_STATUS(world_render(r->world, &shot, &(struct world_picture){.color = color}), OK);
+        EXPECT_STATUS(world_render(r->world, &shot, &(struct world_image){.color = color}), OK);
         world_color_noise(color, shot.lens.width, shot.lens.height, 200 + (uint64_t)i);
-        if (camera_track_look(track, color, NULL, i * 500000000LL, &at, &motion) != OK)
+        if (camera_tracker_process(track, color, NULL, i * 500000000LL, &at, &motion) != OK)
             continue;
         struct pose in_world = pose_multiply(world_from_place, at.world_from_camera);
         worst_m = fmax(worst_m, v3_distance(in_world.translation, shot.world_from_camera.translation));
         found++;
     }
-    printf("tablet with two pictures a second: %d of %d found, worst %.1f mm\n", found, PICTURES_ROUND, worst_m * 1e3);
-    EXPECT_AT_LEAST(found, PICTURES_ROUND - 1);
+    printf("tablet with two pictures a second: %d of %d found, worst %.1f mm\n", found, IMAGES_ROUND, worst_m * 1e3);
+    EXPECT_AT_LEAST(found, IMAGES_ROUND - 1);
     EXPECT_AT_MOST(worst_m, most_m);
-    camera_track_close(&track);
+    camera_tracker_close(&track);
     free(color);
 }
 
-static void a_room_is_mapped(void **state)
+static void test_room_is_mapped(void **state)
 {
     (void)state;
-    struct room r = the_room;
+    struct mapped_room r = the_room;
     int32_t count;
     // a tag listed that hangs nowhere, and one that hangs but is not listed
     int32_t unlisted = r.tags[4].id;
     r.tags[4] = (struct mapper_tag){500, 0.2};
-    struct mapped m = map_room(&r, r.tag_count, 1, 1);
+    struct mapping_result m = map_room(&r, r.tag_count, 1, 1);
     const struct place *place = &m.place;
     const struct mapper_report *report = &m.report;
-    double error = m.tags_off_m, off = tags_squared(place, world_tags(r.world, &count), m.world_from_place);
+    double error = m.tags_off_m, off = tags_mahalanobis_squared(place, world_tags(r.world, &count), m.world_from_place);
     printf("tags off by %.1f where 6 is said\n", off);
     EXPECT_AT_LEAST(off, 3);
     EXPECT_AT_MOST(off, 9);
@@ -288,11 +288,11 @@ static void a_room_is_mapped(void **state)
     place_free(&m.place);
 }
 
-static void without_depth_the_tags_give_the_scale(void **state)
+static void test_tags_give_scale_without_depth(void **state)
 {
     (void)state;
-    struct room r = the_room;
-    struct mapped m = map_room(&r, r.tag_count, 2, 0);
+    struct mapped_room r = the_room;
+    struct mapping_result m = map_room(&r, r.tag_count, 2, 0);
     const struct place *place = &m.place;
     printf("without depth: %d of %d pictures placed, %d tags within %.2f mm rms, %d points\n",
            (int)m.report.frames_placed, (int)m.report.frames, (int)place->tag_count, m.tags_off_m * 1e3,
@@ -308,11 +308,11 @@ static void without_depth_the_tags_give_the_scale(void **state)
 }
 
 // A sensor whose depth is 2 % long does not make the room so: the tags' sides are known.
-static void tags_correct_the_depth(void **state)
+static void test_tags_correct_depth(void **state)
 {
     (void)state;
-    struct room r = the_room;
-    struct mapped m = map_room(&r, r.tag_count, 2, 1.02);
+    struct mapped_room r = the_room;
+    struct mapping_result m = map_room(&r, r.tag_count, 2, 1.02);
     printf("depth 2 %% long: %d tags within %.2f mm rms\n", (int)m.place.tag_count, m.tags_off_m * 1e3);
     EXPECT_AT_LEAST(m.place.tag_count, r.tag_count - 2);
     EXPECT_AT_MOST(m.tags_off_m, 0.006);
@@ -321,7 +321,7 @@ static void tags_correct_the_depth(void **state)
 }
 
 // Where a place without tags has its axes: z up, the origin below the first picture, x to its right.
-static struct pose axes_of_first_picture(const struct room *r)
+static struct pose axes_of_first_image(const struct mapped_room *r)
 {
     struct pose first = world_sweep_pose(r->world, 0);
     struct vec3 x = quat_rotate(first.rotation, v3(1, 0, 0));
@@ -330,30 +330,30 @@ static struct pose axes_of_first_picture(const struct room *r)
     return world_from_place;
 }
 
-static void without_tags_the_depth_gives_the_scale(void **state)
+static void test_depth_gives_scale_without_tags(void **state)
 {
     (void)state;
-    struct room r = the_room;
-    struct mapped m = map_room(&r, 0, 1, 1);
+    struct mapped_room r = the_room;
+    struct mapping_result m = map_room(&r, 0, 1, 1);
     printf("without tags: %d of %d pictures placed, %d points\n", (int)m.report.frames_placed, (int)m.report.frames,
            (int)m.place.point_count);
     EXPECT_INT(m.report.frames_placed, m.report.frames);
     EXPECT_INT(m.place.tag_count, 0);
     EXPECT_TRUE(m.report.floor_from_depth);
     EXPECT_NEAR(m.report.lost_to_s - m.report.lost_from_s, 0, 0);
-    check_viewer(&r, &m.place, axes_of_first_picture(&r), 0.025, 0.4);
+    check_viewer(&r, &m.place, axes_of_first_image(&r), 0.025, 0.4);
     place_free(&m.place);
 }
 
 // No picture shows two tags; what can be recognised beside them carries the sweep on from where one was seen.
-static void a_few_tags_do_no_harm(void **state)
+static void test_few_tags(void **state)
 {
     (void)state;
-    struct room r = the_room;
+    struct mapped_room r = the_room;
     static const int few[] = {1, 6}; // on walls that face each other
     for (size_t i = 0; i < COUNT_OF(few); i++)
         r.tags[i] = (struct mapper_tag){few[i], world_tags(r.world, &(int32_t){0})[few[i]].side_m};
-    struct mapped m = map_room(&r, COUNT_OF(few), 1, 1);
+    struct mapping_result m = map_room(&r, COUNT_OF(few), 1, 1);
     printf("of two tags: %d of %d pictures placed, %d tags within %.2f mm rms, %d points\n",
            (int)m.report.frames_placed, (int)m.report.frames, (int)m.place.tag_count, m.tags_off_m * 1e3,
            (int)m.place.point_count);
@@ -374,7 +374,7 @@ static struct calibration small_camera(void)
     return c;
 }
 
-static void no_tag_is_a_sentence(void **state)
+static void test_missing_tags_are_reported(void **state)
 {
     (void)state;
     static uint8_t gray[160 * 120 * 3];
@@ -398,7 +398,7 @@ static void no_tag_is_a_sentence(void **state)
     mapper_close(&m);
 }
 
-static void senseless_input(void **state)
+static void test_invalid_input(void **state)
 {
     (void)state;
     struct calibration c = small_camera(), bad = c;
@@ -427,7 +427,7 @@ static void senseless_input(void **state)
 }
 
 // Hours of filming must not fill the memory; tags never seen together stay apart.
-static void long_sweeps_are_thinned_out(void **state)
+static void test_long_sweeps_are_subsampled(void **state)
 {
     (void)state;
     static uint8_t rgb[160 * 120 * 3];
@@ -458,8 +458,8 @@ static void long_sweeps_are_thinned_out(void **state)
     EXPECT_INT(report.frames_seen, 600);
     EXPECT_AT_MOST(report.frames, 240);
     EXPECT_AT_LEAST(report.frames, 120);
-    EXPECT_INT(report.tags_apart, 1);
-    EXPECT_INT(report.first_apart, 6);
+    EXPECT_INT(report.tags_disconnected, 1);
+    EXPECT_INT(report.first_disconnected, 6);
     EXPECT_INT(place.tag_count, 1);
     EXPECT_AT_MOST(place.view_count, 40);
     EXPECT_AT_LEAST(place.view_count, 5);
@@ -470,15 +470,15 @@ static void long_sweeps_are_thinned_out(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tag_lists),
-        cmocka_unit_test(a_room_is_mapped),
-        cmocka_unit_test(without_depth_the_tags_give_the_scale),
-        cmocka_unit_test(tags_correct_the_depth),
-        cmocka_unit_test(without_tags_the_depth_gives_the_scale),
-        cmocka_unit_test(a_few_tags_do_no_harm),
-        cmocka_unit_test(no_tag_is_a_sentence),
-        cmocka_unit_test(senseless_input),
-        cmocka_unit_test(long_sweeps_are_thinned_out),
+        cmocka_unit_test(test_tag_lists),
+        cmocka_unit_test(test_room_is_mapped),
+        cmocka_unit_test(test_tags_give_scale_without_depth),
+        cmocka_unit_test(test_tags_correct_depth),
+        cmocka_unit_test(test_depth_gives_scale_without_tags),
+        cmocka_unit_test(test_few_tags),
+        cmocka_unit_test(test_missing_tags_are_reported),
+        cmocka_unit_test(test_invalid_input),
+        cmocka_unit_test(test_long_sweeps_are_subsampled),
     };
     return cmocka_run_group_tests(tests, film_room, leave_room);
 }

@@ -14,7 +14,7 @@ enum { FPS = 30, FRAMES = 30, EVERY = 5 };
 static const enum joint foot[2] = {JOINT_LEFT_FOOT, JOINT_RIGHT_FOOT};
 static const enum segment shin[2] = {SEG_LEFT_SHIN, SEG_RIGHT_SHIN};
 
-struct tally {
+struct shin_tally {
     int tried, found, alone;     // alone: of poses as they were fitted, left as they are
     double aside_m, set_right_m; // sums over those found, of the foot off where it was fitted
 };
@@ -25,30 +25,30 @@ static struct body_pose turned_aside(const struct body_shape *shape, const struc
 {
     struct body_pose out = *pose;
     struct body_build build;
-    body_build(shape, pose, &build);
+    body_forward_kinematics(shape, pose, &build);
     struct vec3 knee = build.origin[shin[leg]], along = v3_unit(v3_sub(build.joint[foot[leg]], knee)),
                 across = v3_unit(v3_cross(along, knee));
-    body_aim(shape, &out, shin[leg], v3_add(v3_scale(along, cos(radians)), v3_scale(across, sin(radians))));
+    body_aim_segment(shape, &out, shin[leg], v3_add(v3_scale(along, cos(radians)), v3_scale(across, sin(radians))));
     return out;
 }
 
-static void try_leg(struct fit_task *task, const struct body_pose *fitted, int leg, struct fit_room *room,
-                    struct tally *tally)
+static void try_leg(struct fit_task *task, const struct body_pose *fitted, int leg, struct fit_scratch *scratch,
+                    struct shin_tally *tally)
 {
     const struct body_shape *shape = &task->shape.mean;
     struct body_build build, aside, back;
     struct body_pose found;
-    body_build(shape, fitted, &build);
-    body_judge(task, fitted, shape, &room->best);
-    tally->alone += shin_aside_gain(task, FIRST_LEG + leg, room, &found) == 0;
+    body_forward_kinematics(shape, fitted, &build);
+    body_evaluate(task, fitted, shape, &scratch->best);
+    tally->alone += shin_alternative_log_odds(task, FIRST_LEG + leg, scratch, &found) == 0;
     for (int side = -1; side <= 1; side += 2) {
         struct body_pose pose = turned_aside(shape, fitted, leg, side * ASIDE_RADIANS);
-        body_judge(task, &pose, shape, &room->best);
+        body_evaluate(task, &pose, shape, &scratch->best);
         tally->tried++;
-        if (!(shin_aside_gain(task, FIRST_LEG + leg, room, &found) > 0))
+        if (!(shin_alternative_log_odds(task, FIRST_LEG + leg, scratch, &found) > 0))
             continue;
-        body_build(shape, &pose, &aside);
-        body_build(shape, &found, &back);
+        body_forward_kinematics(shape, &pose, &aside);
+        body_forward_kinematics(shape, &found, &back);
         tally->found++;
         tally->aside_m += v3_distance(aside.joint[foot[leg]], build.joint[foot[leg]]);
         tally->set_right_m += v3_distance(back.joint[foot[leg]], build.joint[foot[leg]]);
@@ -56,42 +56,42 @@ static void try_leg(struct fit_task *task, const struct body_pose *fitted, int l
 }
 
 // The fit is taken for the truth here: it lies on the person, as seen from everywhere but behind the other leg.
-static void film(double aside_degrees, struct tally *tally)
+static void film(double aside_degrees, struct shin_tally *tally)
 {
     struct tracked_film f;
-    struct body_evidence *evidence;
-    struct fit_room *room = calloc(1, sizeof *room);
+    struct depth_evidence *evidence;
+    struct fit_scratch *scratch = calloc(1, sizeof *scratch);
     double half = aside_degrees * 3.14159265358979323846 / 360;
-    assert_non_null(room);
+    assert_non_null(scratch);
     tracked_film_open(&f, "man", "kata");
     EXPECT_STATUS(evidence_open(&evidence, &f.calibration.depth), OK);
     struct pose from =
         pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(f.world));
     for (int k = 0; k < FRAMES; k++) {
-        struct skeleton told;
+        struct skeleton tracked;
         tracked_film_shoot(&f, from, (double)k / FPS, (uint64_t)k);
-        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &told, f.mask), OK);
+        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &tracked, f.mask), OK);
         if (k % EVERY)
             continue;
         for (size_t i = 0; i < f.pixels; i++)
             f.truth_mask[i] = f.truth_mask[i] ? 255 : 0;
         assert_true(evidence_read(evidence, f.depth, f.truth_mask, 600));
-        struct fit_task task = {.every = 1, .evidence = evidence, .reach_m = 0.12};
+        struct fit_task task = {.point_stride = 1, .evidence = evidence, .kernel_m = 0.12};
         task.shape.mean = *tracker_shape(f.tracker);
         for (int leg = 0; leg < 2; leg++)
-            try_leg(&task, tracker_pose(f.tracker), leg, room, tally);
+            try_leg(&task, tracker_pose(f.tracker), leg, scratch, tally);
     }
     evidence_close(&evidence);
     tracked_film_close(&f);
-    free(room);
+    free(scratch);
 }
 
-static void a_shin_beside_the_person_is_brought_back(void **state)
+static void test_misplaced_shin_is_corrected(void **state)
 {
     (void)state;
     static const double aside[] = {0, 45, 90};
     for (size_t i = 0; i < COUNT_OF(aside); i += TRACKED_EACH) {
-        struct tally t = {0};
+        struct shin_tally t = {0};
         film(aside[i], &t);
         print_message("seen from %g degrees: %d of %d found, %.0f mm off before, %.0f after; %d of %d left as fitted\n",
                       aside[i], t.found, t.tried, 1000 * t.aside_m / t.found, 1000 * t.set_right_m / t.found, t.alone,
@@ -105,7 +105,7 @@ static void a_shin_beside_the_person_is_brought_back(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_shin_beside_the_person_is_brought_back),
+        cmocka_unit_test(test_misplaced_shin_is_corrected),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

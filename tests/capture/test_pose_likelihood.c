@@ -1,5 +1,5 @@
-// One way a take was followed weighed against the other: the same body, told a little wrong, is the same body; a limb
-// is weighed where the other way has it; legs that one way has exchanged are the less likely.
+// One way a take was followed weighed against the other: the same body, tracked a little wrong, is the same body; a
+// limb is weighed where the other way has it; legs that one way has exchanged are the less likely.
 #include "capture/body/two_bone_ik.h"
 #include "capture/tracking/tracker_backward.h"
 #include "tests/support/random.h"
@@ -14,34 +14,34 @@ enum { FPS = 30, FRAMES = 24, EVERY = 6, SEED = 11 };
 static const enum segment limbs[] = {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM,
                                      SEG_LEFT_THIGH,     SEG_LEFT_SHIN,    SEG_RIGHT_THIGH,     SEG_RIGHT_SHIN};
 
-static struct body_pose told_wrong(const struct body_pose *pose, struct dice *dice)
+static struct body_pose misclassified(const struct body_pose *pose, struct rng *rng)
 {
     struct body_pose out = *pose;
-    out.root = v3_add(out.root, dice_normal3(dice, ROOT_M));
+    out.root = v3_add(out.root, rng_normal3(rng, ROOT_M));
     for (size_t i = 0; i < COUNT_OF(limbs); i++) {
-        struct quat turn = quat_from_rotation_vector(dice_normal3(dice, LIMB_RADIANS));
-        out.turn[limbs[i]] = quat_multiply(out.turn[limbs[i]], turn);
+        struct quat rotation = quat_from_rotation_vector(rng_normal3(rng, LIMB_RADIANS));
+        out.rotation[limbs[i]] = quat_multiply(out.rotation[limbs[i]], rotation);
     }
     return out;
 }
 
 // Somebody as they stand, and as near as they may come: only the upper body is in sight.
-static void weigh_same(double ahead_m)
+static void log_odds_of_same(double ahead_m)
 {
     struct tracked_film f;
-    struct dice dice = {SEED};
+    struct rng rng = {SEED};
     double most = 0, sum = 0;
     int count = 0;
     tracked_film_open(&f, "man", "kata");
     struct pose from = moved(world_sensor_pose(f.world), v3(0, 0, ahead_m));
     for (int k = 0; k < FRAMES; k++) {
-        struct skeleton told;
+        struct skeleton tracked;
         tracked_film_shoot(&f, from, (double)k / FPS, (uint64_t)k);
-        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &told, f.mask), OK);
+        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &tracked, f.mask), OK);
         if (k % EVERY != EVERY - 1)
             continue;
-        struct body_pose other = told_wrong(tracker_pose(f.tracker), &dice);
-        double whole = fabs(tracker_weigh(f.tracker, &other).whole);
+        struct body_pose other = misclassified(tracker_pose(f.tracker), &rng);
+        double whole = fabs(tracker_log_odds(f.tracker, &other).whole_body);
         sum += whole;
         most = fmax(most, whole);
         count++;
@@ -52,11 +52,11 @@ static void weigh_same(double ahead_m)
     tracked_film_close(&f);
 }
 
-static void the_same_body_is_as_likely(void **state)
+static void test_same_pose_has_even_odds(void **state)
 {
     (void)state;
-    weigh_same(0);
-    weigh_same(1.2);
+    log_odds_of_same(0);
+    log_odds_of_same(1.2);
 }
 
 static const enum segment trunk[] = {SEG_PELVIS, SEG_ABDOMEN, SEG_CHEST, SEG_LEFT_CLAVICLE, SEG_RIGHT_CLAVICLE};
@@ -70,31 +70,31 @@ static double moved_m(const struct body_build *a, const struct body_build *b, en
 
 // A trunk that stands a little aside and is turned: the limb must come to its place, and not go with the trunk. A limb
 // that is stretched out may not reach there by as much as its root is aside.
-static void a_limb_is_laid_where_the_other_body_has_it(void **state)
+static void test_limb_is_copied_from_other_pose(void **state)
 {
     (void)state;
-    struct dice dice = {SEED};
+    struct rng rng = {SEED};
     struct body_shape shape = {.hem_m = 0};
     double laid = 0, copied = 0;
     int count = 0;
     for (int i = 0; i < 50; i++) {
-        struct body_pose from = body_rest_pose(v3(0, 0, 2.5), v3(0, -1, 0), 6.28 * i / 50), to;
+        struct body_pose from = body_standing_pose(v3(0, 0, 2.5), v3(0, -1, 0), 6.28 * i / 50), to;
         for (int s = 1; s < SEG_COUNT; s++)
-            from.turn[s] = quat_from_rotation_vector(dice_normal3(&dice, 0.3));
+            from.rotation[s] = quat_from_rotation_vector(rng_normal3(&rng, 0.3));
         to = from;
-        to.root = v3_add(to.root, dice_normal3(&dice, ROOT_M));
+        to.root = v3_add(to.root, rng_normal3(&rng, ROOT_M));
         for (size_t s = 0; s < COUNT_OF(trunk); s++) {
-            struct quat turn = quat_from_rotation_vector(dice_normal3(&dice, LIMB_RADIANS));
-            to.turn[trunk[s]] = quat_multiply(to.turn[trunk[s]], turn);
+            struct quat rotation = quat_from_rotation_vector(rng_normal3(&rng, LIMB_RADIANS));
+            to.rotation[trunk[s]] = quat_multiply(to.rotation[trunk[s]], rotation);
         }
         for (int k = 0; k < LIMB_COUNT; k++) {
             struct body_pose copy = to, lay = to;
             struct body_build there, with_copy, with_lay;
-            body_build(&shape, &from, &there);
+            body_forward_kinematics(&shape, &from, &there);
             limb_copy(k, &from, &copy);
-            limb_lay(k, &shape, &there, &lay);
-            body_build(&shape, &copy, &with_copy);
-            body_build(&shape, &lay, &with_lay);
+            limb_transfer(k, &shape, &there, &lay);
+            body_forward_kinematics(&shape, &copy, &with_copy);
+            body_forward_kinematics(&shape, &lay, &with_lay);
             EXPECT_AT_MOST(moved_m(&with_lay, &there, end[k]), moved_m(&with_lay, &there, root[k]) + 1e-9);
             laid += moved_m(&with_lay, &there, end[k]);
             copied += moved_m(&with_copy, &there, end[k]);
@@ -111,16 +111,16 @@ static struct body_pose legs_exchanged(const struct body_shape *shape, const str
 {
     struct body_pose out = *pose;
     struct body_build build;
-    body_build(shape, pose, &build);
+    body_forward_kinematics(shape, pose, &build);
     struct vec3 ahead = v3(build.axes[SEG_PELVIS][0][2], build.axes[SEG_PELVIS][1][2], build.axes[SEG_PELVIS][2][2]);
-    body_reach(shape, &out, SEG_LEFT_THIGH, build.origin[SEG_RIGHT_FOOT], ahead);
-    body_reach(shape, &out, SEG_RIGHT_THIGH, build.origin[SEG_LEFT_FOOT], ahead);
+    two_bone_ik(shape, &out, SEG_LEFT_THIGH, build.origin[SEG_RIGHT_FOOT], ahead);
+    two_bone_ik(shape, &out, SEG_RIGHT_THIGH, build.origin[SEG_LEFT_FOOT], ahead);
     return out;
 }
 
 // One foot exchanged and not the other would leave a leg without any, and with both it is even but for the hips: what
 // the pictures say of both together must not drown in what they say of one.
-static void exchanged_legs_are_less_likely(void **state)
+static void test_swapped_legs_are_less_likely(void **state)
 {
     (void)state;
     struct tracked_film f;
@@ -129,13 +129,13 @@ static void exchanged_legs_are_less_likely(void **state)
     tracked_film_open(&f, "woman", "walk");
     struct pose from = world_sensor_pose(f.world);
     for (int k = 0; k < 2 * FRAMES; k++) {
-        struct skeleton told;
+        struct skeleton tracked;
         tracked_film_shoot(&f, from, (double)k / FPS, (uint64_t)k);
-        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &told, f.mask), OK);
+        EXPECT_STATUS(tracker_next(f.tracker, nanoseconds((double)k / FPS), f.depth, &tracked, f.mask), OK);
         struct body_pose other = legs_exchanged(tracker_shape(f.tracker), tracker_pose(f.tracker));
-        if (k < FRAMES / 4 || v3_distance(told.joint[JOINT_LEFT_FOOT], told.joint[JOINT_RIGHT_FOOT]) < 0.3)
+        if (k < FRAMES / 4 || v3_distance(tracked.joint[JOINT_LEFT_FOOT], tracked.joint[JOINT_RIGHT_FOOT]) < 0.3)
             continue;
-        struct pose_odds odds = tracker_weigh(f.tracker, &other);
+        struct pose_log_odds odds = tracker_log_odds(f.tracker, &other);
         const double(*legs)[2] = (const double(*)[2])odds.pair[1];
         count++;
         against += legs[1][1] > 0;
@@ -155,9 +155,9 @@ static void exchanged_legs_are_less_likely(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_same_body_is_as_likely),
-        cmocka_unit_test(a_limb_is_laid_where_the_other_body_has_it),
-        cmocka_unit_test(exchanged_legs_are_less_likely),
+        cmocka_unit_test(test_same_pose_has_even_odds),
+        cmocka_unit_test(test_limb_is_copied_from_other_pose),
+        cmocka_unit_test(test_swapped_legs_are_less_likely),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

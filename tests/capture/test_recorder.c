@@ -25,10 +25,10 @@ struct onlooker {
     const char *path;
     int64_t announced, steps;
     bool complete, has_skeleton;
-    struct skeleton told; // of the last frame
+    struct skeleton last_skeleton; // of the last frame
 };
 
-static void look(void *context, int64_t frames)
+static void on_progress(void *context, int64_t frames)
 {
     struct onlooker *o = context;
     struct recording *recording;
@@ -38,7 +38,7 @@ static void look(void *context, int64_t frames)
     EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
     o->complete = take_is_complete(take) && take_frame_count(take) == FRAMES;
     o->has_skeleton = take_entry(take, FRAMES - 1)->has_skeleton;
-    o->told = take_entry(take, FRAMES - 1)->skeleton;
+    o->last_skeleton = take_entry(take, FRAMES - 1)->skeleton;
     take_close(&take);
     recording_free(&recording);
 }
@@ -52,7 +52,7 @@ static struct recorder_result record(const char *file, const struct place *in, e
     char path[300];
     snprintf(path, sizeof path, "%s", scratch_file(&scratch, file));
     struct onlooker onlooker = {.path = path};
-    struct recorder_options options = {.on_settle = look, .on_settled = count, .context = &onlooker};
+    struct recorder_options options = {.on_smoothing_begin = on_progress, .on_smoothed = count, .context = &onlooker};
     struct recorder_result result;
     char uri[300];
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&scratch, "sensor"));
@@ -69,7 +69,7 @@ static struct recorder_result record(const char *file, const struct place *in, e
     return result;
 }
 
-static void test_a_take_tells_the_truth(void **state)
+static void test_take_matches_truth(void **state)
 {
     (void)state;
     struct recorder_result result = record("a.reenact", &place, OK);
@@ -131,7 +131,7 @@ static void test_two_runs_give_the_same_joints(void **state)
     }
 }
 
-static void test_without_a_place_nothing_is_located(void **state)
+static void test_nothing_is_located_without_place(void **state)
 {
     (void)state;
     struct recorder_result result = record("d.reenact", NULL, OK);
@@ -142,7 +142,7 @@ static void test_without_a_place_nothing_is_located(void **state)
 
 static bool stop_at_once(void) { return true; }
 
-static void test_a_stopped_take_is_complete(void **state)
+static void test_stopped_take_is_complete(void **state)
 {
     (void)state;
     struct source *source;
@@ -164,9 +164,9 @@ static void test_a_stopped_take_is_complete(void **state)
 
 static struct onlooker impatient; // whose steps should_stop sees
 
-static bool stop_while_it_is_thought_over(void) { return impatient.steps >= FRAMES / 2; }
+static bool stop_while_smoothing(void) { return impatient.steps >= FRAMES / 2; }
 
-static void test_thinking_over_can_be_stopped(void **state)
+static void test_smoothing_can_be_stopped(void **state)
 {
     (void)state;
     struct source *source;
@@ -178,8 +178,10 @@ static void test_thinking_over_can_be_stopped(void **state)
     snprintf(uri, sizeof uri, "folder:%s", scratch_file(&scratch, "sensor"));
     snprintf(path, sizeof path, "%s", scratch_file(&scratch, "f.reenact"));
     impatient = (struct onlooker){.path = path};
-    struct recorder_options options = {
-        .should_stop = stop_while_it_is_thought_over, .on_settle = look, .on_settled = count, .context = &impatient};
+    struct recorder_options options = {.should_stop = stop_while_smoothing,
+                                       .on_smoothing_begin = on_progress,
+                                       .on_smoothed = count,
+                                       .context = &impatient};
     EXPECT_STATUS(source_open(&source, uri, SOURCE_SENSOR), OK);
     EXPECT_STATUS(recording_create(&writer, path), OK);
     EXPECT_STATUS(recorder_run(source, writer, "turn", &place, &options, &result), OK);
@@ -187,11 +189,12 @@ static void test_thinking_over_can_be_stopped(void **state)
     source_close(&source);
     EXPECT_INT(result.frames, FRAMES);
     EXPECT_INT(impatient.steps, FRAMES / 2);
-    EXPECT_NEAR(result.settle_ms, 0, 0);
+    EXPECT_NEAR(result.smoothing_ms, 0, 0);
     EXPECT_STATUS(recording_open(&recording, path), OK);
     EXPECT_STATUS(take_open(&take, recording, "turn"), OK);
     EXPECT_TRUE(take_is_complete(take));
-    EXPECT_TRUE(!memcmp(&take_entry(take, FRAMES - 1)->skeleton, &impatient.told, sizeof impatient.told));
+    EXPECT_TRUE(
+        !memcmp(&take_entry(take, FRAMES - 1)->skeleton, &impatient.last_skeleton, sizeof impatient.last_skeleton));
     take_close(&take);
     recording_free(&recording);
 }
@@ -222,11 +225,11 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_take_tells_the_truth),
+        cmocka_unit_test(test_take_matches_truth),
         cmocka_unit_test(test_two_runs_give_the_same_joints),
-        cmocka_unit_test(test_without_a_place_nothing_is_located),
-        cmocka_unit_test(test_a_stopped_take_is_complete),
-        cmocka_unit_test(test_thinking_over_can_be_stopped),
+        cmocka_unit_test(test_nothing_is_located_without_place),
+        cmocka_unit_test(test_stopped_take_is_complete),
+        cmocka_unit_test(test_smoothing_can_be_stopped),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

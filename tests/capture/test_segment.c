@@ -9,7 +9,7 @@
 
 enum { WIDTH = 320, HEIGHT = 240 };
 
-struct scene {
+struct segment_scene {
     struct world *world;
     struct lens lens;
     struct segmenter *segmenter;
@@ -19,7 +19,7 @@ struct scene {
 
 static int open_scene(void **state)
 {
-    struct scene *s = calloc(1, sizeof *s);
+    struct segment_scene *s = calloc(1, sizeof *s);
     assert_non_null(s);
     struct world_options options = world_default_options();
     options.plain = true;
@@ -34,23 +34,23 @@ static int open_scene(void **state)
 
 static int close_scene(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     segmenter_close(&s->segmenter);
     world_close(&s->world);
     free(s);
     return 0;
 }
 
-static void film(struct scene *s, double time_s, bool actor, uint64_t seed)
+static void film(struct segment_scene *s, double time_s, bool actor, uint64_t seed)
 {
     struct world_shot shot = {s->lens, world_sensor_pose(s->world), time_s, actor};
-    struct world_picture picture = {.depth = s->depth, .mask = s->truth};
+    struct world_image picture = {.depth = s->depth, .mask = s->truth};
     EXPECT_STATUS(world_render(s->world, &shot, &picture), OK);
     EXPECT_STATUS(world_depth_noise(&s->lens, s->depth, seed, s->depth), OK);
 }
 
 // Pixels without a reading can belong to nobody.
-static double overlap(const struct scene *s)
+static double overlap(const struct segment_scene *s)
 {
     int both = 0, either = 0;
     for (int i = 0; i < WIDTH * HEIGHT; i++) {
@@ -61,24 +61,24 @@ static double overlap(const struct scene *s)
     return either ? (double)both / either : 1;
 }
 
-static void the_mask_is_the_persons(void **state)
+static void test_mask_matches_person(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     double sum = 0;
     int frames = 0;
     for (double t = 0; t < world_seconds(s->world); t += 0.5, frames++) {
         film(s, t, true, 100 + (uint64_t)frames);
         EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), OK);
-        segmenter_learn(s->segmenter);
+        segmenter_update_background(s->segmenter);
         sum += overlap(s);
         EXPECT_AT_LEAST(overlap(s), 0.80);
     }
     EXPECT_AT_LEAST(sum / frames, 0.89);
 }
 
-static void the_check_sees_a_wrong_mask(void **state)
+static void test_check_detects_wrong_mask(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     film(s, 0, true, 1);
     EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), OK);
     for (int y = 0; y < HEIGHT; y++) // 12 pixels to the side
@@ -86,9 +86,9 @@ static void the_check_sees_a_wrong_mask(void **state)
     EXPECT_AT_MOST(overlap(s), 0.7);
 }
 
-static void an_empty_room_holds_nobody(void **state)
+static void test_empty_room_has_no_person(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     for (uint64_t seed = 0; seed < 3; seed++) {
         film(s, 0, false, seed);
         EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), NOTHING);
@@ -97,9 +97,9 @@ static void an_empty_room_holds_nobody(void **state)
     }
 }
 
-static void the_floor_is_found_where_it_is(void **state)
+static void test_floor_plane_is_accurate(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     film(s, 0, true, 4);
     EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), OK);
     struct vec3 up;
@@ -111,23 +111,23 @@ static void the_floor_is_found_where_it_is(void **state)
     EXPECT_NEAR(height_m, world_from_camera.translation.z, 0.02);
 }
 
-static void a_known_room_helps(void **state)
+static void test_known_room_helps(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     film(s, 0, false, 9);
     segmenter_set_background(s->segmenter, s->depth);
     film(s, 1, true, 10);
     EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), OK);
     EXPECT_AT_LEAST(overlap(s), 0.88);
     // The room itself in front of its own background: nobody.
-    segmenter_forget_person(s->segmenter);
+    segmenter_drop_person(s->segmenter);
     film(s, 1, false, 11);
     EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), NOTHING);
 }
 
-static void a_black_picture_is_nothing_and_the_next_one_is_fine(void **state)
+static void test_recovers_after_black_image(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     static const uint16_t black[WIDTH * HEIGHT];
     EXPECT_STATUS(segmenter_next(s->segmenter, black, NULL, 0, s->mask), NOTHING);
     film(s, 0, true, 2);
@@ -137,9 +137,9 @@ static void a_black_picture_is_nothing_and_the_next_one_is_fine(void **state)
     EXPECT_AT_LEAST(overlap(s), 0.85);
 }
 
-static void a_flat_wall_is_nobody(void **state)
+static void test_flat_wall_is_no_person(void **state)
 {
-    struct scene *s = *state;
+    struct segment_scene *s = *state;
     for (int distance = 500; distance <= 65535; distance = distance * 3 / 2) {
         segmenter_reset(s->segmenter);
         for (int i = 0; i < WIDTH * HEIGHT; i++)
@@ -148,11 +148,11 @@ static void a_flat_wall_is_nobody(void **state)
     }
 }
 
-static void pictures_of_any_size_do_no_harm(void **state)
+static void test_any_image_size(void **state)
 {
     (void)state;
     static const int size[][2] = {{1, 1}, {2, 1}, {1, 3}, {7, 5}, {33, 2}, {641, 3}};
-    struct dice dice = {20};
+    struct rng rng = {20};
     print_message("seed 20\n");
     for (size_t k = 0; k < COUNT_OF(size); k++) {
         struct lens lens = {.width = size[k][0], .height = size[k][1], .fx = 5, .fy = 5, .cx = 1, .cy = 1};
@@ -165,9 +165,9 @@ static void pictures_of_any_size_do_no_harm(void **state)
         assert_non_null(mask);
         for (int frame = 0; frame < 8; frame++) {
             for (size_t i = 0; i < n; i++)
-                depth[i] = dice_uniform(&dice) < 0.2 ? 0 : (uint16_t)(65535 * dice_uniform(&dice));
+                depth[i] = rng_uniform(&rng) < 0.2 ? 0 : (uint16_t)(65535 * rng_uniform(&rng));
             EXPECT_TRUE(segmenter_next(s, depth, NULL, 0, mask) >= 0);
-            segmenter_learn(s);
+            segmenter_update_background(s);
         }
         free(depth);
         free(mask);
@@ -176,7 +176,7 @@ static void pictures_of_any_size_do_no_harm(void **state)
 }
 
 // Through a slit: what stands at its lower end is watched like anybody.
-static void a_picture_much_higher_than_wide_does_no_harm(void **state)
+static void test_very_tall_image(void **state)
 {
     (void)state;
     enum { WIDE = 40, HIGH = 6000, TOP = 5600, TALL = 300 };
@@ -192,9 +192,9 @@ static void a_picture_much_higher_than_wide_does_no_harm(void **state)
             depth[y * WIDE + x] = 2000; // 0.12 m by 1.2
     for (int frame = 0; frame < 20; frame++) {
         EXPECT_STATUS(segmenter_next(s, depth, NULL, 0, mask), OK);
-        segmenter_learn(s);
+        segmenter_update_background(s);
     }
-    EXPECT_AT_LEAST(segmenter_motionless(s), 12);
+    EXPECT_AT_LEAST(segmenter_static_frames(s), 12);
     free(depth);
     free(mask);
     segmenter_close(&s);
@@ -203,15 +203,15 @@ static void a_picture_much_higher_than_wide_does_no_harm(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(the_mask_is_the_persons, open_scene, close_scene),
-        cmocka_unit_test_setup_teardown(the_check_sees_a_wrong_mask, open_scene, close_scene),
-        cmocka_unit_test_setup_teardown(an_empty_room_holds_nobody, open_scene, close_scene),
-        cmocka_unit_test_setup_teardown(the_floor_is_found_where_it_is, open_scene, close_scene),
-        cmocka_unit_test_setup_teardown(a_known_room_helps, open_scene, close_scene),
-        cmocka_unit_test_setup_teardown(a_black_picture_is_nothing_and_the_next_one_is_fine, open_scene, close_scene),
-        cmocka_unit_test_setup_teardown(a_flat_wall_is_nobody, open_scene, close_scene),
-        cmocka_unit_test(pictures_of_any_size_do_no_harm),
-        cmocka_unit_test(a_picture_much_higher_than_wide_does_no_harm),
+        cmocka_unit_test_setup_teardown(test_mask_matches_person, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(test_check_detects_wrong_mask, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(test_empty_room_has_no_person, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(test_floor_plane_is_accurate, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(test_known_room_helps, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(test_recovers_after_black_image, open_scene, close_scene),
+        cmocka_unit_test_setup_teardown(test_flat_wall_is_no_person, open_scene, close_scene),
+        cmocka_unit_test(test_any_image_size),
+        cmocka_unit_test(test_very_tall_image),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

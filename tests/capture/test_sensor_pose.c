@@ -33,13 +33,13 @@ static int leave(void **state)
     return 0;
 }
 
-struct outcome {
+struct stand_outcome {
     int moves, far_moves;
     double off_m, seen_at; // at the end; the frame after which it was noticed
 };
 
 // Films the dancer with a sensor that is pushed once.
-static struct outcome film(struct vec3 push, double turn)
+static struct stand_outcome film(struct vec3 push, double yaw)
 {
     struct calibration c = world_calibration(1);
     size_t pixels = (size_t)c.color.width * (size_t)c.color.height;
@@ -47,21 +47,21 @@ static struct outcome film(struct vec3 push, double turn)
     uint16_t *depth = malloc(pixels * sizeof *depth);
     struct sensor_pose *s;
     struct pose stand = world_sensor_pose(world), pushed = stand, at;
-    struct outcome o = {.seen_at = -1};
+    struct stand_outcome o = {.seen_at = -1};
     pushed.translation = v3_add(pushed.translation, push);
-    pushed.rotation = quat_multiply(pushed.rotation, quat_from_rotation_vector(v3(0, turn, 0)));
+    pushed.rotation = quat_multiply(pushed.rotation, quat_from_rotation_vector(v3(0, yaw, 0)));
     EXPECT_TRUE(color && depth);
     EXPECT_STATUS(sensor_pose_open(&s, &place, &c), OK);
     for (int i = 0; i < FRAMES; i++) {
         struct world_shot shot = {c.color, i < PUSHED_AT ? stand : pushed, i / 30.0, true};
         // the others it does not look at
-        bool looked_at = i < SENSOR_POSE_SETTLE || i % (i > PUSHED_AT && v3_length(push) > 0 ? SOON : SELDOM) == 0;
+        bool looked_at = i < SENSOR_POSE_WARM_UP || i % (i > PUSHED_AT && v3_length(push) > 0 ? SOON : SELDOM) == 0;
         if (looked_at) {
-            EXPECT_STATUS(world_render(world, &shot, &(struct world_picture){.color = color, .depth = depth}), OK);
+            EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = color, .depth = depth}), OK);
             world_color_noise(color, c.color.width, c.color.height, (uint64_t)i);
             EXPECT_STATUS(world_depth_noise(&c.depth, depth, (uint64_t)i, depth), OK);
         }
-        EXPECT_STATUS(sensor_pose_look(s, looked_at ? color : NULL, looked_at ? depth : NULL), OK);
+        EXPECT_STATUS(sensor_pose_update(s, looked_at ? color : NULL, looked_at ? depth : NULL), OK);
         if (sensor_pose_moves(s) && o.seen_at < 0)
             o.seen_at = i;
     }
@@ -77,28 +77,28 @@ static struct outcome film(struct vec3 push, double turn)
     return o;
 }
 
-static void nobody_pushes_it(void **state)
+static void test_undisturbed_stand(void **state)
 {
     (void)state;
-    struct outcome o = film(v3(0, 0, 0), 0);
+    struct stand_outcome o = film(v3(0, 0, 0), 0);
     EXPECT_INT(o.moves, 0);
     EXPECT_AT_MOST(o.off_m, 0.01);
 }
 
-static void a_stand_that_gives_way(void **state)
+static void test_sagging_stand(void **state)
 {
     (void)state;
-    struct outcome o = film(v3(0.03, 0.015, 0.01), 0.004);
+    struct stand_outcome o = film(v3(0.03, 0.015, 0.01), 0.004);
     EXPECT_INT(o.moves, 1);
     EXPECT_INT(o.far_moves, 0);
     EXPECT_AT_MOST(o.seen_at, PUSHED_AT + 25);
     EXPECT_AT_MOST(o.off_m, 0.01);
 }
 
-static void a_stand_that_is_carried(void **state)
+static void test_moved_stand(void **state)
 {
     (void)state;
-    struct outcome o = film(v3(0.3, 0, 0), 0.05);
+    struct stand_outcome o = film(v3(0.3, 0, 0), 0.05);
     EXPECT_INT(o.moves, 1);
     EXPECT_INT(o.far_moves, 1);
     EXPECT_AT_MOST(o.off_m, 0.01);
@@ -107,9 +107,9 @@ static void a_stand_that_is_carried(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nobody_pushes_it),
-        cmocka_unit_test(a_stand_that_gives_way),
-        cmocka_unit_test(a_stand_that_is_carried),
+        cmocka_unit_test(test_undisturbed_stand),
+        cmocka_unit_test(test_sagging_stand),
+        cmocka_unit_test(test_moved_stand),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

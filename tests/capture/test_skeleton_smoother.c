@@ -10,27 +10,27 @@
 enum { FRAMES_MOST = 72 };
 #define FRAME_S (1.0 / 30)
 
-struct thought_over {
+struct smoothing_case {
     int frames;
-    struct skeleton truth[FRAMES_MOST], told[FRAMES_MOST], settled[FRAMES_MOST];
+    struct skeleton truth[FRAMES_MOST], online[FRAMES_MOST], smoothed[FRAMES_MOST];
 };
 
-struct take {
+struct smoothing_take {
     const char *motion;
     double from_s;
     int frames, dark, light; // frames `dark` to `light` - 1 have no reading
     double aside_degrees;    // the sensor stands so far to the left of where the figure looks
 };
 
-static void think_over(const struct take *take, struct thought_over *out)
+static void run_smoothing(const struct smoothing_take *take, struct smoothing_case *out)
 {
     static uint16_t *depth[FRAMES_MOST];
     struct tracked_film f;
-    struct settle *settle;
+    struct smoother *settle;
     int frames = take->frames;
     double half = take->aside_degrees * 3.14159265358979323846 / 360;
     tracked_film_open(&f, "man", take->motion);
-    EXPECT_STATUS(settle_open(&settle, &f.calibration), OK);
+    EXPECT_STATUS(smoother_open(&settle, &f.calibration), OK);
     struct pose from =
         pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(f.world));
     memset(out, 0, sizeof *out);
@@ -45,26 +45,26 @@ static void think_over(const struct take *take, struct thought_over *out)
         assert_non_null(depth[k]);
         memcpy(depth[k], f.depth, f.pixels * sizeof *f.depth);
         out->truth[k] = world_joints_in_camera(f.world, t, from);
-        enum status status = tracker_next(f.tracker, nanoseconds(t), depth[k], &out->told[k], NULL);
+        enum status status = tracker_next(f.tracker, nanoseconds(t), depth[k], &out->online[k], NULL);
         EXPECT_INT(status, black ? NOTHING : OK);
-        EXPECT_STATUS(settle_note(settle, f.tracker, nanoseconds(t), status == OK ? &out->told[k] : NULL), OK);
+        EXPECT_STATUS(smoother_push(settle, f.tracker, nanoseconds(t), status == OK ? &out->online[k] : NULL), OK);
     }
     for (int k = frames - 1; k >= 0; k--) {
-        EXPECT_STATUS(settle_look_back(settle, f.tracker, k, depth[k]), OK);
+        EXPECT_STATUS(smoother_backward(settle, f.tracker, k, depth[k]), OK);
         free(depth[k]);
     }
-    EXPECT_STATUS(settle_finish(settle), OK);
+    EXPECT_STATUS(smoother_solve(settle), OK);
     for (int k = 0; k < frames; k++) {
-        const struct skeleton *s = settle_skeleton(settle, k);
+        const struct skeleton *s = smoother_skeleton(settle, k);
         EXPECT_INT(s != NULL, k < take->dark || k >= take->light);
         if (s)
-            out->settled[k] = *s;
+            out->smoothed[k] = *s;
     }
-    settle_close(&settle);
+    smoother_close(&settle);
     tracked_film_close(&f);
 }
 
-static double mean_error_m(const struct thought_over *t, const struct skeleton *got)
+static double mean_error_m(const struct smoothing_case *t, const struct skeleton *got)
 {
     double sum = 0;
     int count = 0;
@@ -78,7 +78,7 @@ static double mean_error_m(const struct thought_over *t, const struct skeleton *
 }
 
 // Beyond what the truth does: the mean bend of three frames in a row.
-static double tremble_m(const struct thought_over *t, const struct skeleton *got)
+static double jitter_m(const struct smoothing_case *t, const struct skeleton *got)
 {
     double sum = 0;
     for (int k = 1; k + 1 < t->frames; k++)
@@ -91,27 +91,27 @@ static double tremble_m(const struct thought_over *t, const struct skeleton *got
     return sum / (JOINT_COUNT * (t->frames - 2));
 }
 
-static void a_take_is_better_once_its_end_is_known(void **state)
+static void test_smoothing_reduces_error(void **state)
 {
     (void)state;
-    static struct thought_over t;
-    think_over(&(struct take){"kata", 2, FRAMES_MOST, 0, 0, 0}, &t);
-    double told = mean_error_m(&t, t.told), settled = mean_error_m(&t, t.settled);
-    double told_tremble = tremble_m(&t, t.told), settled_tremble = tremble_m(&t, t.settled);
-    print_message("told at once: %.1f mm off, trembling %.1f; thought over: %.1f, %.1f\n", 1000 * told,
-                  1000 * told_tremble, 1000 * settled, 1000 * settled_tremble);
-    EXPECT_AT_MOST(settled, 0.97 * told);
-    EXPECT_AT_MOST(settled_tremble, 0.6 * told_tremble);
+    static struct smoothing_case t;
+    run_smoothing(&(struct smoothing_take){"kata", 2, FRAMES_MOST, 0, 0, 0}, &t);
+    double online = mean_error_m(&t, t.online), smoothed = mean_error_m(&t, t.smoothed);
+    double online_jitter = jitter_m(&t, t.online), smoothed_jitter = jitter_m(&t, t.smoothed);
+    print_message("told at once: %.1f mm off, trembling %.1f; thought over: %.1f, %.1f\n", 1000 * online,
+                  1000 * online_jitter, 1000 * smoothed, 1000 * smoothed_jitter);
+    EXPECT_AT_MOST(smoothed, 0.97 * online);
+    EXPECT_AT_MOST(smoothed_jitter, 0.6 * online_jitter);
     static const enum joint bone[4][2] = {{JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW},
                                           {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
                                           {JOINT_LEFT_HIP, JOINT_LEFT_KNEE},
                                           {JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT}};
     for (int k = 1; k < t.frames; k++) {
         for (int j = 0; j < JOINT_COUNT; j++)
-            EXPECT_AT_MOST(v3_distance(t.settled[k].joint[j], t.settled[k - 1].joint[j]), 0.25);
+            EXPECT_AT_MOST(v3_distance(t.smoothed[k].joint[j], t.smoothed[k - 1].joint[j]), 0.25);
         for (int b = 0; b < 4; b++)
-            EXPECT_NEAR(v3_distance(t.settled[k].joint[bone[b][0]], t.settled[k].joint[bone[b][1]]),
-                        v3_distance(t.settled[0].joint[bone[b][0]], t.settled[0].joint[bone[b][1]]), 1e-9);
+            EXPECT_NEAR(v3_distance(t.smoothed[k].joint[bone[b][0]], t.smoothed[k].joint[bone[b][1]]),
+                        v3_distance(t.smoothed[0].joint[bone[b][0]], t.smoothed[0].joint[bone[b][1]]), 1e-9);
     }
 }
 
@@ -145,35 +145,35 @@ static double reach_m(const struct skeleton *s, int frames, enum joint j)
     return most;
 }
 
-static void a_fast_move_is_not_cut(void **state)
+static void test_fast_motion_is_not_clipped(void **state)
 {
     (void)state;
-    static struct thought_over t;
+    static struct smoothing_case t;
     static const enum joint tip[2] = {JOINT_RIGHT_HAND, JOINT_RIGHT_FOOT};
     for (int i = 0; i < 2; i++) {
         double speed, when = fastest_s("kata", tip[i], &speed);
-        think_over(&(struct take){"kata", fmax(0, when - 0.8), 48, 0, 0, 0}, &t);
-        double truth = reach_m(t.truth, t.frames, tip[i]), told = reach_m(t.told, t.frames, tip[i]),
-               settled = reach_m(t.settled, t.frames, tip[i]);
+        run_smoothing(&(struct smoothing_take){"kata", fmax(0, when - 0.8), 48, 0, 0, 0}, &t);
+        double truth = reach_m(t.truth, t.frames, tip[i]), online = reach_m(t.online, t.frames, tip[i]),
+               smoothed = reach_m(t.smoothed, t.frames, tip[i]);
         print_message("%s, up to %.1f m/s, goes %.0f mm; told %.0f, thought over %.0f\n", joint_name(tip[i]), speed,
-                      1000 * truth, 1000 * told, 1000 * settled);
-        EXPECT_AT_MOST(fabs(settled - truth), fabs(told - truth) + 0.03);
+                      1000 * truth, 1000 * online, 1000 * smoothed);
+        EXPECT_AT_MOST(fabs(smoothed - truth), fabs(online - truth) + 0.03);
     }
 }
 
 // Long enough for the person to be forgotten and found anew, both ways.
-static void frames_without_anybody_stay_without(void **state)
+static void test_frames_without_actor_stay_empty(void **state)
 {
     (void)state;
-    static struct thought_over t, again;
-    think_over(&(struct take){"kata", 2, 64, 24, 50, 0}, &t);
-    think_over(&(struct take){"kata", 2, 64, 24, 50, 0}, &again);
-    double told = mean_error_m(&t, t.told), settled = mean_error_m(&t, t.settled);
-    print_message("with 0.9 s of darkness, told at once: %.1f mm off; thought over: %.1f\n", 1000 * told,
-                  1000 * settled);
-    EXPECT_AT_MOST(settled, told);
-    EXPECT_AT_MOST(settled, 0.10); // they are found anew in the middle of a kick
-    assert_memory_equal(t.settled, again.settled, sizeof t.settled);
+    static struct smoothing_case t, again;
+    run_smoothing(&(struct smoothing_take){"kata", 2, 64, 24, 50, 0}, &t);
+    run_smoothing(&(struct smoothing_take){"kata", 2, 64, 24, 50, 0}, &again);
+    double online = mean_error_m(&t, t.online), smoothed = mean_error_m(&t, t.smoothed);
+    print_message("with 0.9 s of darkness, told at once: %.1f mm off; thought over: %.1f\n", 1000 * online,
+                  1000 * smoothed);
+    EXPECT_AT_MOST(smoothed, online);
+    EXPECT_AT_MOST(smoothed, 0.10); // they are found anew in the middle of a kick
+    assert_memory_equal(t.smoothed, again.smoothed, sizeof t.smoothed);
 }
 
 static bool is_other_way_round(const struct skeleton *got, const struct skeleton *truth)
@@ -184,28 +184,28 @@ static bool is_other_way_round(const struct skeleton *got, const struct skeleton
 }
 
 // With feet out of the picture, somebody who walks away was taken for one who faces the sensor, as most do.
-static void who_walks_away_is_seen_from_behind_from_the_first_frame_on(void **state)
+static void test_facing_is_right_from_first_frame(void **state)
 {
     (void)state;
-    static struct thought_over t;
-    int told = 0, settled = 0;
-    think_over(&(struct take){"walk", 0, 48, 0, 0, 135}, &t);
+    static struct smoothing_case t;
+    int online = 0, smoothed = 0;
+    run_smoothing(&(struct smoothing_take){"walk", 0, 48, 0, 0, 135}, &t);
     for (int k = 0; k < t.frames; k++) {
-        told += is_other_way_round(&t.told[k], &t.truth[k]);
-        settled += is_other_way_round(&t.settled[k], &t.truth[k]);
+        online += is_other_way_round(&t.online[k], &t.truth[k]);
+        smoothed += is_other_way_round(&t.smoothed[k], &t.truth[k]);
     }
-    print_message("the other way round: told at once %d of %d frames, thought over %d\n", told, t.frames, settled);
-    EXPECT_INT(settled, 0);
-    EXPECT_AT_MOST(mean_error_m(&t, t.settled), 0.05);
+    print_message("the other way round: told at once %d of %d frames, thought over %d\n", online, t.frames, smoothed);
+    EXPECT_INT(smoothed, 0);
+    EXPECT_AT_MOST(mean_error_m(&t, t.smoothed), 0.05);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_take_is_better_once_its_end_is_known),
-        cmocka_unit_test(a_fast_move_is_not_cut),
-        cmocka_unit_test(frames_without_anybody_stay_without),
-        cmocka_unit_test(who_walks_away_is_seen_from_behind_from_the_first_frame_on),
+        cmocka_unit_test(test_smoothing_reduces_error),
+        cmocka_unit_test(test_fast_motion_is_not_clipped),
+        cmocka_unit_test(test_frames_without_actor_stay_empty),
+        cmocka_unit_test(test_facing_is_right_from_first_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -22,15 +22,15 @@ static int motionless(double sway_m, int pictures)
         double along = 0.5 * sway_m * sin(2 * acos(-1) / 3 * 2 * k / FPS); // every second picture is learned from
         tracked_film_shoot(&f, moved(world_sensor_pose(f.world), v3(0, 0, along)), 0, 700 + (uint64_t)k);
         EXPECT_STATUS(segmenter_next(s, f.depth, NULL, 0, f.mask), OK);
-        segmenter_learn(s);
+        segmenter_update_background(s);
     }
-    int count = segmenter_motionless(s);
+    int count = segmenter_static_frames(s);
     segmenter_close(&s);
     tracked_film_close(&f);
     return count;
 }
 
-static void who_sways_is_no_furniture(void **state)
+static void test_swaying_person_is_not_furniture(void **state)
 {
     (void)state;
     enum { PICTURES = 40, OF_FURNITURE = 12 };
@@ -53,10 +53,10 @@ struct visitor {
     double until_s;
 };
 
-struct outcome {
-    double furthest_m; // what was told, off the one person who is there
-    double last_m;     // the same in the end, the mean of half a second
-    int taken_back;    // pictures in which somebody was told and nobody is settled
+struct tracking_outcome {
+    double furthest_m;      // what was told, off the one person who is there
+    double last_distance_m; // the same in the end, the mean of half a second
+    int taken_back;         // pictures in which somebody was told and nobody is settled
 };
 
 static void open_room(struct tracked_film *f, const struct visitor *v)
@@ -72,40 +72,40 @@ static void open_room(struct tracked_film *f, const struct visitor *v)
     EXPECT_STATUS(world_open(&f->world, &options), OK);
 }
 
-static struct outcome follow(const struct visitor *v)
+static struct tracking_outcome follow(const struct visitor *v)
 {
     struct tracked_film f;
-    struct settle *settle;
-    struct outcome out = {0};
+    struct smoother *settle;
+    struct tracking_outcome out = {0};
     open_room(&f, v);
     double half = v->aside_degrees * acos(-1) / 360;
     struct pose from =
         pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(f.world));
     from = moved(from, v3(0, 0, v->nearer_m));
-    EXPECT_STATUS(settle_open(&settle, &f.calibration), OK);
+    EXPECT_STATUS(smoother_open(&settle, &f.calibration), OK);
     int count = (int)(v->until_s * FPS), last = FPS / 2;
-    bool told[400];
+    bool tracked[400];
     for (int k = 0; k < count; k++) {
         double t = (double)k / FPS;
         struct skeleton got, truth = world_joints_in_camera(f.world, t, from);
         tracked_film_shoot(&f, from, t, v->seed + (uint64_t)k);
         enum status status = tracker_next(f.tracker, nanoseconds(t), f.depth, &got, NULL);
         EXPECT_TRUE(status >= 0);
-        told[k] = status == OK;
-        EXPECT_STATUS(settle_note(settle, f.tracker, nanoseconds(t), told[k] ? &got : NULL), OK);
-        double error = told[k] ? error_of(&got, &truth) : 0;
+        tracked[k] = status == OK;
+        EXPECT_STATUS(smoother_push(settle, f.tracker, nanoseconds(t), tracked[k] ? &got : NULL), OK);
+        double error = tracked[k] ? error_of(&got, &truth) : 0;
         out.furthest_m = fmax(out.furthest_m, error);
-        out.last_m += k < count - last ? 0 : error / last;
+        out.last_distance_m += k < count - last ? 0 : error / last;
     }
-    EXPECT_STATUS(settle_finish(settle), OK);
+    EXPECT_STATUS(smoother_solve(settle), OK);
     for (int k = 0; k < count; k++)
-        out.taken_back += told[k] && !settle_skeleton(settle, k);
-    settle_close(&settle);
+        out.taken_back += tracked[k] && !smoother_skeleton(settle, k);
+    smoother_close(&settle);
     tracked_film_close(&f);
     return out;
 }
 
-static void who_comes_is_followed_and_not_furniture(void **state)
+static void test_entering_person_is_tracked_not_furniture(void **state)
 {
     (void)state;
     const struct visitor visitors[] = {
@@ -120,11 +120,12 @@ static void who_comes_is_followed_and_not_furniture(void **state)
         {{.height_m = 1.87, .build = 0.03}, "walk", 123.841, 0, {.x = 0.1965, .y = -0.1577}, true, 33236043, 3.2},
     };
     for (size_t i = 0; i < COUNT_OF(visitors); i += TRACKED_EACH) {
-        struct outcome o = follow(&visitors[i]);
+        struct tracking_outcome o = follow(&visitors[i]);
         print_message("%s, seed %llu: at worst %.2f m off, in the end %.3f m, %d pictures taken back\n",
-                      visitors[i].motion, (unsigned long long)visitors[i].seed, o.furthest_m, o.last_m, o.taken_back);
+                      visitors[i].motion, (unsigned long long)visitors[i].seed, o.furthest_m, o.last_distance_m,
+                      o.taken_back);
         EXPECT_AT_LEAST(o.furthest_m, 0.5); // furniture was followed, or this shows nothing
-        EXPECT_AT_MOST(o.last_m, 0.1);
+        EXPECT_AT_MOST(o.last_distance_m, 0.1);
         EXPECT_AT_LEAST(o.taken_back, 12);
     }
 }
@@ -132,7 +133,7 @@ static void who_comes_is_followed_and_not_furniture(void **state)
 // ---------------------------------------------------------------- who stands still
 
 // A woman who does not move by a hair for two seconds; then a man walks past behind her.
-static void who_stands_still_stays_the_one(void **state)
+static void test_motionless_person_stays_actor(void **state)
 {
     (void)state;
     enum { STILL = 60, PASSING = 45 };
@@ -165,9 +166,9 @@ static void who_stands_still_stays_the_one(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(who_sways_is_no_furniture),
-        cmocka_unit_test(who_comes_is_followed_and_not_furniture),
-        cmocka_unit_test(who_stands_still_stays_the_one),
+        cmocka_unit_test(test_swaying_person_is_not_furniture),
+        cmocka_unit_test(test_entering_person_is_tracked_not_furniture),
+        cmocka_unit_test(test_motionless_person_stays_actor),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

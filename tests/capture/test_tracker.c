@@ -63,13 +63,13 @@ static struct score run(struct tracked_film *s, double fps, double until_s, bool
             for (int j = 0; j < JOINT_COUNT; j++) {
                 const char *name = joint_name((enum joint)j);
                 char other[32];
-                enum joint twin;
+                enum joint mirrored_joint;
                 if (strncmp(name, "left_", 5) == 0) {
                     snprintf(other, sizeof other, "right_%s", name + 5);
-                    assert_true(joint_from_name(other, &twin));
+                    assert_true(joint_from_name(other, &mirrored_joint));
                     struct vec3 p = truth.joint[j];
-                    truth.joint[j] = truth.joint[twin];
-                    truth.joint[twin] = p;
+                    truth.joint[j] = truth.joint[mirrored_joint];
+                    truth.joint[mirrored_joint] = p;
                 }
             }
         for (int j = 0; j < JOINT_COUNT; j++) {
@@ -98,7 +98,7 @@ static struct score run(struct tracked_film *s, double fps, double until_s, bool
     return score;
 }
 
-static void a_full_turn_keeps_left_and_right(void **state)
+static void test_full_rotation_keeps_left_and_right(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -112,7 +112,7 @@ static void a_full_turn_keeps_left_and_right(void **state)
     tracked_film_close(&s);
 }
 
-static void the_check_sees_swapped_sides(void **state)
+static void test_check_detects_swapped_sides(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -123,7 +123,7 @@ static void the_check_sees_swapped_sides(void **state)
     tracked_film_close(&s);
 }
 
-static void other_people_are_followed_too(void **state)
+static void test_other_people_are_tracked(void **state)
 {
     (void)state;
     static const char *const who[] = {"heavy", "child", "tall"};
@@ -139,7 +139,7 @@ static void other_people_are_followed_too(void **state)
     }
 }
 
-static void bones_keep_their_lengths(void **state)
+static void test_bone_lengths_are_constant(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -160,7 +160,7 @@ static void bones_keep_their_lengths(void **state)
     tracked_film_close(&s);
 }
 
-static void the_same_frames_give_the_same_joints(void **state)
+static void test_deterministic(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -194,7 +194,7 @@ static double mean_error(const struct skeleton *a, const struct skeleton *b)
     return sum;
 }
 
-static void black_repeated_and_backward_frames(void **state)
+static void test_black_repeated_and_backward_frames(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -227,7 +227,7 @@ static void black_repeated_and_backward_frames(void **state)
     tracked_film_close(&s);
 }
 
-static void near_far_and_half_out_of_the_picture(void **state)
+static void test_close_far_and_partly_outside_image(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -264,7 +264,7 @@ static void near_far_and_half_out_of_the_picture(void **state)
     tracked_film_close(&s);
 }
 
-static void two_people_and_one_is_followed(void **state)
+static void test_one_of_two_people_is_tracked(void **state)
 {
     (void)state;
     struct tracked_film s, other;
@@ -287,11 +287,11 @@ static void two_people_and_one_is_followed(void **state)
     tracked_film_close(&other);
 }
 
-static void tiny_pictures_and_noise_do_no_harm(void **state)
+static void test_tiny_images_and_noise(void **state)
 {
     (void)state;
     static const int size[][2] = {{1, 1}, {16, 12}, {40, 30}};
-    struct dice dice = {77};
+    struct rng rng = {77};
     print_message("seed 77\n");
     for (size_t k = 0; k < COUNT_OF(size); k++) {
         struct calibration c = {.registered = true, .color_from_depth = POSE_IDENTITY};
@@ -308,8 +308,8 @@ static void tiny_pictures_and_noise_do_no_harm(void **state)
         for (int frame = 0; frame < 6; frame++) {
             for (int y = 0; y < size[k][1]; y++) // a post of noise, as wide as a person
                 for (int x = 0; x < size[k][0]; x++)
-                    depth[y * size[k][0] + x] = abs(2 * x - size[k][0]) < size[k][0] / 4 && dice_uniform(&dice) < 0.9
-                                                    ? (uint16_t)(2000 + 60 * dice_normal(&dice))
+                    depth[y * size[k][0] + x] = abs(2 * x - size[k][0]) < size[k][0] / 4 && rng_uniform(&rng) < 0.9
+                                                    ? (uint16_t)(2000 + 60 * rng_normal(&rng))
                                                     : 0;
             struct skeleton got;
             EXPECT_TRUE(tracker_next(t, frame * 33333333LL, depth, &got, mask) >= 0);
@@ -319,7 +319,7 @@ static void tiny_pictures_and_noise_do_no_harm(void **state)
     }
 }
 
-static void limbs_without_length_and_straight_ones(void **state)
+static void test_zero_length_and_straight_limbs(void **state)
 {
     (void)state;
     // No length at all: from a to a.
@@ -330,13 +330,13 @@ static void limbs_without_length_and_straight_ones(void **state)
     EXPECT_TRUE(isfinite(solid_distance(&nothing, v3(0, 0, 2), &n, &on, &t, &side)) && v3_finite(n));
     // A body shrunk to a millimetre and one with arms as straight as can be still build.
     struct body_shape shape = {.log = {-7}};
-    struct body_pose pose = body_rest_pose(v3(0, 0, 2), v3(0, -1, 0), 0);
+    struct body_pose pose = body_standing_pose(v3(0, 0, 2), v3(0, -1, 0), 0);
     struct body_build build;
-    body_build(&shape, &pose, &build);
+    body_forward_kinematics(&shape, &pose, &build);
     for (int j = 0; j < JOINT_COUNT; j++)
         EXPECT_TRUE(v3_finite(build.joint[j]));
     shape.log[0] = 0;
-    body_build(&shape, &pose, &build);
+    body_forward_kinematics(&shape, &pose, &build);
     struct vec3 upper = v3_sub(build.joint[JOINT_LEFT_ELBOW], build.joint[JOINT_LEFT_SHOULDER]),
                 lower = v3_sub(build.joint[JOINT_LEFT_HAND], build.joint[JOINT_LEFT_ELBOW]);
     EXPECT_NEAR(v3_length(v3_cross(v3_unit(upper), v3_unit(lower))), 0, 1e-12);
@@ -346,7 +346,7 @@ static void limbs_without_length_and_straight_ones(void **state)
     EXPECT_AT_LEAST(build.joint[JOINT_LEFT_FOOT].y, build.joint[JOINT_LEFT_HIP].y + 0.7);
 }
 
-static void bad_options_are_refused(void **state)
+static void test_bad_options_are_refused(void **state)
 {
     (void)state;
     struct calibration c = world_calibration(0.5);
@@ -367,17 +367,17 @@ static void bad_options_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_full_turn_keeps_left_and_right),
-        cmocka_unit_test(the_check_sees_swapped_sides),
-        cmocka_unit_test(other_people_are_followed_too),
-        cmocka_unit_test(bones_keep_their_lengths),
-        cmocka_unit_test(the_same_frames_give_the_same_joints),
-        cmocka_unit_test(black_repeated_and_backward_frames),
-        cmocka_unit_test(near_far_and_half_out_of_the_picture),
-        cmocka_unit_test(two_people_and_one_is_followed),
-        cmocka_unit_test(tiny_pictures_and_noise_do_no_harm),
-        cmocka_unit_test(limbs_without_length_and_straight_ones),
-        cmocka_unit_test(bad_options_are_refused),
+        cmocka_unit_test(test_full_rotation_keeps_left_and_right),
+        cmocka_unit_test(test_check_detects_swapped_sides),
+        cmocka_unit_test(test_other_people_are_tracked),
+        cmocka_unit_test(test_bone_lengths_are_constant),
+        cmocka_unit_test(test_deterministic),
+        cmocka_unit_test(test_black_repeated_and_backward_frames),
+        cmocka_unit_test(test_close_far_and_partly_outside_image),
+        cmocka_unit_test(test_one_of_two_people_is_tracked),
+        cmocka_unit_test(test_tiny_images_and_noise),
+        cmocka_unit_test(test_zero_length_and_straight_limbs),
+        cmocka_unit_test(test_bad_options_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

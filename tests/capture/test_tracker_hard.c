@@ -21,31 +21,31 @@ static double step(struct tracked_film *s, struct pose from, double time_s, int6
 // ---------------------------------------------------------------- pictures and clocks
 
 enum mishap { NO_MISHAP, ONE_BLACK, TEN_BLACK, REPEATED, CLOCK_BACK, CLOCK_AHEAD };
-enum { TURN = 40, MISHAP_AT = 20, TEN = 10 };
+enum { ROTATION_FRAMES = 40, MISHAP_AT = 20, TEN = 10 };
 
 // The middle of a turn, filmed once for all mishaps.
-struct turn {
+struct rotation_film {
     struct tracked_film film;
-    uint16_t *depth; // TURN pictures
-    struct skeleton truth[TURN];
+    uint16_t *depth; // ROTATION_FRAMES pictures
+    struct skeleton truth[ROTATION_FRAMES];
 };
 
-static double turn_time(int k) { return 2 + (double)k / FPS; }
+static double rotation_time(int k) { return 2 + (double)k / FPS; }
 
-static void turn_open(struct turn *t)
+static void rotation_open(struct rotation_film *t)
 {
     tracked_film_open(&t->film, "woman", "pirouette");
     struct pose from = world_sensor_pose(t->film.world);
-    t->depth = malloc(TURN * t->film.pixels * sizeof *t->depth);
+    t->depth = malloc(ROTATION_FRAMES * t->film.pixels * sizeof *t->depth);
     assert_non_null(t->depth);
-    for (int k = 0; k < TURN; k++) {
-        tracked_film_shoot(&t->film, from, turn_time(k), (uint64_t)k);
+    for (int k = 0; k < ROTATION_FRAMES; k++) {
+        tracked_film_shoot(&t->film, from, rotation_time(k), (uint64_t)k);
         memcpy(t->depth + (size_t)k * t->film.pixels, t->film.depth, t->film.pixels * sizeof *t->depth);
-        t->truth[k] = world_joints_in_camera(t->film.world, turn_time(k), from);
+        t->truth[k] = world_joints_in_camera(t->film.world, rotation_time(k), from);
     }
 }
 
-static double told(struct turn *t, int k, int64_t when, enum status expected)
+static double track_error(struct rotation_film *t, int k, int64_t when, enum status expected)
 {
     struct skeleton got;
     EXPECT_STATUS(tracker_next(t->film.tracker, when, t->film.depth, &got, NULL), expected);
@@ -53,13 +53,13 @@ static double told(struct turn *t, int k, int64_t when, enum status expected)
 }
 
 // The mean error of the last ten frames, after the mishap.
-static double after(struct turn *t, enum mishap mishap)
+static double after(struct rotation_film *t, enum mishap mishap)
 {
     size_t bytes = t->film.pixels * sizeof *t->depth;
     double sum = 0;
     int64_t shift = 0;
     tracker_reset(t->film.tracker);
-    for (int k = 0; k < TURN; k++) {
+    for (int k = 0; k < ROTATION_FRAMES; k++) {
         bool black = mishap == ONE_BLACK   ? k == MISHAP_AT
                      : mishap == TEN_BLACK ? k >= MISHAP_AT && k < MISHAP_AT + TEN
                                            : false;
@@ -69,16 +69,16 @@ static double after(struct turn *t, enum mishap mishap)
             memcpy(t->film.depth, t->depth + (size_t)k * t->film.pixels, bytes);
         if (k == MISHAP_AT)
             shift = mishap == CLOCK_BACK ? -nanoseconds(1.5) : mishap == CLOCK_AHEAD ? nanoseconds(0.4) : 0;
-        double e = told(t, k, nanoseconds(turn_time(k)) + shift, black ? NOTHING : OK);
+        double e = track_error(t, k, nanoseconds(rotation_time(k)) + shift, black ? NOTHING : OK);
         if (mishap == REPEATED && k == MISHAP_AT)
-            told(t, k, nanoseconds(turn_time(k) + 0.01), OK);
-        if (k >= TURN - TEN)
+            track_error(t, k, nanoseconds(rotation_time(k) + 0.01), OK);
+        if (k >= ROTATION_FRAMES - TEN)
             sum += e / TEN;
     }
     return sum;
 }
 
-static void broken_pictures_and_clocks(void **state)
+static void test_broken_images_and_clocks(void **state)
 {
     (void)state;
     static const struct {
@@ -88,8 +88,8 @@ static void broken_pictures_and_clocks(void **state)
         {NO_MISHAP, "nothing happens"}, {ONE_BLACK, "one black frame"},   {TEN_BLACK, "ten black frames"},
         {REPEATED, "one frame twice"},  {CLOCK_BACK, "clock 1.5 s back"}, {CLOCK_AHEAD, "clock 0.4 s ahead"},
     };
-    struct turn turn;
-    turn_open(&turn);
+    struct rotation_film turn;
+    rotation_open(&turn);
     for (size_t i = 0; i < COUNT_OF(all); i += TRACKED_EACH) {
         double error = after(&turn, all[i].mishap);
         print_message("%s: %.3f m\n", all[i].name, error);
@@ -100,7 +100,7 @@ static void broken_pictures_and_clocks(void **state)
     tracked_film_close(&turn.film);
 }
 
-static void a_room_without_depth_and_then_a_person(void **state)
+static void test_person_appears_after_empty_depth(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -122,7 +122,7 @@ static void a_room_without_depth_and_then_a_person(void **state)
 
 // ---------------------------------------------------------------- where the person stands
 
-static void near_far_and_half_out(void **state)
+static void test_close_far_and_partly_outside(void **state)
 {
     (void)state;
     static const struct {
@@ -153,7 +153,7 @@ static void near_far_and_half_out(void **state)
     tracked_film_close(&s);
 }
 
-static void standing_still_is_steady(void **state)
+static void test_standing_still_has_no_jitter(void **state)
 {
     (void)state;
     struct tracked_film s;
@@ -210,7 +210,7 @@ static double coming_in(const char *figure, double turned, double from_s)
     return sum / count;
 }
 
-static void who_comes_in_is_seen_anew(void **state)
+static void test_entering_person_is_reinitialised(void **state)
 {
     (void)state;
     double woman = coming_in("woman", 0, 1), man = coming_in("man", 0, 1);
@@ -223,7 +223,7 @@ static void who_comes_in_is_seen_anew(void **state)
 
 // ---------------------------------------------------------------- others in the room
 
-static void somebody_walks_through(void **state)
+static void test_passer_by(void **state)
 {
     (void)state;
     struct tracked_film s, other;
@@ -254,9 +254,12 @@ static void somebody_walks_through(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(broken_pictures_and_clocks), cmocka_unit_test(a_room_without_depth_and_then_a_person),
-        cmocka_unit_test(near_far_and_half_out),      cmocka_unit_test(standing_still_is_steady),
-        cmocka_unit_test(who_comes_in_is_seen_anew),  cmocka_unit_test(somebody_walks_through),
+        cmocka_unit_test(test_broken_images_and_clocks),
+        cmocka_unit_test(test_person_appears_after_empty_depth),
+        cmocka_unit_test(test_close_far_and_partly_outside),
+        cmocka_unit_test(test_standing_still_has_no_jitter),
+        cmocka_unit_test(test_entering_person_is_reinitialised),
+        cmocka_unit_test(test_passer_by),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

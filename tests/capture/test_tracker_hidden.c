@@ -20,7 +20,7 @@ static struct pose seen_from(const struct tracked_film *s, double aside_degrees)
     return pose_multiply((struct pose){{0, 0, sin(half), cos(half)}, {0, 0, 0}}, world_sensor_pose(s->world));
 }
 
-static void whichever_way_they_face_at_first(void **state)
+static void test_any_initial_facing(void **state)
 {
     (void)state;
     static const double aside[] = {0, 90, 180, 270};
@@ -45,7 +45,7 @@ static void whichever_way_they_face_at_first(void **state)
 }
 
 // Nobody stands then as people mostly do.
-static void who_bends_or_kicks_at_first(void **state)
+static void test_bent_or_kicking_initial_pose(void **state)
 {
     (void)state;
     static const struct {
@@ -90,7 +90,7 @@ static void put_table(struct tracked_film *s, struct pose from, struct vec3 low,
         }
 }
 
-static void behind_a_table(void **state)
+static void test_behind_table(void **state)
 {
     (void)state;
     static const char *const motions[] = {"kata", "pirouette"};
@@ -118,7 +118,7 @@ static void behind_a_table(void **state)
     }
 }
 
-static void an_arm_that_was_hidden_is_found_again(void **state)
+static void test_hidden_arm_is_recovered(void **state)
 {
     (void)state;
     static const double aside[] = {0, 45, -45};
@@ -173,18 +173,18 @@ static void watch_leave(const char *figure, double aside_degrees, struct claims 
         if (tracker_next(s.tracker, nanoseconds(t), s.depth, &got, NULL) != OK)
             continue;
         for (int j = 0; j < JOINT_COUNT; j++) {
-            bool there = in_sight(&s.calibration.depth, truth.joint[j]), told = got.confidence[j] == 1;
+            bool there = in_sight(&s.calibration.depth, truth.joint[j]), sure = got.confidence[j] == 1;
             c->visible += there;
-            c->seen += there && told;
+            c->seen += there && sure;
             c->gone += !there;
-            c->claimed += !there && told;
+            c->claimed += !there && sure;
         }
     }
     tracked_film_close(&s);
 }
 
 // Of who walks out of the picture, what is already beyond its edge is mostly not said to be seen.
-static void what_has_left_the_picture_is_guessed(void **state)
+static void test_joints_outside_image_are_predicted(void **state)
 {
     (void)state;
     static const struct {
@@ -204,11 +204,11 @@ static void what_has_left_the_picture_is_guessed(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(whichever_way_they_face_at_first),
-        cmocka_unit_test(who_bends_or_kicks_at_first),
-        cmocka_unit_test(behind_a_table),
-        cmocka_unit_test(an_arm_that_was_hidden_is_found_again),
-        cmocka_unit_test(what_has_left_the_picture_is_guessed),
+        cmocka_unit_test(test_any_initial_facing),
+        cmocka_unit_test(test_bent_or_kicking_initial_pose),
+        cmocka_unit_test(test_behind_table),
+        cmocka_unit_test(test_hidden_arm_is_recovered),
+        cmocka_unit_test(test_joints_outside_image_are_predicted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -38,20 +38,20 @@ static void draw(const struct place_tag *tags, int count, struct pose world_from
     EXPECT_TRUE(tag_picture_draw(&p));
 }
 
-static struct camera_track *open_track(const struct place *place, double most_sigma_m)
+static struct camera_tracker *open_track(const struct place *place, double most_sigma_m)
 {
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, 525);
     struct locator_options options = locator_default_options();
-    struct camera_track *t;
+    struct camera_tracker *t;
     options.max_position_sigma_m = most_sigma_m;
-    EXPECT_STATUS(camera_track_open(&t, place, &lens, &options), OK);
+    EXPECT_STATUS(camera_tracker_open(&t, place, &lens, &options), OK);
     return t;
 }
 
-static void a_walk_is_followed(void **state)
+static void test_walk_is_tracked(void **state)
 {
     (void)state;
-    struct camera_track *track = open_track(&room, 0.05);
+    struct camera_tracker *track = open_track(&room, 0.05);
     struct vec3 before = {0, 0, 0};
     double worst_m = 0, jump_m = 0, ahead_m = 0, ahead_rad = 0;
     for (int i = 0; i < 20; i++) {
@@ -60,13 +60,13 @@ static void a_walk_is_followed(void **state)
         struct location at;
         struct camera_motion motion;
         draw(wall, 4, truth, 100 + (uint64_t)i);
-        EXPECT_STATUS(camera_track_look(track, rgb, NULL, (int64_t)(t * 1e9), &at, &motion), OK);
+        EXPECT_STATUS(camera_tracker_process(track, rgb, NULL, (int64_t)(t * 1e9), &at, &motion), OK);
         struct vec3 error = v3_sub(at.world_from_camera.translation, truth.translation);
         worst_m = fmax(worst_m, v3_length(error));
         jump_m = fmax(jump_m, i ? v3_distance(error, before) : 0);
         before = error;
         if (i > 5) { // when it is shown, a picture later
-            struct pose then = walk(t + 1 / HZ), said = camera_at(&motion, (int64_t)((t + 1 / HZ) * 1e9));
+            struct pose then = walk(t + 1 / HZ), said = camera_motion_at(&motion, (int64_t)((t + 1 / HZ) * 1e9));
             ahead_m = fmax(ahead_m, v3_distance(said.translation, then.translation));
             ahead_rad = fmax(ahead_rad, pose_angle(said, then));
         }
@@ -77,86 +77,86 @@ static void a_walk_is_followed(void **state)
     EXPECT_AT_MOST(jump_m, 0.004);
     EXPECT_AT_MOST(ahead_m, 0.01);
     EXPECT_AT_MOST(ahead_rad * 57.2958, 0.3);
-    camera_track_close(&track);
+    camera_tracker_close(&track);
     EXPECT_TRUE(track == NULL);
 }
 
-static void lost_and_found(void **state)
+static void test_lost_and_relocalized(void **state)
 {
     (void)state;
-    struct camera_track *track = open_track(&room, 0.05);
+    struct camera_tracker *track = open_track(&room, 0.05);
     struct location at = {.rms_px = -1};
     struct camera_motion motion;
     memset(rgb, 90, sizeof rgb);
-    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 0, &at, &motion), NOTHING);
+    EXPECT_STATUS(camera_tracker_process(track, rgb, NULL, 0, &at, &motion), NOTHING);
     EXPECT_NEAR(at.rms_px, -1, 0); // untouched
     draw(wall, 4, walk(0), 7);
-    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 33000000, &at, &motion), OK);
-    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 33000000, &at, &motion), ERR_ORDER);
+    EXPECT_STATUS(camera_tracker_process(track, rgb, NULL, 33000000, &at, &motion), OK);
+    EXPECT_STATUS(camera_tracker_process(track, rgb, NULL, 33000000, &at, &motion), ERR_ORDER);
     memset(rgb, 90, sizeof rgb);
-    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 66000000, &at, &motion), NOTHING);
+    EXPECT_STATUS(camera_tracker_process(track, rgb, NULL, 66000000, &at, &motion), NOTHING);
     // Carried elsewhere while nothing could be seen: no memory may hold it back.
-    struct pose elsewhere = tag_picture_view(1.6, -0.3, 0.1, 0.3);
-    draw(wall, 4, elsewhere, 8);
-    EXPECT_STATUS(camera_track_look(track, rgb, NULL, 99000000, &at, &motion), OK);
-    double off = v3_distance(at.world_from_camera.translation, elsewhere.translation);
+    struct pose moved_pose = tag_picture_view(1.6, -0.3, 0.1, 0.3);
+    draw(wall, 4, moved_pose, 8);
+    EXPECT_STATUS(camera_tracker_process(track, rgb, NULL, 99000000, &at, &motion), OK);
+    double off = v3_distance(at.world_from_camera.translation, moved_pose.translation);
     printf("carried elsewhere: found within %.2f mm\n", off * 1e3);
     EXPECT_AT_MOST(off, 0.005);
-    camera_track_close(&track);
+    camera_tracker_close(&track);
 }
 
 // A small tag seen nearly head-on looks the same mirrored. Five pictures tell.
-static void mirrored_poses_are_told_apart(void **state)
+static void test_mirrored_poses_are_distinguished(void **state)
 {
     (void)state;
     struct place_tag tag = {.id = 7, .side_m = 0.16, .world_from_tag = POSE_IDENTITY};
     const struct place place = {.tags = &tag, .tag_count = 1};
     int unsure = 0, wrong_first = 0, wrong = 0;
     for (int sequence = 0; sequence < 8; sequence++) {
-        struct camera_track *track = open_track(&place, 2);
+        struct camera_tracker *track = open_track(&place, 2);
         for (int i = 0; i < 5; i++) {
             double t = i / HZ, yaw = 0.12 + 0.03 * sequence + 0.8 * t;
             struct pose truth = tag_picture_view(4 - 0.5 * t, yaw, -0.1 + 0.4 * t, 0);
             struct location at;
             struct camera_motion motion;
             draw(&tag, 1, truth, 900 + 10 * (uint64_t)sequence + (uint64_t)i);
-            enum status status = camera_track_look(track, rgb, NULL, (int64_t)(t * 1e9), &at, &motion);
+            enum status status = camera_tracker_process(track, rgb, NULL, (int64_t)(t * 1e9), &at, &motion);
             EXPECT_TRUE(status == OK || status == AMBIGUOUS);
             bool flipped = pose_angle(at.world_from_camera, truth) > 15 / 57.3;
             unsure += i == 0 && status == AMBIGUOUS;
             wrong_first += i == 0 && flipped;
             wrong += i == 4 && flipped;
         }
-        camera_track_close(&track);
+        camera_tracker_close(&track);
     }
     printf("8 walks past one tag: at first %d unsure and %d mirrored, after five pictures %d mirrored\n", unsure,
            wrong_first, wrong);
     EXPECT_INT(wrong, 0);
 }
 
-// What the filter says of its errors must be true of them, and a turn in step must not lag.
-static void the_motion_is_filtered_honestly(void **state)
+// What the filter says of its errors must be true of them, and a rotation in step must not lag.
+static void test_filtered_covariance_is_consistent(void **state)
 {
     (void)state;
-    struct dice dice = {3};
-    const double turn_sigma = 0.002, shift_sigma = 0.004;
+    struct rng rng = {3};
+    const double rotation_sigma = 0.002, shift_sigma = 0.004;
     double covariance[36] = {0}, sum = 0, lag = 0, rough = 0, fine = 0;
     for (int i = 0; i < 6; i++)
-        covariance[i * 7] = i < 3 ? turn_sigma * turn_sigma : shift_sigma * shift_sigma;
-    struct kalman k;
+        covariance[i * 7] = i < 3 ? rotation_sigma * rotation_sigma : shift_sigma * shift_sigma;
+    struct pose_kalman k;
     int count = 0;
     for (int i = 0; i < 300; i++) {
         // stands for five seconds, then walks off at a metre a second
         struct pose truth = {{0, 0, 0, 1}, {i < 150 ? 0 : (i - 150) / HZ, 0, 0}};
-        struct vec3 turn = dice_normal3(&dice, turn_sigma);
-        struct pose noise = {quat_from_rotation_vector(turn), dice_normal3(&dice, shift_sigma)};
+        struct vec3 rotation = rng_normal3(&rng, rotation_sigma);
+        struct pose noise = {quat_from_rotation_vector(rotation), rng_normal3(&rng, shift_sigma)};
         struct pose seen = pose_multiply(truth, noise);
         if (i)
-            kalman_move(&k, 1 / HZ);
+            pose_kalman_predict(&k, 1 / HZ);
         if (i)
-            EXPECT_TRUE(kalman_measure(&k, seen, covariance, 1e9) >= 0);
+            EXPECT_TRUE(pose_kalman_update(&k, seen, covariance, 1e9) >= 0);
         else
-            kalman_start(&k, seen, covariance);
+            pose_kalman_start(&k, seen, covariance);
         double error[3] = {k.world_from_camera.translation.x - truth.translation.x, k.world_from_camera.translation.y,
                            k.world_from_camera.translation.z};
         if (i >= 20 && i < 150) {
@@ -174,18 +174,18 @@ static void the_motion_is_filtered_honestly(void **state)
     EXPECT_AT_MOST(sqrt(sum / count), 1.2);
     EXPECT_AT_MOST(sqrt(fine / rough), 0.9);
     EXPECT_NEAR(lag, 0, 0.001);
-    struct kalman before = k;
-    EXPECT_TRUE(kalman_measure(&k, (struct pose){{0, 0, 0, 1}, {50, 0, 0}}, covariance, 43) > 43);
+    struct pose_kalman before = k;
+    EXPECT_TRUE(pose_kalman_update(&k, (struct pose){{0, 0, 0, 1}, {50, 0, 0}}, covariance, 43) > 43);
     EXPECT_INT(memcmp(&before, &k, sizeof k), 0); // far off changes nothing
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_walk_is_followed),
-        cmocka_unit_test(lost_and_found),
-        cmocka_unit_test(mirrored_poses_are_told_apart),
-        cmocka_unit_test(the_motion_is_filtered_honestly),
+        cmocka_unit_test(test_walk_is_tracked),
+        cmocka_unit_test(test_lost_and_relocalized),
+        cmocka_unit_test(test_mirrored_poses_are_distinguished),
+        cmocka_unit_test(test_filtered_covariance_is_consistent),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

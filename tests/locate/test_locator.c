@@ -25,23 +25,23 @@ static struct lens bent(void)
 // finder alone made it, *fine: the same after refinement; returns the largest corner error.
 static double refined_error(struct tag_picture *p, double *rough, double *fine)
 {
-    struct tag_finder *f;
-    struct refiner *r;
-    struct tag_seen seen[4];
-    struct sighting s;
+    struct tag_detector *f;
+    struct tag_refiner *r;
+    struct tag_detection seen[4];
+    struct tag_observation s;
     struct tag_pattern pattern;
     struct pixel truth[4], centre = {0, 0};
     int count;
     p->rgb = rgb;
     EXPECT_TRUE(tag_picture_draw(p));
     gray_from_rgb(rgb, WIDTH * HEIGHT, gray);
-    EXPECT_STATUS(tag_finder_open(&f, 1), OK);
-    EXPECT_STATUS(tag_finder_find(f, gray, WIDTH, HEIGHT, seen, 4, &count), OK);
+    EXPECT_STATUS(tag_detector_open(&f, 1), OK);
+    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, seen, 4, &count), OK);
     EXPECT_INT(count, 1);
-    EXPECT_STATUS(refiner_open(&r, &p->lens), OK);
+    EXPECT_STATUS(tag_refiner_open(&r, &p->lens), OK);
     EXPECT_TRUE(tag_pattern(seen[0].id, &pattern));
-    EXPECT_TRUE(refine_tag(r, rgb, seen[0].id, &pattern, seen[0].corner, &s));
-    EXPECT_AT_LEAST(s.likeness, 0.9);
+    EXPECT_TRUE(tag_refine(r, rgb, seen[0].id, &pattern, seen[0].corner, &s));
+    EXPECT_AT_LEAST(s.correlation, 0.9);
     tag_picture_corners(p, 0, truth);
     double worst = 0, size = 0, grown_rough = 0, grown_fine = 0;
     for (int k = 0; k < 4; k++)
@@ -56,12 +56,12 @@ static double refined_error(struct tag_picture *p, double *rough, double *fine)
     }
     *rough = grown_rough / size;
     *fine = grown_fine / size;
-    refiner_close(&r);
-    tag_finder_close(&f);
+    tag_refiner_close(&r);
+    tag_detector_close(&f);
     return worst;
 }
 
-static void corners_are_refined(void **state)
+static void test_corners_are_refined(void **state)
 {
     (void)state;
     static const struct {
@@ -94,7 +94,7 @@ static void corners_are_refined(void **state)
 }
 
 // Edges found in encoded values make a tag too small; ours must not.
-static void gamma_does_not_shrink(void **state)
+static void test_gamma_does_not_shrink_tags(void **state)
 {
     (void)state;
     struct place_tag tag = {.id = 8, .side_m = 0.16, .world_from_tag = POSE_IDENTITY};
@@ -126,24 +126,24 @@ static void project(const struct pose *camera_from_tag, double side, struct vec3
         ray[k] = v3(ray[k].x / ray[k].z, ray[k].y / ray[k].z, 1);
 }
 
-static void square_poses_hold_the_truth(void **state)
+static void test_square_poses_contain_truth(void **state)
 {
     (void)state;
-    struct dice dice = {11};
+    struct rng rng = {11};
     for (int i = 0; i < 500; i++) {
         // every seventh exactly head-on and on the axis, where careless formulas divide by zero
-        double yaw = i % 7 ? dice_between(&dice, -1.3, 1.3) : 0;
-        double pitch = i % 7 ? dice_between(&dice, -1.3, 1.3) : 0;
-        double distance = dice_between(&dice, 0.3, 5.3);
-        struct pose world_from_camera = tag_picture_view(distance, yaw, pitch, dice_between(&dice, 0, 6));
+        double yaw = i % 7 ? rng_between(&rng, -1.3, 1.3) : 0;
+        double pitch = i % 7 ? rng_between(&rng, -1.3, 1.3) : 0;
+        double distance = rng_between(&rng, 0.3, 5.3);
+        struct pose world_from_camera = tag_picture_view(distance, yaw, pitch, rng_between(&rng, 0, 6));
         struct pose truth = pose_inverse(world_from_camera), found[2];
         if (i % 3)
-            truth.translation = v3_add(truth.translation, v3(0.3 * (dice_uniform(&dice) - 0.5), 0.1, 0));
+            truth.translation = v3_add(truth.translation, v3(0.3 * (rng_uniform(&rng) - 0.5), 0.1, 0));
         struct vec3 ray[4], normal = quat_rotate(truth.rotation, v3(0, 0, 1));
         if (v3_dot(normal, truth.translation) > -0.05 * v3_length(truth.translation))
             continue; // edge-on
         project(&truth, 0.16, ray);
-        int n = square_poses(0.16, ray, found);
+        int n = planar_poses(0.16, ray, found);
         double best = 1e9;
         for (int k = 0; k < n; k++) {
             EXPECT_TRUE(pose_finite(found[k]));
@@ -153,32 +153,32 @@ static void square_poses_hold_the_truth(void **state)
     }
 }
 
-static void senseless_squares(void **state)
+static void test_invalid_squares(void **state)
 {
     (void)state;
     struct pose truth = pose_inverse(tag_picture_view(1, 0.3, 0.2, 0)), out[2];
     struct vec3 ray[4], bad[4];
     project(&truth, 0.16, ray);
-    EXPECT_INT(square_poses(0.16, ray, out) > 0, 1);
-    EXPECT_INT(square_poses(0, ray, out), 0);
-    EXPECT_INT(square_poses(NAN, ray, out), 0);
+    EXPECT_INT(planar_poses(0.16, ray, out) > 0, 1);
+    EXPECT_INT(planar_poses(0, ray, out), 0);
+    EXPECT_INT(planar_poses(NAN, ray, out), 0);
     for (int k = 0; k < 4; k++) {
         memcpy(bad, ray, sizeof bad);
         bad[k].x = NAN;
-        EXPECT_INT(square_poses(0.16, bad, out), 0);
+        EXPECT_INT(planar_poses(0.16, bad, out), 0);
         memcpy(bad, ray, sizeof bad);
         bad[k] = v3_mix(ray[(k + 1) % 4], ray[(k + 2) % 4], 0.5); // three in a line
-        EXPECT_INT(square_poses(0.16, bad, out), 0);
+        EXPECT_INT(planar_poses(0.16, bad, out), 0);
     }
     for (int k = 0; k < 4; k++) // all in a line
         bad[k] = v3(0.1 * k, 0.05 * k, 1);
-    EXPECT_INT(square_poses(0.16, bad, out), 0);
+    EXPECT_INT(planar_poses(0.16, bad, out), 0);
     for (int k = 0; k < 4; k++) // all the same
         bad[k] = v3(0.1, 0.1, 1);
-    EXPECT_INT(square_poses(0.16, bad, out), 0);
+    EXPECT_INT(planar_poses(0.16, bad, out), 0);
     for (int k = 0; k < 4; k++) // seen from behind: the order runs the other way round
         bad[k] = ray[3 - k];
-    EXPECT_INT(square_poses(0.16, bad, out), 0);
+    EXPECT_INT(planar_poses(0.16, bad, out), 0);
 }
 
 // ---------------------------------------------------------------- fits without pictures
@@ -190,23 +190,23 @@ static const struct place_tag wall[4] = {
     {.id = 3, .side_m = 0.2, .world_from_tag = {{0, 0.7071, 0, 0.7071}, {-1.2, 0, 0.8}}},
 };
 
-static void a_moved_tag_is_rejected(void **state)
+static void test_moved_tag_is_rejected(void **state)
 {
     (void)state;
-    struct dice dice = {5};
+    struct rng rng = {5};
     for (int moved = 0; moved < 4; moved++) {
         struct pose truth = tag_picture_view(3, 0.3, -0.1, 0);
-        struct sighting s[4];
-        struct fit_tag tags[4];
-        struct camera_fit fit;
+        struct tag_observation s[4];
+        struct pnp_tag tags[4];
+        struct pnp_solution fit;
         for (int i = 0; i < 4; i++) {
             struct place_tag now = wall[i];
             if (i == moved)
                 now.world_from_tag.translation.y += 0.12;
-            s[i] = tag_sight(&now, &truth, 0.1, &dice);
-            tags[i] = tag_sight_for_fit(&wall[i], &s[i]);
+            s[i] = tag_view_observe(&now, &truth, 0.1, &rng);
+            tags[i] = tag_view_for_solver(&wall[i], &s[i]);
         }
-        EXPECT_STATUS(fit_camera(tags, 4, 525, 525, 2.5, NULL, &fit), OK);
+        EXPECT_STATUS(pnp_solve(tags, 4, 525, 525, 2.5, NULL, &fit), OK);
         EXPECT_INT(fit.used, 3);
         EXPECT_TRUE(!tags[moved].used);
         EXPECT_AT_MOST(v3_distance(pose_inverse(fit.camera_from_world).translation, truth.translation), 0.02);
@@ -214,90 +214,93 @@ static void a_moved_tag_is_rejected(void **state)
     }
 }
 
-static void two_tags_that_disagree_are_no_place(void **state)
+static void test_contradicting_tags_give_no_pose(void **state)
 {
     (void)state;
-    struct dice dice = {6};
+    struct rng rng = {6};
     struct pose truth = tag_picture_view(2, 0.5, -0.3, 0);
     struct place_tag now = wall[1];
     now.world_from_tag.translation.y += 0.2;
-    struct sighting s[2] = {tag_sight(&wall[0], &truth, 0.05, &dice), tag_sight(&now, &truth, 0.05, &dice)};
-    struct fit_tag tags[2] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[1], &s[1])};
-    struct camera_fit fit;
-    enum status status = fit_camera(tags, 2, 525, 525, 2.5, NULL, &fit);
+    struct tag_observation s[2] = {tag_view_observe(&wall[0], &truth, 0.05, &rng),
+                                   tag_view_observe(&now, &truth, 0.05, &rng)};
+    struct pnp_tag tags[2] = {tag_view_for_solver(&wall[0], &s[0]), tag_view_for_solver(&wall[1], &s[1])};
+    struct pnp_solution fit;
+    enum status status = pnp_solve(tags, 2, 525, 525, 2.5, NULL, &fit);
     EXPECT_TRUE(status == AMBIGUOUS || status == NOTHING);
 }
 
-static void a_number_seen_twice(void **state)
+static void test_duplicate_tag_id(void **state)
 {
     (void)state;
-    struct dice dice = {7};
+    struct rng rng = {7};
     struct pose truth = tag_picture_view(2, 0.5, -0.3, 0);
     struct place_tag copy = wall[0];
     copy.world_from_tag.translation = v3(0.2, 0.9, 0.1);
-    struct sighting s[3] = {tag_sight(&copy, &truth, 0.05, &dice), tag_sight(&wall[0], &truth, 0.05, &dice),
-                            tag_sight(&wall[2], &truth, 0.05, &dice)};
-    struct camera_fit fit;
-    struct fit_tag tags[3] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[0], &s[1]),
-                              tag_sight_for_fit(&wall[2], &s[2])};
-    EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, NULL, &fit), NOTHING); // which of the two?
-    EXPECT_STATUS(fit_camera(tags, 3, 525, 525, 2.5, NULL, &fit), OK);      // the third tag says which
+    struct tag_observation s[3] = {tag_view_observe(&copy, &truth, 0.05, &rng),
+                                   tag_view_observe(&wall[0], &truth, 0.05, &rng),
+                                   tag_view_observe(&wall[2], &truth, 0.05, &rng)};
+    struct pnp_solution fit;
+    struct pnp_tag tags[3] = {tag_view_for_solver(&wall[0], &s[0]), tag_view_for_solver(&wall[0], &s[1]),
+                              tag_view_for_solver(&wall[2], &s[2])};
+    EXPECT_STATUS(pnp_solve(tags, 2, 525, 525, 2.5, NULL, &fit), NOTHING); // which of the two?
+    EXPECT_STATUS(pnp_solve(tags, 3, 525, 525, 2.5, NULL, &fit), OK);      // the third tag says which
     EXPECT_INT(fit.used, 2);
     EXPECT_TRUE(!tags[0].used && tags[1].used && tags[2].used);
     EXPECT_AT_MOST(v3_distance(pose_inverse(fit.camera_from_world).translation, truth.translation), 0.02);
 }
 
-static void bad_sightings_are_no_place(void **state)
+static void test_bad_observations_give_no_pose(void **state)
 {
     (void)state;
-    struct dice dice = {8};
+    struct rng rng = {8};
     struct pose truth = tag_picture_view(2, 0.5, -0.3, 0);
-    struct sighting s[2] = {tag_sight(&wall[0], &truth, 0.05, &dice), tag_sight(&wall[2], &truth, 0.05, &dice)};
-    struct fit_tag tags[2] = {tag_sight_for_fit(&wall[0], &s[0]), tag_sight_for_fit(&wall[2], &s[1])};
-    struct camera_fit fit;
-    EXPECT_STATUS(fit_camera(tags, 0, 525, 525, 2.5, NULL, &fit), NOTHING);
+    struct tag_observation s[2] = {tag_view_observe(&wall[0], &truth, 0.05, &rng),
+                                   tag_view_observe(&wall[2], &truth, 0.05, &rng)};
+    struct pnp_tag tags[2] = {tag_view_for_solver(&wall[0], &s[0]), tag_view_for_solver(&wall[2], &s[1])};
+    struct pnp_solution fit;
+    EXPECT_STATUS(pnp_solve(tags, 0, 525, 525, 2.5, NULL, &fit), NOTHING);
     s[0].ray[2].x = NAN;
-    EXPECT_STATUS(fit_camera(tags, 1, 525, 525, 2.5, NULL, &fit), NOTHING);
-    EXPECT_STATUS(fit_camera(tags, 2, 525, 525, 2.5, NULL, &fit), OK); // the other tag is sound
+    EXPECT_STATUS(pnp_solve(tags, 1, 525, 525, 2.5, NULL, &fit), NOTHING);
+    EXPECT_STATUS(pnp_solve(tags, 2, 525, 525, 2.5, NULL, &fit), OK); // the other tag is sound
     EXPECT_INT(fit.used, 1);
     EXPECT_TRUE(pose_finite(fit.camera_from_world));
     for (int k = 0; k < 4; k++) // what a tag behind the camera would project to
         s[0].ray[k] = v3(-s[1].ray[k].x, -s[1].ray[k].y, 1);
     s[0].ray[0] = v3_scale(s[0].ray[0], 1.3);
-    enum status status = fit_camera(tags, 1, 525, 525, 0.5, NULL, &fit);
+    enum status status = pnp_solve(tags, 1, 525, 525, 0.5, NULL, &fit);
     if (status != NOTHING)
         EXPECT_TRUE(pose_apply(fit.camera_from_world, wall[0].world_from_tag.translation).z > 0);
 }
 
-static void a_mirrored_pose_is_said(void **state)
+static void test_mirrored_pose_is_reported(void **state)
 {
     (void)state;
     // 12 px wide, nearly head-on: noise decides between two poses
-    struct dice dice = {9};
+    struct rng rng = {9};
     int ambiguous = 0, wrong = 0, resolved = 0;
     for (int i = 0; i < 50; i++) {
-        struct vec3 off = dice_normal3(&dice, 0.25);
+        struct vec3 off = rng_normal3(&rng, 0.25);
         struct pose truth = tag_picture_view(8, off.x, off.y, 0);
         struct place_tag tag = {.id = 0, .side_m = 0.2, .world_from_tag = POSE_IDENTITY};
-        struct sighting s = tag_sight(&tag, &truth, 0.1, &dice);
-        struct fit_tag fit_one = tag_sight_for_fit(&tag, &s);
-        struct camera_fit fit;
-        enum status status = fit_camera(&fit_one, 1, 525, 525, 2.5, NULL, &fit);
+        struct tag_observation s = tag_view_observe(&tag, &truth, 0.1, &rng);
+        struct pnp_tag fit_one = tag_view_for_solver(&tag, &s);
+        struct pnp_solution fit;
+        enum status status = pnp_solve(&fit_one, 1, 525, 525, 2.5, NULL, &fit);
         bool flipped = pose_angle(pose_inverse(fit.camera_from_world), truth) > 0.35;
         ambiguous += status == AMBIGUOUS;
         wrong += status == OK && flipped;
         // Depth of the tag's plane says which one, where the tag is near enough.
-        struct pose near = tag_picture_view(1.2, 0.5, 0, 0);
-        struct sighting seen_near = tag_sight(&tag, &near, 1.5, &dice);
+        struct pose close = tag_picture_view(1.2, 0.5, 0, 0);
+        struct tag_observation seen_close = tag_view_observe(&tag, &close, 1.5, &rng);
         struct tag_depth plane = {.share = 0.25};
         for (int k = 0; k < TAG_DEPTH_SAMPLES; k++) {
-            struct vec3 p = pose_apply(pose_inverse(near), v3((k % 6 - 2.5) * 0.033, (k / 6 - 2.5) * 0.033, 0));
-            plane.sample[plane.count++] = (struct depth_sample){p.x / p.z, p.y / p.z, p.z + 0.002 * dice_normal(&dice)};
+            struct vec3 p = pose_apply(pose_inverse(close), v3((k % 6 - 2.5) * 0.033, (k / 6 - 2.5) * 0.033, 0));
+            plane.sample[plane.count++] = (struct depth_sample){p.x / p.z, p.y / p.z, p.z + 0.002 * rng_normal(&rng)};
         }
-        fit_one = tag_sight_for_fit(&tag, &seen_near);
+        fit_one = tag_view_for_solver(&tag, &seen_close);
         fit_one.depth = &plane;
-        status = fit_camera(&fit_one, 1, 525, 525, 8, NULL, &fit);
-        resolved += status >= 0 && status != NOTHING && pose_angle(pose_inverse(fit.camera_from_world), near) < 0.2;
+        status = pnp_solve(&fit_one, 1, 525, 525, 8, NULL, &fit);
+        resolved += status >= 0 && status != NOTHING && pose_angle(pose_inverse(fit.camera_from_world), close) < 0.2;
     }
     printf("50 small tags: %d ambiguous, %d wrong without saying so; with depth %d right\n", ambiguous, wrong,
            resolved);
@@ -312,12 +315,12 @@ static enum status locate(const struct place *place, const struct lens *lens, bo
 {
     struct locator *l;
     EXPECT_STATUS(locator_open(&l, place, lens, NULL), OK);
-    enum status status = locator_find(l, rgb, use_depth ? depth : NULL, out);
+    enum status status = locator_localize(l, rgb, use_depth ? depth : NULL, out);
     locator_close(&l);
     return status;
 }
 
-static void a_camera_is_found(void **state)
+static void test_camera_is_located(void **state)
 {
     (void)state;
     const struct place place = {.tags = (struct place_tag *)(uintptr_t)wall, .tag_count = 4};
@@ -351,7 +354,7 @@ static void a_camera_is_found(void **state)
         EXPECT_AT_LEAST(at.rms_px, 4 * rms);
 }
 
-static void an_empty_picture_is_nothing(void **state)
+static void test_empty_image(void **state)
 {
     (void)state;
     const struct place place = {.tags = (struct place_tag *)(uintptr_t)wall, .tag_count = 4};
@@ -369,7 +372,7 @@ static void an_empty_picture_is_nothing(void **state)
     EXPECT_STATUS(locate(&place, &lens, false, &at), NOTHING);
 }
 
-static void senseless_places(void **state)
+static void test_invalid_places(void **state)
 {
     (void)state;
     struct place_tag tags[2] = {wall[0], wall[1]};
@@ -396,12 +399,18 @@ static void senseless_places(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(corners_are_refined),         cmocka_unit_test(gamma_does_not_shrink),
-        cmocka_unit_test(square_poses_hold_the_truth), cmocka_unit_test(senseless_squares),
-        cmocka_unit_test(a_moved_tag_is_rejected),     cmocka_unit_test(two_tags_that_disagree_are_no_place),
-        cmocka_unit_test(a_number_seen_twice),         cmocka_unit_test(bad_sightings_are_no_place),
-        cmocka_unit_test(a_mirrored_pose_is_said),     cmocka_unit_test(a_camera_is_found),
-        cmocka_unit_test(an_empty_picture_is_nothing), cmocka_unit_test(senseless_places),
+        cmocka_unit_test(test_corners_are_refined),
+        cmocka_unit_test(test_gamma_does_not_shrink_tags),
+        cmocka_unit_test(test_square_poses_contain_truth),
+        cmocka_unit_test(test_invalid_squares),
+        cmocka_unit_test(test_moved_tag_is_rejected),
+        cmocka_unit_test(test_contradicting_tags_give_no_pose),
+        cmocka_unit_test(test_duplicate_tag_id),
+        cmocka_unit_test(test_bad_observations_give_no_pose),
+        cmocka_unit_test(test_mirrored_pose_is_reported),
+        cmocka_unit_test(test_camera_is_located),
+        cmocka_unit_test(test_empty_image),
+        cmocka_unit_test(test_invalid_places),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,7 +9,7 @@
 #include <string.h>
 
 enum { WIDTH = 640, HEIGHT = 480 };
-static const double F_PX = TAG_SIGHT_F_PX, NOISE = 2;
+static const double F_PX = TAG_VIEW_F_PX, NOISE = 2;
 
 static uint8_t rgb[WIDTH * HEIGHT * 3];
 
@@ -43,7 +43,7 @@ static enum status find(const struct place_tag *tags, int count, const struct le
     struct locator *l;
     options.max_position_sigma_m = 1;
     EXPECT_STATUS(locator_open(&l, &place, lens, &options), OK);
-    enum status status = locator_find(l, rgb, NULL, at);
+    enum status status = locator_localize(l, rgb, NULL, at);
     locator_close(&l);
     return status;
 }
@@ -68,37 +68,37 @@ static void one_tag(const char *name, struct pose truth, uint64_t seed, double m
     EXPECT_AT_MOST(off_deg(found, truth), most_deg);
 }
 
-static void a_tag_head_on(void **state)
+static void test_frontal_tag(void **state)
 {
     (void)state;
     one_tag("head-on at 1 m", tag_picture_view(1, 0, 0, 0), 1, 0.005, 0.3);
     one_tag("head-on at 2 m", tag_picture_view(2, 0, 0, 0.3), 2, 0.03, 1);
 }
 
-static void a_tag_at_80_degrees(void **state)
+static void test_tag_at_80_degrees(void **state)
 {
     (void)state;
     one_tag("at 80 degrees, 0.6 m", tag_picture_view(0.6, 80 / 57.29577951308232, 0, 0), 3, 0.01, 1);
 }
 
-static void a_tag_of_20_pixels(void **state)
+static void test_tag_of_20_pixels(void **state)
 {
     (void)state;
     one_tag("20 pixels wide", tag_picture_view(F_PX * 0.16 / 20, 0.6, 0.2, 0), 4, 0.1, 2);
 }
 
-static void corners_nearly_in_a_line(void **state)
+static void test_nearly_collinear_corners(void **state)
 {
     (void)state;
-    struct dice dice = {11};
+    struct rng rng = {11};
     struct pose truth = tag_picture_view(1, 89.5 / 57.29577951308232, 0, 0);
-    struct sighting s = tag_sight(&one[0], &truth, 0.1, &dice);
-    struct fit_tag tag = tag_sight_for_fit(&one[0], &s);
-    struct camera_fit fit = {.used = 0};
-    enum status status = fit_camera(&tag, 1, F_PX, F_PX, 2.5, NULL, &fit);
+    struct tag_observation s = tag_view_observe(&one[0], &truth, 0.1, &rng);
+    struct pnp_tag tag = tag_view_for_solver(&one[0], &s);
+    struct pnp_solution fit = {.used = 0};
+    enum status status = pnp_solve(&tag, 1, F_PX, F_PX, 2.5, NULL, &fit);
     double covariance[36], off = off_m(pose_inverse(fit.camera_from_world), truth);
     bool known =
-        status != NOTHING && fit_covariance(&tag, 1, NULL, 0, F_PX, F_PX, NULL, &fit.camera_from_world, covariance);
+        status != NOTHING && pnp_covariance(&tag, 1, NULL, 0, F_PX, F_PX, NULL, &fit.camera_from_world, covariance);
     double sigma = known ? sqrt(covariance[21] + covariance[28] + covariance[35]) : INFINITY;
     printf("corners nearly in a line: %s, %.1f mm off, sigma %.1f mm\n", status_name(status), off * 1e3, sigma * 1e3);
     EXPECT_TRUE(status >= 0);
@@ -108,83 +108,83 @@ static void corners_nearly_in_a_line(void **state)
     }
     for (int k = 0; k < 4; k++) // wholly in a line
         s.ray[k] = v3(0.1 * k, 0.05 * k, 1);
-    EXPECT_STATUS(fit_camera(&tag, 1, F_PX, F_PX, 2.5, NULL, &fit), NOTHING);
+    EXPECT_STATUS(pnp_solve(&tag, 1, F_PX, F_PX, 2.5, NULL, &fit), NOTHING);
 }
 
-static void a_corner_that_is_not_a_number(void **state)
+static void test_nan_corner(void **state)
 {
     (void)state;
-    struct dice dice = {12};
+    struct rng rng = {12};
     struct pose truth = tag_picture_view(2, 0.4, -0.2, 0);
-    struct sighting s[3];
-    struct fit_tag tags[3];
-    struct camera_fit fit;
+    struct tag_observation s[3];
+    struct pnp_tag tags[3];
+    struct pnp_solution fit;
     for (int i = 0; i < 3; i++) {
-        s[i] = tag_sight(&corner[i], &truth, 0.1, &dice);
-        tags[i] = tag_sight_for_fit(&corner[i], &s[i]);
+        s[i] = tag_view_observe(&corner[i], &truth, 0.1, &rng);
+        tags[i] = tag_view_for_solver(&corner[i], &s[i]);
     }
     s[1].ray[2].x = NAN;
-    EXPECT_STATUS(fit_camera(tags, 3, F_PX, F_PX, 2.5, NULL, &fit), OK);
+    EXPECT_STATUS(pnp_solve(tags, 3, F_PX, F_PX, 2.5, NULL, &fit), OK);
     double off = off_m(pose_inverse(fit.camera_from_world), truth);
     printf("one corner of three tags not a number: %.2f mm, %d tags used\n", off * 1e3, (int)fit.used);
     EXPECT_INT(fit.used, 2);
     EXPECT_AT_MOST(off, 0.01);
-    EXPECT_STATUS(fit_camera(&tags[1], 1, F_PX, F_PX, 2.5, NULL, &fit), NOTHING);
+    EXPECT_STATUS(pnp_solve(&tags[1], 1, F_PX, F_PX, 2.5, NULL, &fit), NOTHING);
 }
 
 // Points as seen by a camera; behind it they are seen nowhere, but may be claimed.
-static int sight_points(const struct vec3 *world, int count, const struct pose *world_from_camera, struct dice *dice,
-                        struct fit_point *out)
+static int observe_points(const struct vec3 *world, int count, const struct pose *world_from_camera, struct rng *rng,
+                          struct pnp_point *out)
 {
     for (int i = 0; i < count; i++) {
         struct vec3 p = pose_apply(pose_inverse(*world_from_camera), world[i]);
-        out[i] = (struct fit_point){.world = world[i], .x = p.x / p.z, .y = p.y / p.z, .sigma_px = 0.5};
-        out[i].x += 0.5 * dice_normal(dice) / F_PX;
-        out[i].y += 0.5 * dice_normal(dice) / F_PX;
+        out[i] = (struct pnp_point){.world = world[i], .x = p.x / p.z, .y = p.y / p.z, .sigma_px = 0.5};
+        out[i].x += 0.5 * rng_normal(rng) / F_PX;
+        out[i].y += 0.5 * rng_normal(rng) / F_PX;
     }
     return count;
 }
 
-static void all_points_on_one_plane(void **state)
+static void test_coplanar_points(void **state)
 {
     (void)state;
-    struct dice dice = {13};
+    struct rng rng = {13};
     struct vec3 wall[60];
-    struct fit_point seen[60];
+    struct pnp_point seen[60];
     struct pose truth = tag_picture_view(2.5, 0.3, 0.1, 0), found = pose_inverse(tag_picture_view(2.8, 0.1, 0.2, 0.1));
     for (int i = 0; i < 60; i++)
-        wall[i] = dice_within(&dice, v3(1, 0.75, 0));
-    sight_points(wall, 60, &truth, &dice, seen);
+        wall[i] = rng_within(&rng, v3(1, 0.75, 0));
+    observe_points(wall, 60, &truth, &rng, seen);
     for (double loose = 30; loose > 0.5; loose /= 3)
-        fit_refine(NULL, 0, 0, seen, 60, loose, F_PX, F_PX, NULL, &found);
-    fit_refine(NULL, 0, 0, seen, 60, 0, F_PX, F_PX, NULL, &found);
+        pnp_refine(NULL, 0, 0, seen, 60, loose, F_PX, F_PX, NULL, &found);
+    pnp_refine(NULL, 0, 0, seen, 60, 0, F_PX, F_PX, NULL, &found);
     double off = off_m(pose_inverse(found), truth), turned = off_deg(pose_inverse(found), truth);
     printf("all points on one plane: %.2f mm, %.3f degrees\n", off * 1e3, turned);
     EXPECT_AT_MOST(off, 0.01);
     EXPECT_AT_MOST(turned, 0.2);
 }
 
-static void points_behind_the_camera(void **state)
+static void test_points_behind_camera(void **state)
 {
     (void)state;
-    struct dice dice = {14};
+    struct rng rng = {14};
     struct vec3 world[80];
-    struct fit_point seen[80];
+    struct pnp_point seen[80];
     struct pose truth = tag_picture_view(2, 0.2, 0, 0), found = pose_inverse(tag_picture_view(2.05, 0.22, 0.02, 0));
     for (int i = 0; i < 80; i++) { // the last 30 are behind, and mirrored through the lens they fit a pixel
-        double z = i < 50 ? dice_between(&dice, -0.6, 0) : dice_between(&dice, 3, 4);
-        world[i] = v3_add(v3(0, 0, z), dice_within(&dice, v3(0.8, 0.6, 0)));
+        double z = i < 50 ? rng_between(&rng, -0.6, 0) : rng_between(&rng, 3, 4);
+        world[i] = v3_add(v3(0, 0, z), rng_within(&rng, v3(0.8, 0.6, 0)));
     }
-    sight_points(world, 80, &truth, &dice, seen);
-    fit_refine(NULL, 0, 0, seen, 80, 0, F_PX, F_PX, NULL, &found);
+    observe_points(world, 80, &truth, &rng, seen);
+    pnp_refine(NULL, 0, 0, seen, 80, 0, F_PX, F_PX, NULL, &found);
     double off = off_m(pose_inverse(found), truth);
     printf("30 of 80 points behind the camera: %.2f mm\n", off * 1e3);
     EXPECT_AT_MOST(off, 0.01);
     for (int i = 50; i < 80; i++)
-        EXPECT_AT_LEAST(fit_point_error(&seen[i], NULL, &found, F_PX, F_PX), 1e9);
+        EXPECT_AT_LEAST(pnp_point_error(&seen[i], NULL, &found, F_PX, F_PX), 1e9);
 }
 
-static void a_number_twice_in_sight(void **state)
+static void test_duplicate_tag_in_view(void **state)
 {
     (void)state;
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
@@ -202,7 +202,7 @@ static void a_number_twice_in_sight(void **state)
     EXPECT_AT_LEAST(at.tags_rejected, 1);
 }
 
-static void a_tag_moved_after_mapping(void **state)
+static void test_tag_moved_after_mapping(void **state)
 {
     (void)state;
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
@@ -220,7 +220,7 @@ static void a_tag_moved_after_mapping(void **state)
 }
 
 // A mirror on the wall, or a camera that mirrors its pictures: tags do not read, and nothing may be claimed.
-static void a_mirrored_room(void **state)
+static void test_mirrored_room(void **state)
 {
     (void)state;
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
@@ -238,22 +238,22 @@ static void a_mirrored_room(void **state)
     EXPECT_STATUS(status, NOTHING);
 }
 
-static void far_from_the_origin(void **state)
+static void test_far_from_origin(void **state)
 {
     (void)state;
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
     struct vec3 far = v3(1e4, -1e4, 1e4);
     struct pose truth = tag_picture_view(2.2, 0.3, -0.1, 0);
     struct place_tag away[4];
-    struct location near_at, far_at;
+    struct location close_at, far_at;
     memcpy(away, corner, sizeof corner);
     for (int i = 0; i < 4; i++)
         away[i].world_from_tag.translation = v3_add(away[i].world_from_tag.translation, far);
     draw(corner, 4, &lens, truth, 18);
-    EXPECT_STATUS(find(corner, 4, &lens, &near_at), OK);
+    EXPECT_STATUS(find(corner, 4, &lens, &close_at), OK);
     EXPECT_STATUS(find(away, 4, &lens, &far_at), OK);
     far_at.world_from_camera.translation = v3_sub(far_at.world_from_camera.translation, far);
-    double apart = off_m(far_at.world_from_camera, near_at.world_from_camera);
+    double apart = off_m(far_at.world_from_camera, close_at.world_from_camera);
     printf("1e4 m from the origin: %.2f mm, %.6f mm from what is found at the origin\n",
            off_m(far_at.world_from_camera, truth) * 1e3, apart * 1e3);
     EXPECT_AT_MOST(off_m(far_at.world_from_camera, truth), 0.005);
@@ -270,14 +270,14 @@ static bool doubted(double said, int pictures, double *scale)
     for (int i = 0; i < pictures; i++) {
         struct location at;
         draw(corner, 4, &lens, tag_picture_view(2.2 - 0.2 * i, 0.3 - 0.2 * i, -0.1, 0), 19 + (uint64_t)i);
-        EXPECT_TRUE(locator_find(l, rgb, NULL, &at) >= 0);
+        EXPECT_TRUE(locator_localize(l, rgb, NULL, &at) >= 0);
     }
-    bool doubt = locator_doubts_focal(l, scale);
+    bool doubt = locator_focal_is_wrong(l, scale);
     locator_close(&l);
     return doubt;
 }
 
-static void a_focal_length_wrong_by_5_percent(void **state)
+static void test_focal_length_off_by_5_percent(void **state)
 {
     (void)state;
     const double said[] = {F_PX * 1.05, F_PX / 1.05};
@@ -297,18 +297,18 @@ static void a_focal_length_wrong_by_5_percent(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_tag_head_on),
-        cmocka_unit_test(a_tag_at_80_degrees),
-        cmocka_unit_test(a_tag_of_20_pixels),
-        cmocka_unit_test(corners_nearly_in_a_line),
-        cmocka_unit_test(a_corner_that_is_not_a_number),
-        cmocka_unit_test(all_points_on_one_plane),
-        cmocka_unit_test(points_behind_the_camera),
-        cmocka_unit_test(a_number_twice_in_sight),
-        cmocka_unit_test(a_tag_moved_after_mapping),
-        cmocka_unit_test(a_mirrored_room),
-        cmocka_unit_test(far_from_the_origin),
-        cmocka_unit_test(a_focal_length_wrong_by_5_percent),
+        cmocka_unit_test(test_frontal_tag),
+        cmocka_unit_test(test_tag_at_80_degrees),
+        cmocka_unit_test(test_tag_of_20_pixels),
+        cmocka_unit_test(test_nearly_collinear_corners),
+        cmocka_unit_test(test_nan_corner),
+        cmocka_unit_test(test_coplanar_points),
+        cmocka_unit_test(test_points_behind_camera),
+        cmocka_unit_test(test_duplicate_tag_in_view),
+        cmocka_unit_test(test_tag_moved_after_mapping),
+        cmocka_unit_test(test_mirrored_room),
+        cmocka_unit_test(test_far_from_origin),
+        cmocka_unit_test(test_focal_length_off_by_5_percent),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

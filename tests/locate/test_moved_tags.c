@@ -12,7 +12,7 @@
 enum { PICTURES = 24, HALF = PICTURES / 2, MOST_TAGS = 32, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 
 // A sweep once round the room as it was; what its second half would have been with tag 8 moved.
-static struct sweep {
+static struct tag_sweep {
     struct world *world;
     struct calibration calibration;
     struct mapper_tag tags[MOST_TAGS];
@@ -38,7 +38,7 @@ static int64_t time_ns(int i) { return (int64_t)(1e9 * WORLD_SWEEP_S * i / PICTU
 static void film(const struct world *w, int i, uint8_t *color, uint16_t *depth)
 {
     struct world_shot shot = {sweep.calibration.color, world_sweep_pose(w, (double)time_ns(i) * 1e-9), 0, false};
-    EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){.color = color, .depth = depth}), OK);
+    EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.color = color, .depth = depth}), OK);
     world_color_noise(color, WIDTH, HEIGHT, 500 + (uint64_t)i);
     EXPECT_STATUS(world_depth_noise(&shot.lens, depth, 900 + (uint64_t)i, depth), OK);
 }
@@ -85,7 +85,7 @@ static struct place map(const struct mapper_tag *tags, int32_t tag_count, bool m
     return place;
 }
 
-static void moved_while_it_was_mapped(void **state)
+static void test_moved_during_mapping(void **state)
 {
     (void)state;
     struct mapper_report report;
@@ -95,10 +95,10 @@ static void moved_while_it_was_mapped(void **state)
     const struct place_tag *truth = world_tags(sweep.world, &count);
     double off_m = align_tags(&place, truth, count, &world_from_place);
     printf("tag 8 moved half-way: %d tags in two places, the first %d; %d others mapped within %.2f mm rms\n",
-           (int)report.tags_astray, (int)report.first_astray, (int)place.tag_count, off_m * 1e3);
-    EXPECT_INT(report.tags_astray, 1);
-    EXPECT_INT(report.first_astray, 8);
-    EXPECT_INT(report.tags_apart, 0);
+           (int)report.tags_outlier, (int)report.first_outlier, (int)place.tag_count, off_m * 1e3);
+    EXPECT_INT(report.tags_outlier, 1);
+    EXPECT_INT(report.first_outlier, 8);
+    EXPECT_INT(report.tags_disconnected, 0);
     EXPECT_INT(report.frames_placed, PICTURES);
     for (int32_t i = 0; i < place.tag_count; i++)
         EXPECT_TRUE(place.tags[i].id != 8);
@@ -126,9 +126,9 @@ static double find_in(const struct place *place, struct world_moved moved, int f
     for (int i = from; i < to; i++) {
         struct world_shot shot = {lens, world_viewer_pose(w, world_seconds(w) * i / 24), 0, false};
         struct location at;
-        EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){.color = color}), OK);
+        EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.color = color}), OK);
         world_color_noise(color, lens.width, lens.height, 40 + (uint64_t)i);
-        if (locator_find(l, color, NULL, &at) != OK)
+        if (locator_localize(l, color, NULL, &at) != OK)
             continue;
         struct pose in_world = pose_multiply(world_from_place, at.world_from_camera);
         worst_m = fmax(worst_m, v3_distance(in_world.translation, shot.world_from_camera.translation));
@@ -156,15 +156,15 @@ static void expect_found(const struct place *place, struct world_moved moved, in
         EXPECT_INT(said, 0);
 }
 
-static void moved_since(void **state)
+static void test_moved_after_mapping(void **state)
 {
     (void)state;
     const struct world_moved none = {0}, one = {.tags = 1u << 1, .right = -0.3, .up = 0.1},
                              together = {.tags = 1u << 0 | 1u << 1 | 1u << 8, .right = 0.3, .up = 0.1};
     struct mapper_report report;
     struct place all = map(sweep.tags, sweep.tag_count, false, &report);
-    EXPECT_INT(report.tags_astray, 0);
-    EXPECT_INT(report.first_astray, -1);
+    EXPECT_INT(report.tags_outlier, 0);
+    EXPECT_INT(report.first_outlier, -1);
     expect_found(&all, none, 0, -1);
     expect_found(&all, one, 1, 1);
     expect_found(&all, together, 2, 0); // two on one wall, as far from each other as they were
@@ -179,8 +179,8 @@ static void moved_since(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(moved_while_it_was_mapped),
-        cmocka_unit_test(moved_since),
+        cmocka_unit_test(test_moved_during_mapping),
+        cmocka_unit_test(test_moved_after_mapping),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

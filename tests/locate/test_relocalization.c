@@ -11,7 +11,7 @@
 
 enum { SWEEP = 20, VIEWS = 3, WIDTH = 640, HEIGHT = 480, BYTES = WIDTH * HEIGHT * 3 };
 
-static struct room {
+static struct relocation_room {
     struct world *world;
     struct place place;
     struct pose world_from_place;
@@ -29,7 +29,7 @@ static int enter(void **state)
     for (int i = 0; i < VIEWS; i++) {
         room.truth[i] = world_viewer_pose(room.world, world_seconds(room.world) * (i + 0.4) / VIEWS);
         struct world_shot shot = {room.lens, room.truth[i], 0, false};
-        struct world_picture picture = {.color = room.view[i]};
+        struct world_image picture = {.color = room.view[i]};
         EXPECT_STATUS(world_render(room.world, &shot, &picture), OK);
         world_color_noise(room.view[i], WIDTH, HEIGHT, 40 + (uint64_t)i);
     }
@@ -126,7 +126,7 @@ static int find_all(const struct place *place, const struct lens *lens, void (*s
         struct location at;
         memcpy(rgb, room.view[i], BYTES);
         spoil(i);
-        enum status status = locator_find(l, rgb, NULL, &at);
+        enum status status = locator_localize(l, rgb, NULL, &at);
         EXPECT_TRUE(status >= 0);
         found += status == OK;
         *worst = status == OK ? fmax(*worst, error_m(i, &at)) : *worst;
@@ -135,7 +135,7 @@ static int find_all(const struct place *place, const struct lens *lens, void (*s
     return found;
 }
 
-static void bad_pictures(void **state)
+static void test_bad_images(void **state)
 {
     (void)state;
     static const struct {
@@ -156,7 +156,7 @@ static void bad_pictures(void **state)
     }
 }
 
-static void a_mirrored_room_is_another(void **state)
+static void test_mirrored_room_is_rejected(void **state)
 {
     (void)state;
     double worst;
@@ -165,13 +165,13 @@ static void a_mirrored_room_is_another(void **state)
     EXPECT_INT(found, 0);
 }
 
-static void far_from_the_origin(void **state)
+static void test_far_from_origin(void **state)
 {
     (void)state;
     struct place moved = room.place;
     struct vec3 far = v3(1e4, -1e4, 20);
     double worst = 0;
-    struct locator *near_l, *far_l;
+    struct locator *close_locator, *far_l;
     moved.tags = malloc((size_t)moved.tag_count * sizeof *moved.tags);
     moved.points = malloc((size_t)moved.point_count * sizeof *moved.points);
     EXPECT_TRUE(moved.tags && moved.points);
@@ -183,24 +183,24 @@ static void far_from_the_origin(void **state)
         moved.points[i] = room.place.points[i];
         moved.points[i].world = v3_add(moved.points[i].world, far);
     }
-    EXPECT_STATUS(locator_open(&near_l, &room.place, &room.lens, NULL), OK);
+    EXPECT_STATUS(locator_open(&close_locator, &room.place, &room.lens, NULL), OK);
     EXPECT_STATUS(locator_open(&far_l, &moved, &room.lens, NULL), OK);
     for (int i = 0; i < VIEWS; i++) {
         struct location a, b;
-        EXPECT_STATUS(locator_find(near_l, room.view[i], NULL, &a), OK);
-        EXPECT_STATUS(locator_find(far_l, room.view[i], NULL, &b), OK);
+        EXPECT_STATUS(locator_localize(close_locator, room.view[i], NULL, &a), OK);
+        EXPECT_STATUS(locator_localize(far_l, room.view[i], NULL, &b), OK);
         worst = fmax(worst, v3_distance(v3_sub(b.world_from_camera.translation, far), a.world_from_camera.translation));
     }
     printf("14 km from the origin: %.4f mm elsewhere\n", worst * 1e3);
     EXPECT_AT_MOST(worst, 1e-3);
-    locator_close(&near_l);
+    locator_close(&close_locator);
     locator_close(&far_l);
     free(moved.tags);
     free(moved.points);
 }
 
 // A tag hung elsewhere after mapping is left out.
-static void a_moved_tag_is_left_out(void **state)
+static void test_moved_tag_is_excluded(void **state)
 {
     (void)state;
     struct place changed = room.place;
@@ -214,7 +214,7 @@ static void a_moved_tag_is_left_out(void **state)
         changed.tags[moved].world_from_tag.translation.z += 0.15;
         EXPECT_STATUS(locator_open(&l, &changed, &room.lens, NULL), OK);
         struct location at;
-        enum status status = locator_find(l, room.view[moved % VIEWS], NULL, &at);
+        enum status status = locator_localize(l, room.view[moved % VIEWS], NULL, &at);
         EXPECT_TRUE(status >= 0);
         if (status == OK) {
             rejected += at.tags_rejected;
@@ -229,37 +229,37 @@ static void a_moved_tag_is_left_out(void **state)
 }
 
 // Every point on one plane, a third of the matches wrong, and some of points behind the camera.
-static void one_wall_alone(void **state)
+static void test_single_wall(void **state)
 {
     (void)state;
     enum { POINTS = 120, WRONG = 40, BEHIND = 20 };
     static struct place_point points[POINTS];
     static struct feature features[POINTS];
     static struct feature_index index;
-    struct point_match matches[POINTS];
-    struct dice dice = {17};
+    struct landmark_match matches[POINTS];
+    struct rng rng = {17};
     double worst_m = 0, worst_rad = 0;
     for (int trial = 0; trial < 20; trial++) {
-        struct vec3 turn = v3_add(v3(0, 0, 0.5), dice_within(&dice, v3(0.3, 0.3, 0.5)));
-        struct pose truth = {quat_from_rotation_vector(turn), {0.3, -0.2, 2.5}}; // camera_from_world
-        truth.translation.z += dice_uniform(&dice);
+        struct vec3 rotation_vector = v3_add(v3(0, 0, 0.5), rng_within(&rng, v3(0.3, 0.3, 0.5)));
+        struct pose truth = {quat_from_rotation_vector(rotation_vector), {0.3, -0.2, 2.5}}; // camera_from_world
+        truth.translation.z += rng_uniform(&rng);
         for (int i = 0; i < POINTS; i++) {
-            points[i].world = dice_within(&dice, v3(1.5, 1, 0));
+            points[i].world = rng_within(&rng, v3(1.5, 1, 0));
             if (i >= POINTS - BEHIND)
                 points[i].world.z = -6;
             struct vec3 p = pose_apply(truth, points[i].world);
             struct pixel at = lens_project(&room.lens, v3_scale(p, p.z > 0 ? 1 : -1));
-            struct vec3 anywhere = dice_within(&dice, v3(WIDTH / 2.0, HEIGHT / 2.0, 0));
+            struct vec3 anywhere = rng_within(&rng, v3(WIDTH / 2.0, HEIGHT / 2.0, 0));
             if (i < WRONG)
                 at = (struct pixel){(WIDTH - 1) / 2.0 + anywhere.x, (HEIGHT - 1) / 2.0 + anywhere.y};
-            struct vec3 noise = dice_normal3(&dice, 0.5);
+            struct vec3 noise = rng_normal3(&rng, 0.5);
             features[i] = (struct feature){.at = {at.x + noise.x, at.y + noise.y}, .scale = 1};
-            matches[i] = (struct point_match){i, i};
+            matches[i] = (struct landmark_match){i, i};
         }
         feature_index_build(&index, features, POINTS, &room.lens);
         struct pose found;
         int agree;
-        EXPECT_TRUE(relocate(points, &index, &room.lens, matches, POINTS, NULL, &found, &agree));
+        EXPECT_TRUE(relocalize(points, &index, &room.lens, matches, POINTS, NULL, &found, &agree));
         worst_m = fmax(worst_m, v3_distance(pose_inverse(found).translation, pose_inverse(truth).translation));
         worst_rad = fmax(worst_rad, pose_angle(found, truth));
     }
@@ -270,7 +270,7 @@ static void one_wall_alone(void **state)
 }
 
 // A lens said to be longer than it is must not give wrong places with a good conscience.
-static void a_wrong_focal_length_shows(void **state)
+static void test_wrong_focal_length_is_detected(void **state)
 {
     (void)state;
     struct lens wrong = room.lens;
@@ -282,11 +282,11 @@ static void a_wrong_focal_length_shows(void **state)
     EXPECT_STATUS(locator_open(&wrong_l, &room.place, &wrong, NULL), OK);
     for (int i = 0; i < VIEWS; i++) {
         struct location at;
-        EXPECT_STATUS(locator_find(right_l, room.view[i], NULL, &at), OK);
-        EXPECT_TRUE(locator_find(wrong_l, room.view[i], NULL, &at) >= 0);
+        EXPECT_STATUS(locator_localize(right_l, room.view[i], NULL, &at), OK);
+        EXPECT_TRUE(locator_localize(wrong_l, room.view[i], NULL, &at) >= 0);
     }
-    bool right_doubted = locator_doubts_focal(right_l, &right_scale),
-         wrong_doubted = locator_doubts_focal(wrong_l, &wrong_scale);
+    bool right_doubted = locator_focal_is_wrong(right_l, &right_scale),
+         wrong_doubted = locator_focal_is_wrong(wrong_l, &wrong_scale);
     printf("focal length 5 %% too long: %s, %.2f %% of it fits; the right one: %s, %.2f %%\n",
            wrong_doubted ? "doubted" : "believed", wrong_scale * 100, right_doubted ? "doubted" : "believed",
            right_scale * 100);
@@ -299,7 +299,7 @@ static void a_wrong_focal_length_shows(void **state)
 
 // A lens that was only guessed, by a fifth too short or a quarter too long, with and without tags in sight: it is
 // learnt, and until it is, no place is said to be surer than it is.
-static void a_guessed_focal_length_is_learnt(void **state)
+static void test_guessed_focal_length_is_estimated(void **state)
 {
     (void)state;
     enum { ROUNDS = 3 };
@@ -314,21 +314,21 @@ static void a_guessed_focal_length_is_learnt(void **state)
         place.tag_count = i % 2 ? 0 : place.tag_count;
         EXPECT_STATUS(locator_open(&l, &place, &lens, NULL), OK);
         int placed = 0;
-        double worst = 0, last_m = INFINITY;
+        double worst = 0, last_distance_m = INFINITY;
         for (int k = 0; k < ROUNDS * VIEWS; k++) {
             struct location at;
-            if (locator_find(l, room.view[k % VIEWS], NULL, &at) != OK)
+            if (locator_localize(l, room.view[k % VIEWS], NULL, &at) != OK)
                 continue;
             placed++;
             const struct vec3 is = pose_apply(room.world_from_place, at.world_from_camera.translation);
-            last_m = v3_distance(is, room.truth[k % VIEWS].translation);
-            worst = fmax(worst, last_m / at.position_sigma_m);
+            last_distance_m = v3_distance(is, room.truth[k % VIEWS].translation);
+            worst = fmax(worst, last_distance_m / at.position_sigma_m);
         }
         const double off = locator_lens(l)->fx / room.lens.fx - 1;
         printf("focal length guessed %+.0f %%, %s: %+.2f %% in the end, give or take %.2f; %d of %d pictures placed, "
                "the last %.1f mm off, the worst %.1f sigma\n",
                (guessed[i / 2] - 1) * 100, i % 2 ? "points" : "tags and points", off * 100,
-               locator_lens(l)->focal_sigma * 100, placed, ROUNDS * VIEWS, last_m * 1e3, worst);
+               locator_lens(l)->focal_sigma * 100, placed, ROUNDS * VIEWS, last_distance_m * 1e3, worst);
         EXPECT_AT_MOST(fabs(off), 0.01);
         EXPECT_AT_LEAST(placed, VIEWS);
         EXPECT_AT_MOST(worst, 4);
@@ -339,13 +339,13 @@ static void a_guessed_focal_length_is_learnt(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bad_pictures),
-        cmocka_unit_test(a_mirrored_room_is_another),
-        cmocka_unit_test(far_from_the_origin),
-        cmocka_unit_test(a_moved_tag_is_left_out),
-        cmocka_unit_test(one_wall_alone),
-        cmocka_unit_test(a_wrong_focal_length_shows),
-        cmocka_unit_test(a_guessed_focal_length_is_learnt),
+        cmocka_unit_test(test_bad_images),
+        cmocka_unit_test(test_mirrored_room_is_rejected),
+        cmocka_unit_test(test_far_from_origin),
+        cmocka_unit_test(test_moved_tag_is_excluded),
+        cmocka_unit_test(test_single_wall),
+        cmocka_unit_test(test_wrong_focal_length_is_detected),
+        cmocka_unit_test(test_guessed_focal_length_is_estimated),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

@@ -37,9 +37,9 @@ static struct pose path(const void *context, double time_s)
     (void)context;
     double yaw = 0.5 + 1.0472 / 4 * sin(4 * time_s), pitch = 0.1 + 0.5 / 9 * sin(9 * time_s + 1);
     struct quat level = {-0.7071067811865476, 0, 0, 0.7071067811865476}; // z forward along the world's y, y down
-    struct quat turn = quat_multiply(quat_from_rotation_vector(v3(0, 0, yaw)), level);
-    turn = quat_multiply(turn, quat_from_rotation_vector(v3(pitch, 0, 0)));
-    return (struct pose){quat_unit(turn), {0.5 - time_s, -0.8, 1.4}};
+    struct quat rotation = quat_multiply(quat_from_rotation_vector(v3(0, 0, yaw)), level);
+    rotation = quat_multiply(rotation, quat_from_rotation_vector(v3(pitch, 0, 0)));
+    return (struct pose){quat_unit(rotation), {0.5 - time_s, -0.8, 1.4}};
 }
 
 static double time_of(int picture) { return (picture + 1) / HZ; }
@@ -52,7 +52,7 @@ static int enter(void **state)
     for (int r = 0; r < FILMS; r++)
         for (int i = 0; i < PICTURES; i++) {
             struct world_shot shot = {.lens = room.lens};
-            struct world_picture picture = {.color = room.film[r][i]};
+            struct world_image picture = {.color = room.film[r][i]};
             shot.lens.readout_s = READOUT_S[r];
             shot.world_from_camera = path(NULL, time_of(i));
             EXPECT_STATUS(r ? world_render_rolling(room.world, &shot, path, NULL, time_of(i), &picture)
@@ -71,13 +71,13 @@ static int leave(void **state)
     return 0;
 }
 
-struct errors {
+struct pose_errors {
     int found;
     double m, rad;              // root mean square
     double worst_m, most_sigma; // the second: the worst error over what is said of it
 };
 
-static void count(struct errors *e, int picture, const struct location *at)
+static void count(struct pose_errors *e, int picture, const struct location *at)
 {
     struct pose truth = path(NULL, time_of(picture)),
                 found = pose_multiply(room.world_from_place, at->world_from_camera);
@@ -89,38 +89,39 @@ static void count(struct errors *e, int picture, const struct location *at)
     e->most_sigma = fmax(e->most_sigma, m / at->position_sigma_m);
 }
 
-enum how { ANEW, FOLLOWED };
+enum how { RELOCATE, TRACKED };
 
 // film: which; believed_s: the readout that the camera is said to have.
-static struct errors place_all(const struct place *place, int film, double believed_s, enum how how)
+static struct pose_errors place_all(const struct place *place, int film, double believed_s, enum how how)
 {
-    struct errors e = {0};
+    struct pose_errors e = {0};
     struct locator *l = NULL;
-    struct camera_track *t = NULL;
+    struct camera_tracker *t = NULL;
     struct lens lens = room.lens;
     struct camera_motion motion;
     lens.readout_s = believed_s;
-    if (how == ANEW)
+    if (how == RELOCATE)
         EXPECT_STATUS(locator_open(&l, place, &lens, NULL), OK);
     else
-        EXPECT_STATUS(camera_track_open(&t, place, &lens, NULL), OK);
+        EXPECT_STATUS(camera_tracker_open(&t, place, &lens, NULL), OK);
     for (int i = 0; i < PICTURES; i++) {
         struct location at;
         const uint8_t *rgb = room.film[film][i];
-        enum status status = how == ANEW ? locator_find(l, rgb, NULL, &at)
-                                         : camera_track_look(t, rgb, NULL, (int64_t)(time_of(i) * 1e9), &at, &motion);
+        enum status status = how == RELOCATE
+                                 ? locator_localize(l, rgb, NULL, &at)
+                                 : camera_tracker_process(t, rgb, NULL, (int64_t)(time_of(i) * 1e9), &at, &motion);
         EXPECT_TRUE(status >= 0);
         if (status == OK)
             count(&e, i, &at);
     }
     locator_close(&l);
-    camera_track_close(&t);
+    camera_tracker_close(&t);
     e.m = sqrt(e.m / e.found);
     e.rad = sqrt(e.rad / e.found);
     return e;
 }
 
-static void tell(const char *what, const struct errors *e)
+static void print_errors(const char *what, const struct pose_errors *e)
 {
     printf("  %-28s %d of %d, %6.2f mm rms, worst %6.2f, %.3f degrees\n", what, e->found, PICTURES, e->m * 1e3,
            e->worst_m * 1e3, e->rad * 57.2958);
@@ -129,16 +130,16 @@ static void tell(const char *what, const struct errors *e)
 // With the films from `first` on. held: to AT_MOST_WORSE; else to what is said of the errors.
 static void compare(const char *name, const struct place *place, enum how how, int first, bool held)
 {
-    struct errors whole = place_all(place, 0, 0, how);
+    struct pose_errors whole = place_all(place, 0, 0, how);
     printf("%s\n", name);
-    tell("all rows at once", &whole);
+    print_errors("all rows at once", &whole);
     EXPECT_INT(whole.found, PICTURES);
     for (int r = first; r < FILMS; r++) {
         char what[64];
-        struct errors untold = place_all(place, r, 0, how), with = place_all(place, r, READOUT_S[r], how);
-        tell("not told of, as the next", &untold);
+        struct pose_errors untold = place_all(place, r, 0, how), with = place_all(place, r, READOUT_S[r], how);
+        print_errors("not told of, as the next", &untold);
         snprintf(what, sizeof what, "read in %.0f ms", READOUT_S[r] * 1e3);
-        tell(what, &with);
+        print_errors(what, &with);
         EXPECT_INT(with.found, PICTURES);
         EXPECT_INT(untold.found, PICTURES);
         EXPECT_AT_MOST(untold.most_sigma, 3);
@@ -153,33 +154,33 @@ static void compare(const char *name, const struct place *place, enum how how, i
     }
 }
 
-static void by_tags_and_points(void **state)
+static void test_tags_and_landmarks(void **state)
 {
     (void)state;
-    compare("tags and points, found anew", &room.place, ANEW, 1, true);
-    compare("tags and points, followed", &room.place, FOLLOWED, 1, true);
+    compare("tags and points, found anew", &room.place, RELOCATE, 1, true);
+    compare("tags and points, followed", &room.place, TRACKED, 1, true);
 }
 
-static void by_tags_alone(void **state)
+static void test_tags_alone(void **state)
 {
     (void)state;
     struct place tags = room.place;
     tags.points = NULL;
     tags.point_count = 0;
-    compare("tags, found anew", &tags, ANEW, FILMS - 1, true);
-    compare("tags, followed", &tags, FOLLOWED, FILMS - 1, true);
+    compare("tags, found anew", &tags, RELOCATE, FILMS - 1, true);
+    compare("tags, followed", &tags, TRACKED, FILMS - 1, true);
 }
 
-static void by_points_alone(void **state)
+static void test_landmarks_alone(void **state)
 {
     (void)state;
     struct place points = room.place;
     points.tags = NULL;
     points.tag_count = 0;
     // A hundred points on distant walls: what one picture makes of them is luck, so their errors are held to
-    // what is said of them; many_sets_of_points compares.
-    compare("points, found anew", &points, ANEW, FILMS - 1, false);
-    compare("points, followed", &points, FOLLOWED, FILMS - 1, false);
+    // what is said of them; test_many_point_sets compares.
+    compare("points, found anew", &points, RELOCATE, FILMS - 1, false);
+    compare("points, followed", &points, TRACKED, FILMS - 1, false);
 }
 
 // ---------------------------------------------------------------- points without pictures
@@ -187,7 +188,7 @@ static void by_points_alone(void **state)
 enum { POINTS = 120, SETS = 200 };
 static const double POINT_PX = 0.6;
 
-static struct vec3 any_direction(struct dice *dice) { return v3_unit(dice_normal3(dice, 1)); }
+static struct vec3 any_direction(struct rng *rng) { return v3_unit(rng_normal3(rng, 1)); }
 
 // Where the camera, at `start` in the middle, is `time_s` later: it turns and moves evenly. Its own axes.
 static struct pose on_the_way(struct vec3 turn, struct vec3 shift, double time_s)
@@ -197,14 +198,13 @@ static struct pose on_the_way(struct vec3 turn, struct vec3 shift, double time_s
 
 // What a lens sees of POINTS points in a room before it. Each in the row that is read just then: rows are
 // gone through one by one until the point has passed.
-static void see(const struct lens *lens, struct vec3 turn, struct vec3 shift, struct dice *dice, struct fit_point *out)
+static void see(const struct lens *lens, struct vec3 turn, struct vec3 shift, struct rng *rng, struct pnp_point *out)
 {
     for (int i = 0; i < POINTS; i++) {
-        struct pixel start = {.x = dice_between(dice, 20, WIDTH - 21)};
-        start.y = dice_between(dice, 20, HEIGHT - 21);
+        struct pixel start = {.x = rng_between(rng, 20, WIDTH - 21)};
+        start.y = rng_between(rng, 20, HEIGHT - 21);
         struct vec3 ray = lens_ray(lens, start);
-        struct vec3 world =
-            v3_scale(ray, dice_between(dice, 1.5, 4)); // the camera's axes in the middle are the world's
+        struct vec3 world = v3_scale(ray, rng_between(rng, 1.5, 4)); // the camera's axes in the middle are the world's
         double low = 0, high = HEIGHT - 1;
         for (int k = 0; k < 40; k++) { // of the row, by halving: above the point before, below it after
             double row = (low + high) / 2, time_s = lens->readout_s * (row / (HEIGHT - 1) - 0.5);
@@ -216,11 +216,11 @@ static void see(const struct lens *lens, struct vec3 turn, struct vec3 shift, st
         }
         double time_s = lens->readout_s * (low / (HEIGHT - 1) - 0.5);
         struct pixel at = lens_project(lens, pose_apply(pose_inverse(on_the_way(turn, shift, time_s)), world));
-        at.x += POINT_PX * dice_normal(dice);
-        at.y += POINT_PX * dice_normal(dice);
+        at.x += POINT_PX * rng_normal(rng);
+        at.y += POINT_PX * rng_normal(rng);
         ray = lens_ray(lens, at);
-        out[i] = (struct fit_point){
-            .world = world, .x = ray.x, .y = ray.y, .sigma_px = POINT_PX, .time_s = shutter_time(lens, at.y)};
+        out[i] = (struct pnp_point){
+            .world = world, .x = ray.x, .y = ray.y, .sigma_px = POINT_PX, .time_s = shutter_row_time(lens, at.y)};
     }
 }
 
@@ -229,34 +229,34 @@ enum known { ALL_AT_ONCE, UNMODELLED, UNKNOWN, EXPECTED };
 // The root of the mean squared error of the position, metres; *within: of how many sets it lies within 95 %.
 static double fit_sets(enum known known, double readout_s, int *within)
 {
-    static const double TURN_SIGMA = 0.2, SHIFT_SIGMA = 0.1, WITHIN_95 = 7.815; // the last: of three numbers
-    struct dice dice = {5};
+    static const double ROTATION_SIGMA = 0.2, SHIFT_SIGMA = 0.1, WITHIN_95 = 7.815; // the last: of three numbers
+    struct rng rng = {5};
     struct lens lens = room.lens;
     double sum = 0;
     *within = 0;
     for (int i = 0; i < SETS; i++) {
-        struct fit_point seen[POINTS];
-        struct vec3 turn = v3_scale(any_direction(&dice), 1.0472), shift = any_direction(&dice);
-        struct shutter_motion motion = shutter_unknown();
+        struct pnp_point seen[POINTS];
+        struct vec3 turn = v3_scale(any_direction(&rng), 1.0472), shift = any_direction(&rng);
+        struct shutter_motion motion = shutter_motion_unknown();
         struct pose found = {quat_from_rotation_vector(v3(0.01, -0.01, 0.01)), {0.02, -0.02, 0.02}};
         double covariance[36] = {0}, inverse[9];
         lens.readout_s = known == ALL_AT_ONCE ? 0 : readout_s;
-        see(&lens, turn, shift, &dice, seen);
+        see(&lens, turn, shift, &rng, seen);
         if (known == EXPECTED) {
             const double true_speed[6] = {turn.x, turn.y, turn.z, shift.x, shift.y, shift.z};
             double speed[6];
             for (int k = 0; k < 6; k++) {
-                double sigma = k < 3 ? TURN_SIGMA : SHIFT_SIGMA;
-                speed[k] = true_speed[k] + sigma * dice_normal(&dice);
+                double sigma = k < 3 ? ROTATION_SIGMA : SHIFT_SIGMA;
+                speed[k] = true_speed[k] + sigma * rng_normal(&rng);
                 covariance[k * 7] = sigma * sigma;
             }
-            motion = shutter_expected(speed, covariance);
+            motion = shutter_motion_prior(speed, covariance);
         }
         struct shutter_motion *with = known >= UNKNOWN ? &motion : NULL;
         for (double loose = 8; loose > 0.1; loose /= 4)
-            fit_refine(NULL, 0, 0, seen, POINTS, loose, lens.fx, lens.fy, with, &found);
-        fit_refine(NULL, 0, 0, seen, POINTS, 0, lens.fx, lens.fy, with, &found);
-        EXPECT_TRUE(fit_covariance(NULL, 0, seen, POINTS, lens.fx, lens.fy, with, &found, covariance));
+            pnp_refine(NULL, 0, 0, seen, POINTS, loose, lens.fx, lens.fy, with, &found);
+        pnp_refine(NULL, 0, 0, seen, POINTS, 0, lens.fx, lens.fy, with, &found);
+        EXPECT_TRUE(pnp_covariance(NULL, 0, seen, POINTS, lens.fx, lens.fy, with, &found, covariance));
         struct vec3 off = pose_inverse(found).translation;
         const double d[3] = {off.x, off.y, off.z},
                      shifts[9] = {covariance[21], covariance[22], covariance[23], covariance[27], covariance[28],
@@ -271,7 +271,7 @@ static double fit_sets(enum known known, double readout_s, int *within)
     return sqrt(sum / SETS);
 }
 
-static void many_sets_of_points(void **state)
+static void test_many_point_sets(void **state)
 {
     (void)state;
     int within;
@@ -294,7 +294,7 @@ static void many_sets_of_points(void **state)
 }
 
 // A single picture of one tag leaves the speed open, and with it the pose; that must be said.
-static void a_single_picture_of_one_tag(void **state)
+static void test_single_image_of_one_tag(void **state)
 {
     (void)state;
     struct place one = room.place;
@@ -310,11 +310,11 @@ static void a_single_picture_of_one_tag(void **state)
         one.tags = &room.place.tags[tag];
         lens.readout_s = READOUT_S[FILMS - 1];
         EXPECT_STATUS(locator_open(&l, &one, &lens, &options), OK);
-        enum status status = locator_find(l, room.film[FILMS - 1][0], NULL, &at);
+        enum status status = locator_localize(l, room.film[FILMS - 1][0], NULL, &at);
         locator_close(&l);
         if (status == NOTHING)
             continue;
-        struct errors e = {0}, other = {.worst_m = INFINITY};
+        struct pose_errors e = {0}, other = {.worst_m = INFINITY};
         count(&e, 0, &at);
         if (status == AMBIGUOUS) {
             at.world_from_camera = at.other;
@@ -329,7 +329,7 @@ static void a_single_picture_of_one_tag(void **state)
 }
 
 // A clock that jumps makes nonsense of the speed, and must not throw the pose off.
-static void a_clock_that_jumps(void **state)
+static void test_clock_jump(void **state)
 {
     (void)state;
     // By how much the clock goes wrong, before one picture and from then on.
@@ -337,38 +337,38 @@ static void a_clock_that_jumps(void **state)
     struct lens lens = room.lens;
     lens.readout_s = READOUT_S[FILMS - 1];
     for (size_t k = 0; k < COUNT_OF(jumps_ns); k++) {
-        struct camera_track *t;
-        struct errors e = {0};
+        struct camera_tracker *t;
+        struct pose_errors e = {0};
         struct camera_motion motion;
-        EXPECT_STATUS(camera_track_open(&t, &room.place, &lens, NULL), OK);
+        EXPECT_STATUS(camera_tracker_open(&t, &room.place, &lens, NULL), OK);
         for (int i = 0; i < PICTURES; i++) {
             struct location at;
             int64_t time_ns = (int64_t)(time_of(i) * 1e9) + (i > PICTURES / 2 ? jumps_ns[k] : 0);
-            EXPECT_STATUS(camera_track_look(t, room.film[FILMS - 1][i], NULL, time_ns, &at, &motion), OK);
+            EXPECT_STATUS(camera_tracker_process(t, room.film[FILMS - 1][i], NULL, time_ns, &at, &motion), OK);
             count(&e, i, &at);
         }
-        camera_track_close(&t);
+        camera_tracker_close(&t);
         printf("the clock jumps by %.3f s: worst %.2f mm\n", (double)jumps_ns[k] * 1e-9, e.worst_m * 1e3);
         EXPECT_INT(e.found, PICTURES);
         EXPECT_AT_MOST(e.worst_m, 0.01);
     }
 }
 
-static void speeds_that_make_no_sense(void **state)
+static void test_invalid_velocities(void **state)
 {
     (void)state;
     const double nan[6] = {NAN, 0, 0, 0, 0, 0}, fast[6] = {1e9, 0, 0, 0, -1e9, 0}, slow[6] = {0.1, 0, 0, 0, 0.5, 0};
     double sure[36] = {0}, none[36] = {0};
     for (int i = 0; i < 6; i++)
         sure[i * 7] = 0.01;
-    struct shutter_motion unknown = shutter_unknown(), m = shutter_expected(nan, sure);
+    struct shutter_motion unknown = shutter_motion_unknown(), m = shutter_motion_prior(nan, sure);
     EXPECT_NEAR(m.speed[0], 0, 0);
     EXPECT_NEAR(m.information[0], unknown.information[0], 0);
-    m = shutter_expected(fast, sure);
+    m = shutter_motion_prior(fast, sure);
     EXPECT_NEAR(m.speed[4], 0, 0);
-    m = shutter_expected(slow, none);
+    m = shutter_motion_prior(slow, none);
     EXPECT_NEAR(m.speed[4], 0, 0);
-    m = shutter_expected(slow, sure);
+    m = shutter_motion_prior(slow, sure);
     EXPECT_NEAR(m.speed[4], 0.5, 0);
     EXPECT_NEAR(m.information[7], 100, 1e-9);
 }
@@ -376,13 +376,10 @@ static void speeds_that_make_no_sense(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(by_tags_and_points),
-        cmocka_unit_test(by_tags_alone),
-        cmocka_unit_test(by_points_alone),
-        cmocka_unit_test(many_sets_of_points),
-        cmocka_unit_test(a_single_picture_of_one_tag),
-        cmocka_unit_test(a_clock_that_jumps),
-        cmocka_unit_test(speeds_that_make_no_sense),
+        cmocka_unit_test(test_tags_and_landmarks),      cmocka_unit_test(test_tags_alone),
+        cmocka_unit_test(test_landmarks_alone),         cmocka_unit_test(test_many_point_sets),
+        cmocka_unit_test(test_single_image_of_one_tag), cmocka_unit_test(test_clock_jump),
+        cmocka_unit_test(test_invalid_velocities),
     };
     return cmocka_run_group_tests(tests, enter, leave);
 }

@@ -41,7 +41,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
     return 0;
 }
 
-struct recording {
+struct oni_recording {
     OniDeviceHandle device;
     OniStreamHandle streams[2]; // depth, colour; NULL where there is none
     OniRecorderHandle recorder;
@@ -72,7 +72,7 @@ static void wait_until_still(const char *path)
     }
 }
 
-static enum status open_streams(struct recording *r)
+static enum status open_streams(struct oni_recording *r)
 {
     static const OniSensorType types[] = {ONI_SENSOR_DEPTH, ONI_SENSOR_COLOR};
     OniBool off = FALSE; // as real recordings may be; a sensor that insists on mirroring is recorded so
@@ -89,7 +89,7 @@ static enum status open_streams(struct recording *r)
 }
 
 // Records until `frames` depth pictures have gone by.
-static enum status record(struct recording *r, const char *path, int frames)
+static enum status record(struct oni_recording *r, const char *path, int frames)
 {
     if (oniCreateRecorder(path, &r->recorder) != ONI_STATUS_OK)
         return fail(ERR_IO, "OpenNI2 cannot write %s", path);
@@ -121,7 +121,7 @@ static enum status record(struct recording *r, const char *path, int frames)
     return OK;
 }
 
-static void close_all(struct recording *r)
+static void close_all(struct oni_recording *r)
 {
     if (r->recorder)
         oniRecorderDestroy(&r->recorder); // writes what is still waiting
@@ -164,7 +164,7 @@ static enum status make(const struct options *options)
     setenv("REENACT_FAKE_SENSOR_FPS", "0", 1);
     setenv("REENACT_FAKE_SENSOR_AT_END", "stop", 1);
     free(from);
-    struct recording r = {0};
+    struct oni_recording r = {0};
     if (oniInitialize(ONI_API_VERSION) != ONI_STATUS_OK)
         return oni_failed("does not start");
     status = open_streams(&r);
@@ -189,7 +189,7 @@ int main(int argc, char **argv)
     argp_err_exit_status = 2;
     argp_parse(&argp, argc, argv, 0, NULL, &options);
     if (make(&options) != OK) {
-        fprintf(stderr, "make-oni: %s\n", status_sentence());
+        fprintf(stderr, "make-oni: %s\n", status_message());
         return 1;
     }
     return 0;

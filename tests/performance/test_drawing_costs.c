@@ -21,101 +21,101 @@ enum { ROUND = 20, SIDES = 3 };
 static struct rehearsed rehearsed;
 static struct take *take; // its
 static struct gpu *gpu;
-static struct painter *of_one_frame; // keeps one; it is prepared once, for two tests
+static struct renderer *of_one_frame; // keeps one; it is prepared once, for two tests
 static const struct lens lens = {320, 200, 260, 260, 159.5, 99.5, 0, 0, 0, 0, 0, 0, 0};
 
-static struct pose round_him(double angle) { return rehearsed_round(&rehearsed, 0, angle); }
+static struct pose round_him(double angle) { return rehearsed_orbit_pose(&rehearsed, 0, angle); }
 
-static struct painter *painter_at(enum detail detail, size_t texture_bytes)
+static struct renderer *renderer_at(enum detail detail, size_t texture_bytes)
 {
-    struct painter_options o = painter_default_options();
-    struct painter *p;
+    struct renderer_options o = renderer_default_options();
+    struct renderer *p;
     struct place place;
-    struct room room;
+    struct occluder_mesh room;
     o.detail = detail;
     o.texture_bytes = texture_bytes;
     o.shadow = o.sources = true;
-    EXPECT_STATUS(painter_open(&p, gpu, take, &lens, &o), OK);
+    EXPECT_STATUS(renderer_open(&p, gpu, take, &lens, &o), OK);
     EXPECT_STATUS(recording_read_place(rehearsed.recording, &place), OK);
-    if (room_make(&room, &place, take, NULL) == OK)
-        EXPECT_STATUS(painter_give_room(p, &room), OK);
+    if (occluder_mesh_make(&room, &place, take, NULL) == OK)
+        EXPECT_STATUS(renderer_set_room(p, &room), OK);
     place_free(&place);
     return p;
 }
 
-static void draw(struct painter *p, int64_t time_ns, double angle, const uint8_t *color)
+static void draw(struct renderer *p, int64_t time_ns, double angle, const uint8_t *color)
 {
     const struct pose viewer = round_him(angle);
-    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
-    struct painter_view view = {
+    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(viewer));
+    struct renderer_view view = {
         .world_from_camera = viewer, .time_ns = time_ns, .color = color, .viewer_from_room = &viewer_from_room};
-    struct painter_result result;
-    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    struct renderer_result result;
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_AT_LEAST(result.parts, 8);
 }
 
-static void few_calls_and_nothing_anew(void **state)
+static void test_few_draw_calls_and_no_reupload(void **state)
 {
     (void)state;
     uint8_t *grey = malloc((size_t)lens.width * (size_t)lens.height * 3);
     memset(grey, 128, (size_t)lens.width * (size_t)lens.height * 3);
-    struct painter *p = painter_at(DETAIL_FULL, (size_t)64 << 20);
-    painter_set_sources(p, false);
+    struct renderer *p = renderer_at(DETAIL_FULL, (size_t)64 << 20);
+    renderer_set_sources(p, false);
     draw(p, 0, 0, grey);
-    struct gpu_counts before = gpu_count(gpu);
+    struct gpu_counts before = gpu_get_counts(gpu);
     for (int i = 1; i <= ROUND; i++) {
         draw(p, 0, 0.3 * i, grey);
-        struct gpu_counts now = gpu_count(gpu);
+        struct gpu_counts now = gpu_get_counts(gpu);
         EXPECT_AT_MOST(now.draws - before.draws, 6);
         EXPECT_INT(now.uploads - before.uploads, 3); // the camera's picture, what is seen of him: points, triangles
         EXPECT_INT(now.made, before.made);
         before = now;
     }
     draw(p, take_entry(take, 2)->time_ns - take_entry(take, 0)->time_ns, 0, grey);
-    struct gpu_counts now = gpu_count(gpu);
+    struct gpu_counts now = gpu_get_counts(gpu);
     print_message("%lld calls and %lld uploads for another frame\n", (long long)(now.draws - before.draws),
                   (long long)(now.uploads - before.uploads));
     EXPECT_INT(now.uploads - before.uploads, 5); // and the frame's colours and depth
     draw(p, 0, 0, grey);
     before = now;
-    now = gpu_count(gpu);
+    now = gpu_get_counts(gpu);
     EXPECT_INT(now.uploads - before.uploads, 3); // both frames are kept
     EXPECT_INT(now.made, before.made);
-    painter_close(&p);
+    renderer_close(&p);
     free(grey);
 }
 
 // The actor at that frame, and how many uploads it took.
-static int64_t draw_frame(struct painter *p, int64_t frame, uint8_t *actor)
+static int64_t draw_frame(struct renderer *p, int64_t frame, uint8_t *actor)
 {
-    int64_t before = gpu_count(gpu).uploads;
+    int64_t before = gpu_get_counts(gpu).uploads;
     draw(p, take_entry(take, frame)->time_ns - take_entry(take, 0)->time_ns, 0.4, NULL);
-    int64_t uploads = gpu_count(gpu).uploads - before;
-    EXPECT_STATUS(painter_read_actor(p, actor), OK);
+    int64_t uploads = gpu_get_counts(gpu).uploads - before;
+    EXPECT_STATUS(renderer_read_actor(p, actor), OK);
     return uploads;
 }
 
 // A frame that was loaded before it was wanted is only drawn, and the picture is the same byte for byte.
-static void loaded_ahead_is_the_same_picture(void **state)
+static void test_prefetched_image_is_identical(void **state)
 {
     (void)state;
     const size_t bytes = (size_t)lens.width * (size_t)lens.height * 4;
     uint8_t *ours = malloc(bytes), *other = malloc(bytes), *theirs = malloc(bytes);
-    struct painter *p = of_one_frame;
-    struct frame_loader *loader;
-    struct loaded_frame loaded;
+    struct renderer *p = of_one_frame;
+    struct frame_layer_loader *loader;
+    struct frame_layer loaded;
     int64_t loading = draw_frame(p, 3, ours);
     draw_frame(p, 2, other);
-    EXPECT_TRUE(painter_near(p, 3, 0) < 0 && painter_near(p, 2, 0) == 2);
-    EXPECT_STATUS(frame_loader_open(&loader, take, rehearsed.rays, painter_likeness(p)), OK);
-    EXPECT_STATUS(frame_loader_load(loader, 3, &loaded), OK);
-    EXPECT_STATUS(painter_give_frame(p, &loaded), OK);
+    EXPECT_TRUE(renderer_nearest_resident_frame(p, 3, 0) < 0 && renderer_nearest_resident_frame(p, 2, 0) == 2);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, take, rehearsed.rays, renderer_avatar(p)), OK);
+    EXPECT_STATUS(frame_layer_loader_load(loader, 3, &loaded), OK);
+    EXPECT_STATUS(renderer_add_frame(p, &loaded), OK);
     EXPECT_TRUE(!loaded.shift); // its contents went over
-    EXPECT_INT(painter_near(p, 3, 0), 3);
+    EXPECT_INT(renderer_nearest_resident_frame(p, 3, 0), 3);
     EXPECT_INT(loading - draw_frame(p, 3, theirs), 2); // colours and depth are there
     EXPECT_TRUE(memcmp(ours, other, bytes));
     EXPECT_TRUE(!memcmp(ours, theirs, bytes));
-    frame_loader_close(&loader);
+    frame_layer_loader_close(&loader);
     free(ours);
     free(other);
     free(theirs);
@@ -137,7 +137,7 @@ static void narrow(void *self, struct retaken *f)
 static bool power_of_two(int side) { return !(side & (side - 1)); }
 
 // For a texture with such a side programs would be compiled once more, while somebody watches.
-static void no_side_is_a_power_of_two(void **state)
+static void test_no_texture_side_is_power_of_two(void **state)
 {
     (void)state;
     bool met = false;
@@ -145,22 +145,22 @@ static void no_side_is_a_power_of_two(void **state)
         char name[32];
         struct recording *recording;
         struct take *of;
-        struct frame_loader *loader;
-        struct loaded_frame f;
+        struct frame_layer_loader *loader;
+        struct frame_layer f;
         snprintf(name, sizeof name, "%d columns", columns);
         retake(rehearsed.rehearsal.file, "turn", name, narrow, &columns);
         EXPECT_STATUS(recording_open(&recording, rehearsed.rehearsal.file), OK);
         EXPECT_STATUS(take_open(&of, recording, name), OK);
-        EXPECT_STATUS(frame_loader_open(&loader, of, rehearsed.rays, painter_likeness(of_one_frame)), OK);
-        EXPECT_STATUS(frame_loader_load(loader, 3, &f), OK);
-        EXPECT_TRUE(f.seen);
+        EXPECT_STATUS(frame_layer_loader_open(&loader, of, rehearsed.rays, renderer_avatar(of_one_frame)), OK);
+        EXPECT_STATUS(frame_layer_loader_load(loader, 3, &f), OK);
+        EXPECT_TRUE(f.has_images);
         print_message("%d columns: colours %d x %d, depth %d x %d\n", columns, f.color.width, f.color.height,
                       f.depth.width, f.depth.height);
         EXPECT_TRUE(!power_of_two(f.color.width) && !power_of_two(f.color.height));
         EXPECT_TRUE(!power_of_two(f.depth.width) && !power_of_two(f.depth.height));
         met |= f.color.width == 17;
-        loaded_frame_free(&f);
-        frame_loader_close(&loader);
+        frame_layer_free(&f);
+        frame_layer_loader_close(&loader);
         take_close(&of);
         recording_free(&recording);
     }
@@ -179,153 +179,154 @@ static int pixels_of(const uint8_t *rgba, struct gpu_box within)
 
 // Whoever has no time to load a frame gets him in that frame's posture, with another's colours; and is told where he
 // is.
-static void another_frame_stands_in(void **state)
+static void test_substitute_frame_is_drawn(void **state)
 {
     (void)state;
     enum { FRAME = 3, BEFORE = 2 };
     const int64_t step_ns = take_entry(take, FRAME)->time_ns - take_entry(take, BEFORE)->time_ns;
     const struct gpu_box all = {0, 0, lens.width, lens.height};
     const size_t bytes = (size_t)lens.width * (size_t)lens.height * 4;
-    uint8_t *right = malloc(bytes), *before = malloc(bytes), *near = malloc(bytes);
-    struct painter *p = of_one_frame;
-    struct painter_view view = {.world_from_camera = round_him(0.4),
-                                .time_ns = take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns,
-                                .within_ns = step_ns};
-    struct painter_result result;
+    uint8_t *right = malloc(bytes), *before = malloc(bytes), *substitute = malloc(bytes);
+    struct renderer *p = of_one_frame;
+    struct renderer_view view = {.world_from_camera = round_him(0.4),
+                                 .time_ns = take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns,
+                                 .within_ns = step_ns};
+    struct renderer_result result;
     draw_frame(p, FRAME, right);
     draw_frame(p, BEFORE, before);
-    EXPECT_INT(painter_near(p, FRAME, step_ns), BEFORE);
-    EXPECT_INT(painter_near(p, FRAME, step_ns - 1), -1);
-    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
-    EXPECT_INT(painter_near(p, FRAME, 0), -1); // it was not loaded
-    EXPECT_STATUS(painter_read_actor(p, near), OK);
-    EXPECT_TRUE(memcmp(near, before, bytes) && memcmp(near, right, bytes));
-    const int pixels = pixels_of(near, all), should_be = pixels_of(right, all);
+    EXPECT_INT(renderer_nearest_resident_frame(p, FRAME, step_ns), BEFORE);
+    EXPECT_INT(renderer_nearest_resident_frame(p, FRAME, step_ns - 1), -1);
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
+    EXPECT_INT(renderer_nearest_resident_frame(p, FRAME, 0), -1); // it was not loaded
+    EXPECT_STATUS(renderer_read_actor(p, substitute), OK);
+    EXPECT_TRUE(memcmp(substitute, before, bytes) && memcmp(substitute, right, bytes));
+    const int pixels = pixels_of(substitute, all), should_be = pixels_of(right, all);
     EXPECT_AT_LEAST(pixels, 0.9 * should_be);
     EXPECT_AT_MOST(pixels, 1.1 * should_be);
-    EXPECT_INT(pixels_of(near, result.within), pixels);
+    EXPECT_INT(pixels_of(substitute, result.within), pixels);
     EXPECT_AT_MOST(result.within.width * result.within.height, 0.5 * lens.width * lens.height);
     view.within_ns = step_ns - 1; // none is so near: it is loaded
-    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
-    EXPECT_STATUS(painter_read_actor(p, near), OK);
-    EXPECT_TRUE(!memcmp(near, right, bytes));
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
+    EXPECT_STATUS(renderer_read_actor(p, substitute), OK);
+    EXPECT_TRUE(!memcmp(substitute, right, bytes));
     free(right);
     free(before);
-    free(near);
+    free(substitute);
 }
 
-static void memory_is_bounded(void **state)
+static void test_memory_is_bounded(void **state)
 {
     (void)state;
     const struct calibration *c = take_calibration(take);
     const size_t tablet = (size_t)lens.width * (size_t)lens.height,
                  picture = (size_t)c->color.width * (size_t)c->color.height;
     for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
-        const size_t kept = 2 * picture * 4, before = gpu_count(gpu).bytes_held;
-        struct painter *p = painter_at((enum detail)detail, kept);
+        const size_t kept = 2 * picture * 4, before = gpu_get_counts(gpu).bytes_held;
+        struct renderer *p = renderer_at((enum detail)detail, kept);
         size_t most = 0;
         for (int64_t i = 0; i < take_frame_count(take); i++)
             for (int a = 0; a < SIDES; a++) {
                 draw(p, take_entry(take, i)->time_ns - take_entry(take, 0)->time_ns, 2.1 * a, NULL);
-                size_t held = gpu_count(gpu).bytes_held - before;
+                size_t held = gpu_get_counts(gpu).bytes_held - before;
                 most = held > most ? held : most;
             }
         size_t bound = kept + 8 * picture + 42 * tablet + ((size_t)(detail == DETAIL_PAPER ? 1 : 16) << 20);
         print_message("%zu bytes at most, %zu promised\n", most, bound);
         EXPECT_AT_MOST((double)most, (double)bound);
-        painter_close(&p);
-        EXPECT_INT(gpu_count(gpu).bytes_held, before); // all is given back
+        renderer_close(&p);
+        EXPECT_INT(gpu_get_counts(gpu).bytes_held, before); // all is given back
     }
 }
 
 // A wall before him, as high as his waist.
-static struct room wall_before(struct pose viewer, struct vec3 waist)
+static struct occluder_mesh wall_before(struct pose viewer, struct vec3 waist)
 {
     static const uint16_t corners[6] = {0, 1, 2, 1, 2, 3};
     const struct vec3 middle = v3_mix(viewer.translation, waist, 0.5);
     const struct vec3 aside = v3_unit(v3_cross(v3_sub(waist, viewer.translation), v3(0, 0, 1)));
-    struct room r = {.points = malloc(4 * sizeof *r.points),
-                     .corners = malloc(sizeof corners),
-                     .balls = malloc(sizeof *r.balls),
-                     .point_count = 4,
-                     .corner_count = 6,
-                     .ball_count = 1};
-    assert_true(r.points && r.corners && r.balls);
+    struct occluder_mesh r = {.points = malloc(4 * sizeof *r.points),
+                              .corners = malloc(sizeof corners),
+                              .spheres = malloc(sizeof *r.spheres),
+                              .point_count = 4,
+                              .corner_count = 6,
+                              .sphere_count = 1};
+    assert_true(r.points && r.corners && r.spheres);
     for (int i = 0; i < 4; i++) {
         const struct vec3 p = v3_add(middle, v3_scale(aside, i & 1 ? 1 : -1));
         r.points[i][0] = (float)p.x, r.points[i][1] = (float)p.y, r.points[i][2] = i & 2 ? (float)middle.z : 0;
     }
     memcpy(r.corners, corners, sizeof corners);
-    r.balls[0] = (struct room_ball){middle, 3, 0, 6};
+    r.spheres[0] = (struct occluder_sphere){middle, 3, 0, 6};
     return r;
 }
 
-static int opaque(struct painter *p, uint8_t *rgba)
+static int opaque(struct renderer *p, uint8_t *rgba)
 {
     const struct gpu_box all = {0, 0, lens.width, lens.height};
-    EXPECT_STATUS(painter_read_actor(p, rgba), OK);
+    EXPECT_STATUS(renderer_read_actor(p, rgba), OK);
     return pixels_of(rgba, all);
 }
 
 // As an app draws him: once he has been prepared, nothing is made or compiled when first something hides him.
-static void the_room_comes_to_hide_him_at_no_cost(void **state)
+static void test_room_upload_costs_no_frame(void **state)
 {
     (void)state;
     const struct pose viewer = round_him(0.3);
     const struct take_entry *first = take_entry(take, 0);
-    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(viewer));
     uint8_t *rgba = malloc((size_t)lens.width * (size_t)lens.height * 4);
-    struct likeness likeness;
-    struct painter *p;
-    struct painter_options o = painter_default_options();
-    struct room room = wall_before(viewer, pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]));
-    struct painter_view view = {.world_from_camera = viewer};
-    struct painter_result result;
-    o.likeness_later = o.shadow = true;
-    EXPECT_STATUS(painter_open(&p, gpu, take, &lens, &o), OK);
-    EXPECT_STATUS(likeness_make(&likeness, take, rehearsed.rays, 2, NULL), OK);
-    EXPECT_STATUS(painter_give_likeness(p, &likeness), OK);
-    EXPECT_STATUS(painter_give_room(p, &room), OK);
-    for (int i = 0; i < 200 && (i == 0 || !painter_settled(p)); i++)
-        EXPECT_STATUS(painter_draw(p, &view, &result), OK);
-    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    struct avatar avatar;
+    struct renderer *p;
+    struct renderer_options o = renderer_default_options();
+    struct occluder_mesh room =
+        wall_before(viewer, pose_apply(first->world_from_camera, first->skeleton.joint[JOINT_WAIST]));
+    struct renderer_view view = {.world_from_camera = viewer};
+    struct renderer_result result;
+    o.avatar_later = o.shadow = true;
+    EXPECT_STATUS(renderer_open(&p, gpu, take, &lens, &o), OK);
+    EXPECT_STATUS(avatar_make(&avatar, take, rehearsed.rays, 2, NULL), OK);
+    EXPECT_STATUS(renderer_set_avatar(p, &avatar), OK);
+    EXPECT_STATUS(renderer_set_room(p, &room), OK);
+    for (int i = 0; i < 200 && (i == 0 || !renderer_upload_done(p)); i++)
+        EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_INT(result.level, DETAIL_FULL);
-    const int all = opaque(p, rgba), compiled = compiled_so_far();
-    const int64_t made = gpu_count(gpu).made;
+    const int all = opaque(p, rgba), compiled = compiled_shader_count();
+    const int64_t made = gpu_get_counts(gpu).made;
     view.viewer_from_room = &viewer_from_room;
-    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     const int left = opaque(p, rgba);
     print_message("%d pixels of him, %d behind the wall; %d compiled for it\n", all, left,
-                  compiled_so_far() - compiled);
+                  compiled_shader_count() - compiled);
     EXPECT_AT_LEAST(left, 0.1 * all);
     EXPECT_AT_MOST(left, 0.9 * all);
-    EXPECT_INT(gpu_count(gpu).made, made);
-    EXPECT_INT(compiled_so_far(), compiled);
-    painter_close(&p);
+    EXPECT_INT(gpu_get_counts(gpu).made, made);
+    EXPECT_INT(compiled_shader_count(), compiled);
+    renderer_close(&p);
     free(rgba);
 }
 
-static struct painter_result draw_from(struct painter *p, double back_m, double error_px)
+static struct renderer_result draw_from(struct renderer *p, double back_m, double error_px)
 {
-    struct painter_view view = {.world_from_camera = round_him(0)};
-    struct painter_result result;
+    struct renderer_view view = {.world_from_camera = round_him(0)};
+    struct renderer_result result;
     struct vec3 back = quat_rotate(view.world_from_camera.rotation, v3(0, 0, -back_m));
     view.world_from_camera.translation = v3_add(view.world_from_camera.translation, back);
-    painter_set_error(p, error_px);
-    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    renderer_set_error(p, error_px);
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     return result;
 }
 
 // Auto draws at paper exactly where paper's predicted error is below the threshold,
 // and from farther away every level is wrong by fewer pixels.
-static void auto_is_as_wrong_as_it_may_be(void **state)
+static void test_auto_error_stays_within_bound(void **state)
 {
     (void)state;
-    struct painter *p = painter_at(DETAIL_AUTO, (size_t)64 << 20);
+    struct renderer *p = renderer_at(DETAIL_AUTO, (size_t)64 << 20);
     double full_px[2], paper_px[2];
     for (int far = 0; far < 2; far++) {
         const double back_m = 3 * far;
-        struct painter_result full = draw_from(p, back_m, 0), paper = draw_from(p, back_m, 1e3);
+        struct renderer_result full = draw_from(p, back_m, 0), paper = draw_from(p, back_m, 1e3);
         EXPECT_INT(full.level, DETAIL_FULL);
         EXPECT_INT(paper.level, DETAIL_PAPER);
         full_px[far] = full.error_px, paper_px[far] = paper.error_px;
@@ -337,7 +338,7 @@ static void auto_is_as_wrong_as_it_may_be(void **state)
                   paper_px[1]);
     EXPECT_AT_MOST(full_px[1], 0.7 * full_px[0]);
     EXPECT_AT_MOST(paper_px[1], 0.7 * paper_px[0]);
-    painter_close(&p);
+    renderer_close(&p);
 }
 
 static int make(void **state)
@@ -346,14 +347,14 @@ static int make(void **state)
     EXPECT_STATUS(rehearsed_open(&rehearsed, 0), OK);
     take = rehearsed.take;
     EXPECT_STATUS(gpu_open(&gpu), OK);
-    of_one_frame = painter_at(DETAIL_FULL, 0);
+    of_one_frame = renderer_at(DETAIL_FULL, 0);
     return 0;
 }
 
 static int end(void **state)
 {
     (void)state;
-    painter_close(&of_one_frame);
+    renderer_close(&of_one_frame);
     gpu_close(&gpu);
     rehearsed_close(&rehearsed);
     return 0;
@@ -362,13 +363,13 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(few_calls_and_nothing_anew),
-        cmocka_unit_test(loaded_ahead_is_the_same_picture),
-        cmocka_unit_test(another_frame_stands_in),
-        cmocka_unit_test(no_side_is_a_power_of_two),
-        cmocka_unit_test(memory_is_bounded),
-        cmocka_unit_test(the_room_comes_to_hide_him_at_no_cost),
-        cmocka_unit_test(auto_is_as_wrong_as_it_may_be),
+        cmocka_unit_test(test_few_draw_calls_and_no_reupload),
+        cmocka_unit_test(test_prefetched_image_is_identical),
+        cmocka_unit_test(test_substitute_frame_is_drawn),
+        cmocka_unit_test(test_no_texture_side_is_power_of_two),
+        cmocka_unit_test(test_memory_is_bounded),
+        cmocka_unit_test(test_room_upload_costs_no_frame),
+        cmocka_unit_test(test_auto_error_stays_within_bound),
     };
     return cmocka_run_group_tests(tests, make, end);
 }

@@ -16,54 +16,54 @@
 static struct rehearsal rehearsal;
 static struct glass glass;
 
-static int64_t made(void) { return gpu_count(glass.gpu).made; }
+static int64_t made(void) { return gpu_get_counts(glass.gpu).made; }
 
 // Draws the first frame until it has come to rest, at that level of the governor's.
 static void draw_at(int level)
 {
-    glass.tablet.governor.level = level;
-    glass_rest(&glass);
-    EXPECT_NEAR(glass.tablet.look.fineness, governor_scale(&glass.tablet.governor), 0);
-    EXPECT_TRUE(glass.tablet.picture.prepared);
-    EXPECT_AT_LEAST(glass.tablet.picture.parts, 8);
+    glass.viewer.governor.level = level;
+    glass_wait_idle(&glass);
+    EXPECT_NEAR(glass.viewer.request.resolution_scale, governor_scale(&glass.viewer.governor), 0);
+    EXPECT_TRUE(glass.viewer.image.prepared);
+    EXPECT_AT_LEAST(glass.viewer.image.parts, 8);
 }
 
 // The picture last drawn, without controls, and with him or without.
 static void draw_scene(bool with_him)
 {
-    struct tablet *t = &glass.tablet;
+    struct viewer *t = &glass.viewer;
     const struct ui_input input = {
         .width_px = glass.width, .height_px = glass.height, .px_per_dp = ui_px_per_dp(t->ui)};
     const struct brush brush = {t->ui, theme_of(true)};
-    struct show show = t->show;
+    struct view_state show = t->state;
     show.presence = with_him;
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);
-    scene_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->picture, &show);
+    compositor_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->image, &show);
     ui_end(t->ui);
     EXPECT_STATUS(ui_draw(t->ui, glass.target, 0), OK);
     glass_read(&glass);
 }
 
 // Whoever plays on does not wait for a frame, however far from it those are that were loaded.
-static void playing_waits_for_no_frame(void **state)
+static void test_playback_does_not_wait_for_frames(void **state)
 {
     (void)state;
-    struct player *player = &glass.tablet.show.player;
+    struct playback_clock *player = &glass.viewer.state.playback;
     const int64_t made_before = made(), now = clock_now_ns();
-    player_set_speed(player, now, PLAYER_SLOWEST);
-    player_play(player, now, true);
-    player_seek(player, clock_now_ns(), player->length_ns - player->step_ns);
+    playback_set_speed(player, now, PLAYBACK_SLOWEST);
+    playback_play(player, now, true);
+    playback_seek(player, clock_now_ns(), player->length_ns - player->step_ns);
     glass_draw(&glass);
-    EXPECT_TRUE(glass.tablet.look.playing);
-    EXPECT_AT_LEAST((double)glass.tablet.look.time_ns, 4e9); // only the first frame is there
-    EXPECT_AT_LEAST(glass.tablet.picture.parts, 8);
+    EXPECT_TRUE(glass.viewer.request.playing);
+    EXPECT_AT_LEAST((double)glass.viewer.request.time_ns, 4e9); // only the first frame is there
+    EXPECT_AT_LEAST(glass.viewer.image.parts, 8);
     EXPECT_INT(made(), made_before);
     glass_seek(&glass, 0);
-    player_set_speed(player, clock_now_ns(), 1);
-    glass_rest(&glass);
+    playback_set_speed(player, clock_now_ns(), 1);
+    glass_wait_idle(&glass);
 }
 
-static void coarser_and_finer_cost_nothing(void **state)
+static void test_resolution_change_costs_nothing(void **state)
 {
     (void)state;
     const size_t bytes = (size_t)glass.width * (size_t)glass.height * 4;
@@ -75,35 +75,35 @@ static void coarser_and_finer_cost_nothing(void **state)
     draw_scene(false);
     const double his = glass_difference(&glass, fine);
     const int64_t made_before = made();
-    const int compiled_before = compiled_so_far();
+    const int compiled_before = compiled_shader_count();
     for (int level = 1; level <= GOVERNOR_LEVELS; level++) {
         draw_at(level % GOVERNOR_LEVELS);
         draw_scene(true);
         const double off = glass_difference(&glass, fine);
         print_message("at %.2f: %lld made, %d compiled; off by %.3f where he is %.3f\n",
-                      governor_scale(&glass.tablet.governor), (long long)(made() - made_before),
-                      compiled_so_far() - compiled_before, off, his);
+                      governor_scale(&glass.viewer.governor), (long long)(made() - made_before),
+                      compiled_shader_count() - compiled_before, off, his);
         EXPECT_AT_MOST(off, 0.1 * his); // he is where he was, as large
     }
     free(fine);
     EXPECT_INT(made(), made_before);
-    EXPECT_INT(compiled_so_far(), compiled_before);
+    EXPECT_INT(compiled_shader_count(), compiled_before);
 }
 
 // Whatever part of the picture they take up.
-static void other_frames_are_drawn_as_the_first(void **state)
+static void test_later_frames_cost_as_the_first(void **state)
 {
     (void)state;
     draw_at(0);
-    const int compiled_before = compiled_so_far();
-    const int64_t frames = stage_frames(glass.tablet.stage);
+    const int compiled_before = compiled_shader_count();
+    const int64_t frames = take_view_frames(glass.viewer.take_view);
     for (int64_t i = 0; i < frames; i++) {
         glass_seek(&glass, (double)i / (double)(frames - 1));
-        glass_rest(&glass);
+        glass_wait_idle(&glass);
     }
     glass_seek(&glass, 0);
-    glass_rest(&glass);
-    EXPECT_INT(compiled_so_far(), compiled_before);
+    glass_wait_idle(&glass);
+    EXPECT_INT(compiled_shader_count(), compiled_before);
 }
 
 // A frame a second.
@@ -119,14 +119,14 @@ static int make(void **state)
     (void)state;
     rehearsal = rehearsal_make();
     retake(rehearsal.file, "turn", "slowly", slow_down, NULL);
-    const struct tablet_options how = {.file = rehearsal.file, .take = "slowly", .refresh_hz = 60};
+    const struct viewer_options how = {.file = rehearsal.file, .take = "slowly", .refresh_hz = 60};
     glass_open(&glass, GLASS_LONG, GLASS_SHORT, &how);
     glass_draw(&glass);
     glass_seek(&glass, 0);
     glass_prepare(&glass);
-    glass_rest(&glass);
+    glass_wait_idle(&glass);
     if (strstr(gpu_renderer(glass.gpu), "llvmpipe"))
-        EXPECT_AT_LEAST(compiled_so_far(), 1); // they are counted
+        EXPECT_AT_LEAST(compiled_shader_count(), 1); // they are counted
     return 0;
 }
 
@@ -141,9 +141,9 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(playing_waits_for_no_frame),
-        cmocka_unit_test(coarser_and_finer_cost_nothing),
-        cmocka_unit_test(other_frames_are_drawn_as_the_first),
+        cmocka_unit_test(test_playback_does_not_wait_for_frames),
+        cmocka_unit_test(test_resolution_change_costs_nothing),
+        cmocka_unit_test(test_later_frames_cost_as_the_first),
     };
     return cmocka_run_group_tests(tests, make, end);
 }

@@ -16,7 +16,7 @@
 
 enum { W = 32, H = 24 };
 
-struct room { // a folder for one test
+struct folder_case { // a folder for one test
     struct scratch scratch;
     char uri[256];
     uint8_t rgb[W * H * 3];
@@ -29,20 +29,20 @@ static const char calibration[] =
     " \"depth\": {\"width\": 32, \"height\": 24, \"fx\": 28, \"fy\": 28, \"cx\": 16, \"cy\": 12, \"unit_m\": 0.001},"
     " \"registered\": true, \"pixel_origin\": \"centre\" }";
 
-static void put_depth(struct room *room, const char *name, int seed)
+static void put_depth(struct folder_case *room, const char *name, int seed)
 {
-    struct dice dice = {(uint64_t)seed};
+    struct rng rng = {(uint64_t)seed};
     for (int i = 0; i < W * H; i++)
-        room->mm[i] = i % 7 ? (uint16_t)(dice_uniform(&dice) * 65536) : 0;
+        room->mm[i] = i % 7 ? (uint16_t)(rng_uniform(&rng) * 65536) : 0;
     const char *path = scratch_file(&room->scratch, name);
     assert_int_equal(png_write(path, PNG_GRAY16, room->mm, W, H), OK);
 }
 
-static void put_color(struct room *room, const char *name, int seed)
+static void put_color(struct folder_case *room, const char *name, int seed)
 {
-    struct dice dice = {(uint64_t)seed + 1000};
+    struct rng rng = {(uint64_t)seed + 1000};
     for (int i = 0; i < W * H * 3; i++)
-        room->rgb[i] = (uint8_t)(dice_uniform(&dice) * 256);
+        room->rgb[i] = (uint8_t)(rng_uniform(&rng) * 256);
     const char *path = scratch_file(&room->scratch, name);
     if (strstr(name, ".png")) {
         assert_int_equal(png_write(path, PNG_RGB8, room->rgb, W, H), OK);
@@ -55,9 +55,9 @@ static void put_color(struct room *room, const char *name, int seed)
     free(bytes);
 }
 
-static int make_room(void **state)
+static int make_case(void **state)
 {
-    struct room *room = calloc(1, sizeof *room);
+    struct folder_case *room = calloc(1, sizeof *room);
     room->scratch = scratch_make();
     snprintf(room->uri, sizeof room->uri, "folder:%s", room->scratch.path);
     const char *const below[] = {"rgb", "depth"};
@@ -71,22 +71,22 @@ static int make_room(void **state)
     return 0;
 }
 
-static int clear_room(void **state)
+static int clear_case(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     scratch_remove(&room->scratch);
     free(room);
     return 0;
 }
 
-static struct source *open_as(const struct room *room, enum source_wanted wanted)
+static struct source *open_as(const struct folder_case *room, enum source_wanted wanted)
 {
     struct source *s;
     EXPECT_STATUS(source_open(&s, room->uri, wanted), OK);
     return s;
 }
 
-static void refused(const struct room *room, enum source_wanted wanted, enum status status, const char *part)
+static void refused(const struct folder_case *room, enum source_wanted wanted, enum status status, const char *part)
 {
     struct source *s = (struct source *)8;
     EXPECT_STATUS(source_open(&s, room->uri, wanted), status);
@@ -98,7 +98,7 @@ static void refused(const struct room *room, enum source_wanted wanted, enum sta
 
 static void test_round_trip(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     scratch_text(&room->scratch, "rgb.txt",
                  "# color images\r\n# timestamp filename\n\n 1305031102.175304 rgb/first one.png \n"
                  "1305031102.2086379999\trgb/0001.jpg\n");
@@ -156,7 +156,7 @@ static void test_round_trip(void **state)
 
 static void test_camera_needs_no_depth(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     scratch_text(&room->scratch, "rgb.txt", "-0.5 rgb/0007.png\n0 rgb/0008.png\n");
     put_color(room, "rgb/0007.png", 7);
     put_color(room, "rgb/0008.png", 8);
@@ -175,7 +175,7 @@ static void test_camera_needs_no_depth(void **state)
 
 static void test_sensor_needs_no_color(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     scratch_text(&room->scratch, "depth.txt",
                  "5 depth/a-name-that-is-longer-than-a-frame-can-hold.png\n5.1 depth/b.png\n");
     put_depth(room, "depth/a-name-that-is-longer-than-a-frame-can-hold.png", 1);
@@ -195,7 +195,7 @@ static void test_sensor_needs_no_color(void **state)
 
 static void test_another_unit_becomes_millimetres(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     char text[256];
     // TUM's own unit: 5000 to the metre.
     snprintf(text, sizeof text,
@@ -229,7 +229,7 @@ static void test_another_unit_becomes_millimetres(void **state)
 // ------------------------------------------------------------- pairs
 
 // Reads all frames; writes "name+" for one with colour, "name-" for one without.
-static void pairs(const struct room *room, const char *wanted)
+static void pairs(const struct folder_case *room, const char *wanted)
 {
     char got[256] = "";
     struct source *s = open_as(room, SOURCE_SENSOR);
@@ -244,7 +244,7 @@ static void pairs(const struct room *room, const char *wanted)
 
 static void test_pairs_by_time(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     const char *const names[] = {"a", "b", "c", "d", "e"};
     for (size_t i = 0; i < COUNT_OF(names); i++) {
         char name[32];
@@ -274,7 +274,7 @@ static void test_pairs_by_time(void **state)
 
 // ------------------------------------------------------------- what is wrong
 
-static void two_frames(struct room *room)
+static void two_frames(struct folder_case *room)
 {
     scratch_text(&room->scratch, "rgb.txt", "1 rgb/1.jpg\n1.1 rgb/2.jpg\n1.2 rgb/3.jpg\n");
     scratch_text(&room->scratch, "depth.txt", "1 depth/1.png\n1.1 depth/2.png\n1.2 depth/3.png\n");
@@ -287,7 +287,7 @@ static void two_frames(struct room *room)
     }
 }
 
-static void remove_file(const struct room *room, const char *name)
+static void remove_file(const struct folder_case *room, const char *name)
 {
     const char *path = scratch_file(&room->scratch, name);
     assert_int_equal(unlink(path), 0);
@@ -295,7 +295,7 @@ static void remove_file(const struct room *room, const char *name)
 
 static void test_no_such_thing(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     struct source *s;
     EXPECT_STATUS(source_open(&s, "folder:/nowhere/at/all", SOURCE_SENSOR), ERR_MISSING);
     EXPECT_SAYS("/nowhere/at/all");
@@ -316,7 +316,7 @@ static void test_no_such_thing(void **state)
 
 static void test_bad_calibration(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     two_frames(room);
     static const struct {
         const char *from, *to, *says;
@@ -354,7 +354,7 @@ static void test_bad_calibration(void **state)
 
 static void test_two_cameras_apart(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     two_frames(room);
     char text[sizeof calibration + 200];
     const char *at = strstr(calibration, "true");
@@ -377,7 +377,7 @@ static void test_two_cameras_apart(void **state)
 
 static void test_bad_lists(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     two_frames(room);
     static const struct {
         const char *text, *says;
@@ -402,9 +402,9 @@ static void test_bad_lists(void **state)
     refused(room, SOURCE_SENSOR, ERR_INPUT, "depth.txt is not a text file");
 }
 
-static void test_times_that_do_not_rise_are_dropped(void **state)
+static void test_non_increasing_times_are_dropped(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     two_frames(room);
     scratch_text(&room->scratch, "depth.txt", "1 depth/1.png\n1 depth/2.png\n0.9 depth/2.png\n1.2 depth/3.png\n");
     struct source *s = open_as(room, SOURCE_SENSOR);
@@ -420,7 +420,7 @@ static void test_times_that_do_not_rise_are_dropped(void **state)
 }
 
 // The second of three frames fails with a sentence that names `file`; the others come.
-static void second_fails(const struct room *room, const char *file, const char *why)
+static void second_fails(const struct folder_case *room, const char *file, const char *why)
 {
     struct source *s = open_as(room, SOURCE_SENSOR);
     struct frame f;
@@ -438,7 +438,7 @@ static void second_fails(const struct room *room, const char *file, const char *
     source_close(&s);
 }
 
-static void cut_short(const struct room *room, const char *name, size_t keep)
+static void cut_short(const struct folder_case *room, const char *name, size_t keep)
 {
     const char *path = scratch_file(&room->scratch, name);
     uint8_t *bytes;
@@ -449,9 +449,9 @@ static void cut_short(const struct room *room, const char *name, size_t keep)
     free(bytes);
 }
 
-static void test_damaged_pictures(void **state)
+static void test_damaged_images(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     two_frames(room);
     cut_short(room, "depth/2.png", 300);
     second_fails(room, "depth/2.png", "damaged");
@@ -474,7 +474,7 @@ static void test_damaged_pictures(void **state)
 
 static void test_another_size(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     two_frames(room);
     const char *path = scratch_file(&room->scratch, "depth/2.png");
     EXPECT_STATUS(png_write(path, PNG_GRAY16, room->mm, W / 2, H), OK);
@@ -498,9 +498,9 @@ static void test_another_size(void **state)
 
 // ------------------------------------------------------------- the tablet's cameras
 
-static void test_what_is_known_of_a_camera(void **state)
+static void test_camera_metadata(void **state)
 {
-    struct room *room = *state;
+    struct folder_case *room = *state;
     struct lens lens = {0};
     setenv("XDG_CONFIG_HOME", room->scratch.path, 1);
     const char *id = "/base/soc/i2c0mux/ov5647@36";
@@ -518,12 +518,12 @@ static void test_what_is_known_of_a_camera(void **state)
     EXPECT_STATUS(camera_lens_read(id, &lens), ERR_INPUT);
     EXPECT_SAYS("ov5647_36.json");
     const struct lens learnt = {W, H, 31.25, 31.5, 15, 11, -0.1, 0.02, 0.001, 0.002, -0.003, 0.02, 0.01};
-    EXPECT_STATUS(camera_lens_keep("learnt@7", &learnt), OK);
+    EXPECT_STATUS(camera_lens_save("learnt@7", &learnt), OK);
     EXPECT_STATUS(camera_lens_read("learnt@7", &lens), OK);
     EXPECT_TRUE(!memcmp(&lens, &learnt, sizeof lens));
     struct lens sure = learnt;
     sure.focal_sigma = 0.0001; // of the next place nobody is so sure
-    EXPECT_STATUS(camera_lens_keep("learnt@7", &sure), OK);
+    EXPECT_STATUS(camera_lens_save("learnt@7", &sure), OK);
     EXPECT_STATUS(camera_lens_read("learnt@7", &lens), OK);
     EXPECT_NEAR(lens.focal_sigma, 0.005, 0);
     unsetenv("XDG_CONFIG_HOME");
@@ -547,22 +547,22 @@ static void test_no_camera(void **state)
 
 int main(void)
 {
-#define IN_A_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, clear_room)
+#define WITH_CASE(test) cmocka_unit_test_setup_teardown(test, make_case, clear_case)
     const struct CMUnitTest tests[] = {
-        IN_A_ROOM(test_round_trip),
-        IN_A_ROOM(test_camera_needs_no_depth),
-        IN_A_ROOM(test_sensor_needs_no_color),
-        IN_A_ROOM(test_another_unit_becomes_millimetres),
-        IN_A_ROOM(test_pairs_by_time),
-        IN_A_ROOM(test_no_such_thing),
-        IN_A_ROOM(test_bad_calibration),
-        IN_A_ROOM(test_two_cameras_apart),
-        IN_A_ROOM(test_bad_lists),
-        IN_A_ROOM(test_times_that_do_not_rise_are_dropped),
-        IN_A_ROOM(test_damaged_pictures),
-        IN_A_ROOM(test_another_size),
-        IN_A_ROOM(test_what_is_known_of_a_camera),
-        IN_A_ROOM(test_no_camera),
+        WITH_CASE(test_round_trip),
+        WITH_CASE(test_camera_needs_no_depth),
+        WITH_CASE(test_sensor_needs_no_color),
+        WITH_CASE(test_another_unit_becomes_millimetres),
+        WITH_CASE(test_pairs_by_time),
+        WITH_CASE(test_no_such_thing),
+        WITH_CASE(test_bad_calibration),
+        WITH_CASE(test_two_cameras_apart),
+        WITH_CASE(test_bad_lists),
+        WITH_CASE(test_non_increasing_times_are_dropped),
+        WITH_CASE(test_damaged_images),
+        WITH_CASE(test_another_size),
+        WITH_CASE(test_camera_metadata),
+        WITH_CASE(test_no_camera),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

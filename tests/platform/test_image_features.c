@@ -14,10 +14,10 @@ static struct feature first[FEATURES_MAX], second[FEATURES_MAX];
 // Squares of all sizes and shades upon each other, with corners in all copies.
 static void draw(void)
 {
-    struct dice dice = {41};
+    struct rng rng = {41};
     for (int i = 0; i < SQUARES; i++) {
-        int side = (int)dice_between(&dice, 4, 60), left = (int)dice_between(&dice, 0, WIDTH - side),
-            top = (int)dice_between(&dice, 0, HEIGHT - side), shade = (int)dice_between(&dice, 0, 255);
+        int side = (int)rng_between(&rng, 4, 60), left = (int)rng_between(&rng, 0, WIDTH - side),
+            top = (int)rng_between(&rng, 0, HEIGHT - side), shade = (int)rng_between(&rng, 0, 255);
         for (int y = top; y < top + side; y++)
             for (int x = left; x < left + side; x++)
                 picture[y * WIDTH + x] = (uint8_t)shade;
@@ -26,14 +26,14 @@ static void draw(void)
         turned[i] = picture[WIDTH * HEIGHT - 1 - i];
 }
 
-static void upside_down_they_are_where_they_were(void **state)
+static void test_features_survive_half_turn(void **state)
 {
     (void)state;
     double sum_x[LEVELS] = {0}, sum_y[LEVELS] = {0}, sum_right[LEVELS] = {0};
     int count[LEVELS] = {0}, count_right[LEVELS] = {0}, found, again;
     draw();
-    EXPECT_STATUS(features_find(picture, WIDTH, HEIGHT, first, FEATURES_MAX, &found), OK);
-    EXPECT_STATUS(features_find(turned, WIDTH, HEIGHT, second, FEATURES_MAX, &again), OK);
+    EXPECT_STATUS(features_detect(picture, WIDTH, HEIGHT, first, FEATURES_MAX, &found), OK);
+    EXPECT_STATUS(features_detect(turned, WIDTH, HEIGHT, second, FEATURES_MAX, &again), OK);
     for (int i = 0; i < found; i++) {
         const int level = (int)(log(first[i].scale) / log(1.2) + 0.5);
         const double reach = 0.8 * first[i].scale + 0.7 * (first[i].scale - 1);
@@ -63,6 +63,6 @@ static void upside_down_they_are_where_they_were(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(upside_down_they_are_where_they_were)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_features_survive_half_turn)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

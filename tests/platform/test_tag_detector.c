@@ -7,23 +7,23 @@ enum { WIDTH = 320, HEIGHT = 240 };
 
 static uint8_t rgb[WIDTH * HEIGHT * 3], gray[WIDTH * HEIGHT];
 
-static int find(struct tag_picture *p, double decimate, struct tag_seen *out)
+static int find(struct tag_picture *p, double decimate, struct tag_detection *out)
 {
-    struct tag_finder *f;
+    struct tag_detector *f;
     int count;
     p->rgb = rgb;
     EXPECT_TRUE(tag_picture_draw(p));
     for (size_t i = 0; i < sizeof gray; i++)
         gray[i] = rgb[3 * i + 1];
-    EXPECT_STATUS(tag_finder_open(&f, decimate), OK);
-    EXPECT_STATUS(tag_finder_find(f, gray, WIDTH, HEIGHT, out, 8, &count), OK);
-    tag_finder_close(&f);
+    EXPECT_STATUS(tag_detector_open(&f, decimate), OK);
+    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, out, 8, &count), OK);
+    tag_detector_close(&f);
     EXPECT_TRUE(f == NULL);
     return count;
 }
 
 // Number, order of corners and the centre-of-pixel convention, upright and turned.
-static void corners_in_order(void **state)
+static void test_corner_order(void **state)
 {
     (void)state;
     for (int turn = 0; turn < 4; turn++) {
@@ -35,7 +35,7 @@ static void corners_in_order(void **state)
                                 .noise = 1,
                                 .seed = 1,
                                 .linear = true};
-        struct tag_seen seen[8];
+        struct tag_detection seen[8];
         struct pixel truth[4], mean = {0, 0};
         EXPECT_INT(find(&p, 1, seen), 1);
         EXPECT_INT(seen[0].id, 17);
@@ -51,7 +51,7 @@ static void corners_in_order(void **state)
     }
 }
 
-static void twins_are_both_reported(void **state)
+static void test_duplicate_tags_are_both_reported(void **state)
 {
     (void)state;
     struct place_tag tags[2] = {{.id = 4, .side_m = 0.15, .world_from_tag = {{0, 0, 0, 1}, {0.2, 0, 0}}},
@@ -60,40 +60,40 @@ static void twins_are_both_reported(void **state)
                             .tags = tags,
                             .tag_count = 2,
                             .world_from_camera = tag_picture_view(1, 0, 0, 0)};
-    struct tag_seen seen[8];
+    struct tag_detection seen[8];
     EXPECT_INT(find(&p, 1, seen), 2);
     EXPECT_TRUE(seen[0].corner[0].x < seen[1].corner[0].x);
 }
 
-static void nothing_to_see(void **state)
+static void test_blank_image(void **state)
 {
     (void)state;
-    struct tag_finder *f;
-    struct tag_seen seen[8];
+    struct tag_detector *f;
+    struct tag_detection seen[8];
     int count = 7;
     memset(gray, 90, sizeof gray);
-    EXPECT_STATUS(tag_finder_open(&f, 2), OK);
-    EXPECT_STATUS(tag_finder_find(f, gray, WIDTH, HEIGHT, seen, 8, &count), OK);
+    EXPECT_STATUS(tag_detector_open(&f, 2), OK);
+    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, seen, 8, &count), OK);
     EXPECT_INT(count, 0);
-    EXPECT_STATUS(tag_finder_find(f, gray, 3, 2, seen, 8, &count), OK); // smaller than anything
+    EXPECT_STATUS(tag_detector_detect(f, gray, 3, 2, seen, 8, &count), OK); // smaller than anything
     EXPECT_INT(count, 0);
-    tag_finder_close(&f);
-    tag_finder_close(&f);
+    tag_detector_close(&f);
+    tag_detector_close(&f);
 }
 
-static void senseless_options(void **state)
+static void test_invalid_options(void **state)
 {
     (void)state;
     static const double bad[] = {0, 0.5, 9, -1, NAN, INFINITY};
     for (size_t i = 0; i < COUNT_OF(bad); i++) {
-        struct tag_finder *f;
-        EXPECT_STATUS(tag_finder_open(&f, bad[i]), ERR_INPUT);
+        struct tag_detector *f;
+        EXPECT_STATUS(tag_detector_open(&f, bad[i]), ERR_INPUT);
         EXPECT_TRUE(f == NULL);
     }
     struct tag_pattern pattern;
     EXPECT_TRUE(!tag_pattern(-1, &pattern));
-    EXPECT_TRUE(!tag_pattern(TAG_NUMBERS, &pattern));
-    EXPECT_TRUE(tag_pattern(TAG_NUMBERS - 1, &pattern));
+    EXPECT_TRUE(!tag_pattern(TAG_ID_COUNT, &pattern));
+    EXPECT_TRUE(tag_pattern(TAG_ID_COUNT - 1, &pattern));
     for (int i = 0; i < TAG_CELLS; i++) { // the rim is black
         EXPECT_INT(pattern.cell[0][i] + pattern.cell[i][0], 0);
         EXPECT_INT(pattern.cell[TAG_CELLS - 1][i] + pattern.cell[i][TAG_CELLS - 1], 0);
@@ -103,10 +103,10 @@ static void senseless_options(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(corners_in_order),
-        cmocka_unit_test(twins_are_both_reported),
-        cmocka_unit_test(nothing_to_see),
-        cmocka_unit_test(senseless_options),
+        cmocka_unit_test(test_corner_order),
+        cmocka_unit_test(test_duplicate_tags_are_both_reported),
+        cmocka_unit_test(test_blank_image),
+        cmocka_unit_test(test_invalid_options),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -29,9 +29,9 @@ static void remove_with_log(const char *path)
 // Adds frames at 30 Hz until it is killed; *added says how many it got rid of.
 static _Noreturn void record_until_killed(const char *path, volatile int64_t *added)
 {
-    struct calibration calibration = some_calibration();
+    struct calibration calibration = sample_calibration();
     struct recording_writer *w;
-    struct made m;
+    struct sample_frame m;
     if (recording_create(&w, path) != OK || recording_begin_take(w, "a", &calibration) != OK)
         _exit(1);
     make_frame(&m, 0);
@@ -61,7 +61,7 @@ static int64_t check_killed(const char *path, int64_t added)
 static void test_kill_at_any_moment(void **state)
 {
     (void)state;
-    struct dice dice = {seed};
+    struct rng rng = {seed};
     volatile int64_t *added =
         mmap(NULL, AT_ONCE * sizeof *added, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     assert_true(added != MAP_FAILED);
@@ -73,7 +73,7 @@ static void test_kill_at_any_moment(void **state)
         for (int i = 0; i < AT_ONCE; i++) {
             snprintf(path[i], sizeof path[i], "%s/killed-%d-%d", folder, round, i);
             added[i] = 0;
-            when_ns[i] = (int64_t)(1.4e9 * dice_uniform(&dice));
+            when_ns[i] = (int64_t)(1.4e9 * rng_uniform(&rng));
             fflush(NULL);
             if (!(child[i] = fork()))
                 record_until_killed(path[i], &added[i]);
@@ -105,12 +105,12 @@ static void test_kill_at_any_moment(void **state)
     munmap((void *)added, AT_ONCE * sizeof *added);
 }
 
-static void test_life_after_a_kill(void **state)
+static void test_append_after_kill(void **state)
 {
     (void)state;
     // The first round's last file: append to it, then let repair complete it.
-    const char *path = path_of("killed-0-9");
-    struct calibration calibration = some_calibration();
+    const char *path = sample_path("killed-0-9");
+    struct calibration calibration = sample_calibration();
     struct recording_report before, report;
     struct recording_writer *w;
     EXPECT_STATUS(recording_verify(path, &before), OK);
@@ -119,17 +119,17 @@ static void test_life_after_a_kill(void **state)
     add_frames(w, 0, 4);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_close(&w), OK);
-    EXPECT_TRUE(database_is_settled(path));
+    EXPECT_TRUE(database_is_single_file(path));
     EXPECT_STATUS(recording_repair(path, &report), OK);
     EXPECT_INT(report.interrupted_takes, 1);
     EXPECT_STATUS(recording_verify(path, &report), OK);
     EXPECT_INT(report.interrupted_takes, 0);
     EXPECT_INT(report.frames, before.frames + 4);
-    EXPECT_TRUE(!file_exists(path_of("killed-0-9.damaged")));
+    EXPECT_TRUE(!file_exists(sample_path("killed-0-9.damaged")));
 
-    path = path_of("killed-0-8"); // repair alone
+    path = sample_path("killed-0-8"); // repair alone
     EXPECT_STATUS(recording_repair(path, &report), OK);
-    EXPECT_TRUE(database_is_settled(path));
+    EXPECT_TRUE(database_is_single_file(path));
 }
 
 // ------------------------------------------------------------- full disk
@@ -141,27 +141,27 @@ static int fill_disk(const char *path, rlim_t most, volatile int64_t *added)
     struct rlimit limit = {most, most};
     if (setrlimit(RLIMIT_FSIZE, &limit))
         return 1;
-    struct calibration calibration = some_calibration();
+    struct calibration calibration = sample_calibration();
     struct recording_writer *w;
     enum status status = recording_create(&w, path);
     if (status != OK)
         return w || status != ERR_IO || file_exists(path) ? 2 : 0;
     status = recording_begin_take(w, "a", &calibration);
-    static struct made m;
+    static struct sample_frame m;
     for (int i = 0; status == OK && i < 4000; i++) {
         make_frame(&m, i);
         status = recording_add_frame(w, &m.frame);
         *added += status == OK;
         free(m.jpeg);
     }
-    if (status != ERR_IO || !strstr(status_sentence(), "disk is full") || !strstr(status_sentence(), path)) {
-        print_error("a full disk says '%s'\n", status_sentence());
+    if (status != ERR_IO || !strstr(status_message(), "disk is full") || !strstr(status_message(), path)) {
+        print_error("a full disk says '%s'\n", status_message());
         return 3;
     }
     if (*added && recording_add_frame(w, &m.frame) == OK)
         return 4;
     status = recording_close(&w);
-    return status == ERR_IO && !w && strstr(status_sentence(), "disk is full") ? 0 : 5;
+    return status == ERR_IO && !w && strstr(status_message(), "disk is full") ? 0 : 5;
 }
 
 static void test_full_disk(void **state)
@@ -225,7 +225,7 @@ static uint64_t hash_of(const char *path)
         EXPECT_STATUS(take_open(&t, r, recording_take_name(r, i)), OK);
         hash = mix(hash, take_body(t)->radius_rate, sizeof take_body(t)->radius_rate);
         for (int64_t k = 0; k < take_frame_count(t); k++) {
-            struct take_pictures p;
+            struct take_images p;
             const struct take_entry *e = take_entry(t, k);
             EXPECT_STATUS(take_read(t, k, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &p), OK);
             hash = mix(hash, &e->time_ns, sizeof e->time_ns);
@@ -268,21 +268,21 @@ static int64_t use_damaged(const char *path, uint64_t whole_hash, int *undetecte
 static void test_cut_anywhere(void **state)
 {
     (void)state;
-    struct dice dice = {seed + 1};
+    struct rng rng = {seed + 1};
     uint8_t *bytes;
     size_t count;
-    write_recording(path_of("whole"));
-    uint64_t hash = hash_of(path_of("whole"));
-    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
+    write_recording(sample_path("whole"));
+    uint64_t hash = hash_of(sample_path("whole"));
+    EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);
     int undetected = 0;
     printf("of %d frames, saved after cuts:", FRAMES + 3);
     for (int i = 0; i < CUTS; i++) {
         size_t at = i < 3   ? (size_t)(i * 50)
                     : i % 2 ? count / 65536 * 65536 * (size_t)i / CUTS / 65536 * 65536
-                            : (size_t)(dice_uniform(&dice) * (double)count);
-        EXPECT_STATUS(file_write(path_of("cut"), bytes, at), OK);
-        printf(" %lld", (long long)use_damaged(path_of("cut"), hash, &undetected));
-        remove_with_log(path_of("cut"));
+                            : (size_t)(rng_uniform(&rng) * (double)count);
+        EXPECT_STATUS(file_write(sample_path("cut"), bytes, at), OK);
+        printf(" %lld", (long long)use_damaged(sample_path("cut"), hash, &undetected));
+        remove_with_log(sample_path("cut"));
     }
     printf("\n");
     EXPECT_INT(undetected, 0);
@@ -292,11 +292,11 @@ static void test_cut_anywhere(void **state)
 static void test_wrong_bytes_anywhere(void **state)
 {
     (void)state;
-    struct dice dice = {seed + 2};
+    struct rng rng = {seed + 2};
     uint8_t *bytes;
     size_t count;
-    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
-    uint64_t hash = hash_of(path_of("whole"));
+    EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(sample_path("whole"));
     int undetected = 0;
     printf("saved after wrong bytes:");
     for (int i = 0; i < MUTATIONS; i++) {
@@ -304,34 +304,34 @@ static void test_wrong_bytes_anywhere(void **state)
         assert_non_null(wrong);
         memcpy(wrong, bytes, count);
         // Single bytes anywhere, or a stretch of zeros, or bytes of the tables' beginning.
-        int changes = 1 + (int)(8 * dice_uniform(&dice));
+        int changes = 1 + (int)(8 * rng_uniform(&rng));
         for (int k = 0; k < changes; k++) {
-            size_t at = (size_t)(dice_uniform(&dice) * (double)(i % 4 == 3 ? 66000 : count));
-            wrong[at] ^= (uint8_t)(1 << (int)(8 * dice_uniform(&dice)));
+            size_t at = (size_t)(rng_uniform(&rng) * (double)(i % 4 == 3 ? 66000 : count));
+            wrong[at] ^= (uint8_t)(1 << (int)(8 * rng_uniform(&rng)));
         }
         if (i % 4 == 1) {
-            size_t at = (size_t)(dice_uniform(&dice) * (double)(count - 5000));
+            size_t at = (size_t)(rng_uniform(&rng) * (double)(count - 5000));
             memset(wrong + at, 0, 5000);
         }
-        EXPECT_STATUS(file_write(path_of("wrong"), wrong, count), OK);
+        EXPECT_STATUS(file_write(sample_path("wrong"), wrong, count), OK);
         free(wrong);
-        printf(" %lld", (long long)use_damaged(path_of("wrong"), hash, &undetected));
-        remove_with_log(path_of("wrong"));
+        printf(" %lld", (long long)use_damaged(sample_path("wrong"), hash, &undetected));
+        remove_with_log(sample_path("wrong"));
     }
     printf("; %d of %d left no trace\n", undetected, MUTATIONS);
     free(bytes);
 }
 
 // A table's name may be damaged so that sqlite finds it all the same: in what is optional, that must not be absence.
-static void test_wrong_byte_in_a_tables_name(void **state)
+static void test_wrong_byte_in_table_name(void **state)
 {
     (void)state;
     static const char *const name[] = {"place",   "place_view",  "take",      "frame",
                                        "picture", "point_error", "tag_error", "point_side"};
     uint8_t *bytes;
     size_t count;
-    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
-    uint64_t hash = hash_of(path_of("whole"));
+    EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(sample_path("whole"));
     int undetected = 0;
     for (size_t i = 0; i < COUNT_OF(name); i++) {
         char row[64]; // of sqlite_schema: type, name, tbl_name
@@ -341,10 +341,10 @@ static void test_wrong_byte_in_a_tables_name(void **state)
         size_t letters[] = {1, strlen("table") + 1};
         for (size_t k = 0; k < COUNT_OF(letters); k++) {
             at[letters[k]] ^= 'a' ^ 'A';
-            EXPECT_STATUS(file_write(path_of("name"), bytes, count), OK);
+            EXPECT_STATUS(file_write(sample_path("name"), bytes, count), OK);
             at[letters[k]] ^= 'a' ^ 'A';
-            EXPECT_INT(use_damaged(path_of("name"), hash, &undetected), FRAMES + 3);
-            remove_with_log(path_of("name"));
+            EXPECT_INT(use_damaged(sample_path("name"), hash, &undetected), FRAMES + 3);
+            remove_with_log(sample_path("name"));
         }
     }
     printf("%d of %zu names left no trace\n", undetected, 2 * COUNT_OF(name));
@@ -352,33 +352,33 @@ static void test_wrong_byte_in_a_tables_name(void **state)
 }
 
 // A table's text may be damaged so that it still parses and only says that id is a column like others.
-static void test_wrong_byte_in_a_tables_text(void **state)
+static void test_wrong_byte_in_table_text(void **state)
 {
     (void)state;
     static const char text[] = "(id INTEGER PRIMARY KEY";
     uint8_t *bytes, *at;
     size_t count;
-    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
-    uint64_t hash = hash_of(path_of("whole"));
+    EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(sample_path("whole"));
     int texts = 0, undetected = 0;
-    struct calibration calibration = some_calibration();
+    struct calibration calibration = sample_calibration();
     for (size_t from = 0; (at = memmem(bytes + from, count - from, text, sizeof text - 1)); texts++) {
         from = (size_t)(at - bytes) + sizeof text - 1;
         uint8_t *blank = at + sizeof "(id INTEGER" - 1;
         *blank = '0';
-        EXPECT_STATUS(file_write(path_of("text"), bytes, count), OK);
+        EXPECT_STATUS(file_write(sample_path("text"), bytes, count), OK);
         *blank = ' ';
-        EXPECT_INT(use_damaged(path_of("text"), hash, &undetected), FRAMES + 3);
+        EXPECT_INT(use_damaged(sample_path("text"), hash, &undetected), FRAMES + 3);
         struct recording_writer *w; // and a take more is found where it was put
         struct recording_report report;
-        EXPECT_STATUS(recording_append(&w, path_of("text")), OK);
+        EXPECT_STATUS(recording_append(&w, sample_path("text")), OK);
         EXPECT_STATUS(recording_begin_take(w, "later", &calibration), OK);
         add_frames(w, 0, 4);
         EXPECT_STATUS(recording_end_take(w), OK);
         EXPECT_STATUS(recording_close(&w), OK);
-        EXPECT_STATUS(recording_verify(path_of("text"), &report), OK);
+        EXPECT_STATUS(recording_verify(sample_path("text"), &report), OK);
         EXPECT_INT(report.frames, FRAMES + 3 + 4);
-        remove_with_log(path_of("text"));
+        remove_with_log(sample_path("text"));
     }
     printf("%d tables' texts, %d left no trace\n", texts, undetected);
     EXPECT_AT_LEAST(texts, 5);
@@ -386,14 +386,14 @@ static void test_wrong_byte_in_a_tables_text(void **state)
 }
 
 // A take's calibration with a wrong size: its pictures know better.
-static void test_wrong_byte_in_a_size(void **state)
+static void test_wrong_byte_in_size(void **state)
 {
     (void)state;
-    struct calibration calibration = some_calibration();
+    struct calibration calibration = sample_calibration();
     uint8_t *bytes, *at, blob[CALIBRATION_BYTES];
     size_t count;
-    EXPECT_STATUS(file_read(path_of("whole"), &bytes, &count), OK);
-    uint64_t hash = hash_of(path_of("whole"));
+    EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);
+    uint64_t hash = hash_of(sample_path("whole"));
     put_calibration(blob, &calibration);
     int found = 0, undetected = 0;
     for (size_t from = 0; (at = memmem(bytes + from, count - from, blob, sizeof blob)); found++) {
@@ -401,10 +401,10 @@ static void test_wrong_byte_in_a_size(void **state)
         const size_t sizes[] = {0, 4, 80, 84}; // width and height for colour, then for depth
         for (size_t i = 0; i < COUNT_OF(sizes); i++) {
             at[sizes[i]] ^= 2;
-            EXPECT_STATUS(file_write(path_of("size"), bytes, count), OK);
+            EXPECT_STATUS(file_write(sample_path("size"), bytes, count), OK);
             at[sizes[i]] ^= 2;
-            EXPECT_INT(use_damaged(path_of("size"), hash, &undetected), FRAMES + 3);
-            remove_with_log(path_of("size"));
+            EXPECT_INT(use_damaged(sample_path("size"), hash, &undetected), FRAMES + 3);
+            remove_with_log(sample_path("size"));
         }
     }
     printf("%d calibrations\n", found);
@@ -421,13 +421,13 @@ int main(void)
     printf("seed REENACT_TEST_SEED=%llu\n", (unsigned long long)seed);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_kill_at_any_moment),
-        cmocka_unit_test(test_life_after_a_kill),
+        cmocka_unit_test(test_append_after_kill),
         cmocka_unit_test(test_full_disk),
         cmocka_unit_test(test_cut_anywhere),
         cmocka_unit_test(test_wrong_bytes_anywhere),
-        cmocka_unit_test(test_wrong_byte_in_a_tables_name),
-        cmocka_unit_test(test_wrong_byte_in_a_tables_text),
-        cmocka_unit_test(test_wrong_byte_in_a_size),
+        cmocka_unit_test(test_wrong_byte_in_table_name),
+        cmocka_unit_test(test_wrong_byte_in_table_text),
+        cmocka_unit_test(test_wrong_byte_in_size),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

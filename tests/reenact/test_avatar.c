@@ -1,4 +1,4 @@
-// The likeness of a painted person: it lies where they were seen, is closed, finds
+// The avatar of a painted person: it lies where they were seen, is closed, finds
 // its way back when the joints are wrong, and may come after the first picture.
 #include "tests/support/painted_person.h"
 #include "tests/support/random.h"
@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-static double mean_gap_mm(const struct outline_gaps *g)
+static double mean_gap_mm(const struct silhouette_gaps *g)
 {
     double sum = 0, count = 0;
     for (int p = 0; p < BONE_COUNT; p++) {
@@ -22,7 +22,7 @@ static double mean_gap_mm(const struct outline_gaps *g)
 // Of a bone's sides, 0: that from which its own x axis points, 1: the other.
 static bool of_side(int number, int side) { return (number % CHART_ANGLES < CHART_ANGLES / 2) == (side == 0); }
 
-static double side_gap_mm(const struct outline_gaps *g, int bone, int side)
+static double side_gap_mm(const struct silhouette_gaps *g, int bone, int side)
 {
     double sum = 0, count = 0;
     for (int i = 0; i < CHART_HEIGHTS * CHART_ANGLES; i++) {
@@ -32,18 +32,18 @@ static double side_gap_mm(const struct outline_gaps *g, int bone, int side)
     return 1000 * sum / count;
 }
 
-static void thin_on_one_side(struct volume *v, int bone)
+static void thin_on_one_side(struct tsdf *v, int bone)
 {
     struct bone_chart thinner[BONE_COUNT];
     memset(thinner, 0, sizeof thinner);
     for (int i = 0; i < CHART_HEIGHTS * CHART_ANGLES; i++)
         thinner[bone].at[i] = of_side(i, 0) ? -0.010F : 0;
-    volume_grow(v, thinner);
+    tsdf_offset(v, thinner);
 }
 
 // The figure lies where the body was painted, is closed, finds its way back when the joints are wrong, and is made as
 // wide as it is seen.
-static void the_figure_lies_on_what_was_seen(void **state)
+static void test_avatar_fits_depth(void **state)
 {
     (void)state;
     static struct painted film;
@@ -53,16 +53,16 @@ static void the_figure_lies_on_what_was_seen(void **state)
     struct painted_take stage;
     painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
     struct source_rays *rays;
-    struct likeness figure;
+    struct avatar figure;
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, 10, NULL), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, 10, NULL), OK);
     long all = 0, close = 0;
     for (int i = 0; i < figure.surface.point_count; i++) {
         const int bone = figure.skins[i].bone[0];
-        if (figure.coat.filled[i] && (bone == PART_UPPER_TORSO || bone == PART_LOWER_TORSO))
+        if (figure.vertex_colors.filled[i] && (bone == PART_UPPER_TORSO || bone == PART_LOWER_TORSO))
             continue; // a back that nobody saw is not round as this body's is (test_volume)
         all++;
-        close += fabs(rest_distance(&figure.rest, figure.surface.points[i])) < 0.015;
+        close += fabs(bind_pose_distance(&figure.bind_pose, figure.surface.points[i])) < 0.015;
     }
     print_message("%d points, %ld of them anything but an unseen back, %ld within 15 mm\n", figure.surface.point_count,
                   all, close);
@@ -77,18 +77,18 @@ static void the_figure_lies_on_what_was_seen(void **state)
     }
     EXPECT_TRUE(edges == 0);
 
-    struct sight sight;
-    EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
-    EXPECT_STATUS(sight_read(&sight, stage.take, 0), OK);
+    struct depth_frame observed;
+    EXPECT_STATUS(depth_frame_open(&observed, stage.take, rays), OK);
+    EXPECT_STATUS(depth_frame_read(&observed, stage.take, 0), OK);
     struct skeleton wrong = s;
     for (int j = 0; j < JOINT_COUNT; j++)
         wrong.joint[j] = v3_add(s.joint[j], v3(0.02, 0, 0.03));
-    struct posture joints;
-    EXPECT_STATUS(posture_of(&figure.rest, &wrong, &joints), OK);
-    const struct align_from from = {joints, joint_errors_at_first(), adjustment_none(), false};
-    const struct adjustment found = align(figure.volume, &sight, &from, NULL);
-    joints = posture_adjusted(&joints, &found);
-    struct skeleton back = posture_skeleton(&figure.rest, &joints);
+    struct bone_transforms joints;
+    EXPECT_STATUS(bone_transforms_of(&figure.bind_pose, &wrong, &joints), OK);
+    const struct icp_input from = {joints, joint_noise_prior(), bone_corrections_identity(), false};
+    const struct bone_corrections found = articulated_icp(figure.tsdf, &observed, &from, NULL);
+    joints = bone_corrections_apply(&joints, &found);
+    struct skeleton back = bone_transforms_skeleton(&figure.bind_pose, &joints);
     double before = 0, after = 0;
     for (int j = 0; j < JOINT_COUNT; j++) {
         before += v3_distance(wrong.joint[j], s.joint[j]) / JOINT_COUNT;
@@ -101,24 +101,24 @@ static void the_figure_lies_on_what_was_seen(void **state)
     for (int p = 0; p < BONE_COUNT; p++)
         for (int i = 0; i < CHART_HEIGHTS * CHART_ANGLES; i++)
             thinner[p].at[i] = -0.010F;
-    struct outline_gaps as_made = {0}, thinned = {0}, met = {0};
-    outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &as_made);
-    volume_grow(figure.volume, thinner);
+    struct silhouette_gaps as_made = {0}, thinned = {0}, met = {0};
+    silhouette_measure(figure.tsdf, take_calibration(stage.take), &observed, &joints, &as_made);
+    tsdf_offset(figure.tsdf, thinner);
     for (int i = 0; i < 20; i++) // as many frames as a part needs to be sure of
-        outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &thinned);
-    outline_meet(figure.volume, &thinned);
-    outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &met);
+        silhouette_measure(figure.tsdf, take_calibration(stage.take), &observed, &joints, &thinned);
+    tsdf_match_silhouettes(figure.tsdf, &thinned);
+    silhouette_measure(figure.tsdf, take_calibration(stage.take), &observed, &joints, &met);
     print_message("outline off by %.1f mm, thinned %.1f mm, met %.1f mm\n", mean_gap_mm(&as_made),
                   mean_gap_mm(&thinned), mean_gap_mm(&met));
     EXPECT_NEAR(mean_gap_mm(&thinned) - mean_gap_mm(&as_made), 10, 2);
     EXPECT_NEAR(mean_gap_mm(&met), 0, 2);
-    thin_on_one_side(figure.volume, PART_LEFT_THIGH);
-    const struct outline_gaps none_yet = {0};
+    thin_on_one_side(figure.tsdf, PART_LEFT_THIGH);
+    const struct silhouette_gaps none_yet = {0};
     thinned = met = none_yet;
     for (int i = 0; i < 20; i++)
-        outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &thinned);
-    outline_meet(figure.volume, &thinned);
-    outline_measure(figure.volume, take_calibration(stage.take), &sight, &joints, &met);
+        silhouette_measure(figure.tsdf, take_calibration(stage.take), &observed, &joints, &thinned);
+    tsdf_match_silhouettes(figure.tsdf, &thinned);
+    silhouette_measure(figure.tsdf, take_calibration(stage.take), &observed, &joints, &met);
     for (int side = 0; side < 2; side++) {
         const double was_mm = side_gap_mm(&thinned, PART_LEFT_THIGH, side),
                      is_mm = side_gap_mm(&met, PART_LEFT_THIGH, side);
@@ -126,8 +126,8 @@ static void the_figure_lies_on_what_was_seen(void **state)
         EXPECT_NEAR(was_mm, side == 0 ? 10 : 0, 3);
         EXPECT_NEAR(is_mm, 0, 2);
     }
-    sight_close(&sight);
-    likeness_free(&figure);
+    depth_frame_close(&observed);
+    avatar_free(&figure);
     source_rays_close(&rays);
     painted_take_close(&stage);
 }
@@ -146,14 +146,14 @@ static void paint_tube(struct painted *out, struct vec3 from, struct vec3 to)
 }
 
 // Something that turns on what carries it.
-struct turning {
+struct turning_limb {
     enum joint joint;      // about this one
     int bone, carrier;     // as the rest pose calls them
     struct vec3 tip, axis; // metres from the joint, unturned; unit
 };
 
 // Laid on frames in which only this is turned, one way and the other: most of that is found.
-static void expect_turned_alone(const struct turning *t)
+static void expect_turned_alone(const struct turning_limb *t)
 {
     enum { LEARNED = 5, WAYS = 3 }; // LEARNED: frames with it unturned, which make the shape sure
     static const double turn_rad[WAYS] = {0, 0.3, -0.3};
@@ -172,18 +172,18 @@ static void expect_turned_alone(const struct turning *t)
     struct painted_take stage;
     painted_take_open(&stage, &ideal, frames, COUNT_OF(frames), &whole_measures);
     struct source_rays *rays;
-    struct likeness figure;
-    struct sight sight;
+    struct avatar figure;
+    struct depth_frame observed;
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, COUNT_OF(frames), NULL), OK);
-    EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, COUNT_OF(frames), NULL), OK);
+    EXPECT_STATUS(depth_frame_open(&observed, stage.take, rays), OK);
     double own_rad[WAYS], carrier_rad[WAYS];
     for (int i = 0; i < WAYS; i++) {
-        struct align_from from = {.joint_errors = joint_errors_at_first(), .start = adjustment_none()};
-        EXPECT_STATUS(sight_read(&sight, stage.take, LEARNED - 1 + i), OK);
-        EXPECT_STATUS(posture_of(&figure.rest, &s, &from.joints), OK);
+        struct icp_input from = {.joint_errors = joint_noise_prior(), .start = bone_corrections_identity()};
+        EXPECT_STATUS(depth_frame_read(&observed, stage.take, LEARNED - 1 + i), OK);
+        EXPECT_STATUS(bone_transforms_of(&figure.bind_pose, &s, &from.joints), OK);
         for (int frame = 0; frame < 5; frame++) // as when each follows the one before
-            from.start = align(figure.volume, &sight, &from, NULL);
+            from.start = articulated_icp(figure.tsdf, &observed, &from, NULL);
         own_rad[i] = v3_dot(t->axis, quat_to_rotation_vector(from.start.bone[t->bone].rotation));
         carrier_rad[i] = v3_dot(t->axis, quat_to_rotation_vector(from.start.bone[t->carrier].rotation));
     }
@@ -193,62 +193,62 @@ static void expect_turned_alone(const struct turning *t)
         EXPECT_NEAR((own_rad[i] - own_rad[0]) / turn_rad[i], 0.9, 0.3);
         EXPECT_AT_MOST(fabs(carrier_rad[i] - carrier_rad[0]), 0.05);
     }
-    sight_close(&sight);
-    likeness_free(&figure);
+    depth_frame_close(&observed);
+    avatar_free(&figure);
     source_rays_close(&rays);
     painted_take_close(&stage);
 }
 
 // It goes to the front and down, and turns outwards or inwards, seen from the toes.
-static void a_foot_turns_by_itself(void **state)
+static void test_foot_rotation_is_independent(void **state)
 {
     (void)state;
     expect_turned_alone(
-        &(struct turning){JOINT_LEFT_FOOT, BONE_LEFT_FOOT, PART_LEFT_SHIN, {0, 0.05, -0.17}, {0, -1, 0}});
+        &(struct turning_limb){JOINT_LEFT_FOOT, BONE_LEFT_FOOT, PART_LEFT_SHIN, {0, 0.05, -0.17}, {0, -1, 0}});
 }
 
 // In a tall hat, it leans over to one side or the other.
-static void a_head_leans_by_itself(void **state)
+static void test_head_lean_is_independent(void **state)
 {
     (void)state;
-    expect_turned_alone(&(struct turning){JOINT_HEAD, BONE_SKULL, PART_HEAD, {0, -0.25, 0}, {0, 0, -1}});
+    expect_turned_alone(&(struct turning_limb){JOINT_HEAD, BONE_SKULL, PART_HEAD, {0, -0.25, 0}, {0, 0, -1}});
 }
 
-// How far joints err, as a likeness found it from frames whose joints were thrown off by up to so much along each axis.
-static struct bone_errors errors_found(double thrown_m)
+// How far joints err, as a avatar found it from frames whose joints were thrown off by up to so much along each axis.
+static struct joint_noise errors_found(double thrown_m)
 {
     enum { FRAMES = 10 };
     static struct painted film;
-    struct dice dice = {5};
+    struct rng rng = {5};
     const struct skeleton s = whole_body(0);
     struct one_frame frames[FRAMES];
     paint_person(&film, &ideal, &s, &whole_measures);
     for (int i = 0; i < FRAMES; i++) {
         frames[i] = (struct one_frame){s, film.rgb, film.depth, film.mask};
         for (int j = 0; j < JOINT_COUNT; j++)
-            frames[i].skeleton.joint[j] = v3_add(
-                s.joint[j],
-                v3_scale(v3(2 * dice_uniform(&dice) - 1, 2 * dice_uniform(&dice) - 1, 2 * dice_uniform(&dice) - 1),
-                         thrown_m));
+            frames[i].skeleton.joint[j] =
+                v3_add(s.joint[j],
+                       v3_scale(v3(2 * rng_uniform(&rng) - 1, 2 * rng_uniform(&rng) - 1, 2 * rng_uniform(&rng) - 1),
+                                thrown_m));
     }
     struct painted_take stage;
     struct source_rays *rays;
-    struct likeness figure;
+    struct avatar figure;
     painted_take_open(&stage, &ideal, frames, FRAMES, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, FRAMES, NULL), OK);
-    const struct bone_errors found = figure.joint_errors;
-    likeness_free(&figure);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, FRAMES, NULL), OK);
+    const struct joint_noise found = figure.joint_errors;
+    avatar_free(&figure);
     source_rays_close(&rays);
     painted_take_close(&stage);
     return found;
 }
 
-static void joints_are_trusted_as_they_err(void **state)
+static void test_joint_weights_follow_noise(void **state)
 {
     (void)state;
     const double THROWN_M = 0.05, middle_m = THROWN_M / sqrt(3) / sqrt(2); // the mean of its two joints' errors
-    const struct bone_errors exact = errors_found(0), thrown = errors_found(THROWN_M);
+    const struct joint_noise exact = errors_found(0), thrown = errors_found(THROWN_M);
     for (int p = 0; p < PART_COUNT; p++) {
         print_message("part %d: exact %.1f mm %.2f rad; thrown off by %.1f mm: %.1f mm %.2f rad\n", p,
                       1000 * exact.m[p], exact.rad[p], 1000 * middle_m, 1000 * thrown.m[p], thrown.rad[p]);
@@ -268,36 +268,36 @@ static double aside_of(const struct skeleton *a, const struct skeleton *b)
     return sum / COUNT_OF(ends);
 }
 
-// The likeness of that many of a take's frames, laid on its last, whose joints are said to be `wrong`: where it has
+// The avatar of that many of a take's frames, laid on its last, whose joints are said to be `wrong`: where it has
 // them.
 static struct skeleton laid_on_last(const struct one_frame *frames, int count, int learned,
                                     const struct skeleton *wrong)
 {
     struct painted_take stage;
     struct source_rays *rays;
-    struct likeness figure;
-    struct sight sight;
-    struct align_from from = {.joint_errors = joint_errors_at_first(), .start = adjustment_none()};
+    struct avatar figure;
+    struct depth_frame observed;
+    struct icp_input from = {.joint_errors = joint_noise_prior(), .start = bone_corrections_identity()};
     painted_take_open(&stage, &ideal, frames, count, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, learned, NULL), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, learned, NULL), OK);
     EXPECT_TRUE(figure.frames[0] == 0);
-    EXPECT_STATUS(sight_open(&sight, stage.take, rays), OK);
-    EXPECT_STATUS(sight_read(&sight, stage.take, count - 1), OK);
-    EXPECT_STATUS(posture_of(&figure.rest, wrong, &from.joints), OK);
-    const struct adjustment found = align(figure.volume, &sight, &from, NULL);
-    const struct posture posture = posture_adjusted(&from.joints, &found);
-    const struct skeleton laid = posture_skeleton(&figure.rest, &posture);
-    sight_close(&sight);
-    likeness_free(&figure);
+    EXPECT_STATUS(depth_frame_open(&observed, stage.take, rays), OK);
+    EXPECT_STATUS(depth_frame_read(&observed, stage.take, count - 1), OK);
+    EXPECT_STATUS(bone_transforms_of(&figure.bind_pose, wrong, &from.joints), OK);
+    const struct bone_corrections found = articulated_icp(figure.tsdf, &observed, &from, NULL);
+    const struct bone_transforms adjusted = bone_corrections_apply(&from.joints, &found);
+    const struct skeleton laid = bone_transforms_skeleton(&figure.bind_pose, &adjusted);
+    depth_frame_close(&observed);
+    avatar_free(&figure);
     source_rays_close(&rays);
     painted_take_close(&stage);
     return laid;
 }
 
-// Of one frame's likeness, laid on one in which depth comes in steps of 6 cm: it hardly tells where a limb is sideways,
+// Of one frame's avatar, laid on one in which depth comes in steps of 6 cm: it hardly tells where a limb is sideways,
 // but the outline does.
-static void limbs_lie_within_their_outline(void **state)
+static void test_limbs_lie_within_silhouette(void **state)
 {
     (void)state;
     enum { STEP_MM = 60 };
@@ -319,11 +319,11 @@ static void limbs_lie_within_their_outline(void **state)
 
 // The arm hangs before the hip, and joints have it nearer to the sensor by about what it is thick: what is seen of its
 // front lies where its back would be. It is not laid on that from behind.
-static void an_arm_is_not_laid_back_to_front(void **state)
+static void test_arm_is_not_fitted_back_to_front(void **state)
 {
     (void)state;
     enum { LEARNED = 5 }; // frames with the arm held apart, which make the shape sure
-    const double TOO_NEAR_M = 0.06;
+    const double TOO_CLOSE_M = 0.06;
     static struct painted films[2];
     static const enum joint arm[] = {JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND};
     struct skeleton apart = whole_body(0), before = apart;
@@ -337,17 +337,17 @@ static void an_arm_is_not_laid_back_to_front(void **state)
     frames[LEARNED] = (struct one_frame){before, films[1].rgb, films[1].depth, films[1].mask};
     struct skeleton wrong = before;
     for (size_t i = 0; i < COUNT_OF(arm); i++)
-        wrong.joint[arm[i]].z -= TOO_NEAR_M;
+        wrong.joint[arm[i]].z -= TOO_CLOSE_M;
     const struct skeleton laid = laid_on_last(frames, LEARNED + 1, LEARNED, &wrong);
     for (size_t i = 0; i < COUNT_OF(arm); i++) {
-        const double near_mm = 1000 * (before.joint[arm[i]].z - laid.joint[arm[i]].z);
-        print_message("%s: %.0f mm too near, then %.1f mm\n", joint_name(arm[i]), 1000 * TOO_NEAR_M, near_mm);
-        EXPECT_NEAR(near_mm, 0, 10);
+        const double gap_mm = 1000 * (before.joint[arm[i]].z - laid.joint[arm[i]].z);
+        print_message("%s: %.0f mm too near, then %.1f mm\n", joint_name(arm[i]), 1000 * TOO_CLOSE_M, gap_mm);
+        EXPECT_NEAR(gap_mm, 0, 10);
     }
 }
 
 struct patience {
-    int told, most;
+    int calls, most;
     double share;
 };
 
@@ -357,12 +357,12 @@ static bool be_patient(void *self, double share)
     EXPECT_AT_LEAST(share, p->share);
     EXPECT_AT_MOST(share, 1);
     p->share = share;
-    return ++p->told < p->most;
+    return ++p->calls < p->most;
 }
 
-// A likeness that comes later is drawn as paper until it is there, and then as if it
+// A avatar that comes later is drawn as paper until it is there, and then as if it
 // had been there from the beginning; and whoever does not want it any more is heard.
-static void the_likeness_may_come_later(void **state)
+static void test_avatar_may_come_later(void **state)
 {
     (void)state;
     static struct painted film;
@@ -373,37 +373,37 @@ static void the_likeness_may_come_later(void **state)
     struct one_frame frame = {s, film.rgb, film.depth, film.mask};
     struct painted_take stage;
     painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
-    struct painter *p = painter_on(&stage, &ideal, DETAIL_FULL);
+    struct renderer *p = painted_take_renderer(&stage, &ideal, DETAIL_FULL);
     draw_picture(p, POSE_IDENTITY, 0, green, &at_once);
-    painter_close(&p);
+    renderer_close(&p);
 
     struct source_rays *rays;
-    struct likeness likeness;
+    struct avatar avatar;
     struct patience calm = {.most = INT32_MAX}, impatient = {.most = 2};
     const struct progress_watch watch = {.went_on = be_patient, .self = &calm},
                                 hasty = {.went_on = be_patient, .self = &impatient};
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(likeness_make(&likeness, stage.take, rays, LIKENESS_FRAMES, &hasty), NOTHING);
-    EXPECT_INT(impatient.told, 2);
-    EXPECT_STATUS(likeness_make(&likeness, stage.take, rays, LIKENESS_FRAMES, &watch), OK);
-    EXPECT_AT_LEAST(calm.told, 3);
+    EXPECT_STATUS(avatar_make(&avatar, stage.take, rays, AVATAR_FRAMES, &hasty), NOTHING);
+    EXPECT_INT(impatient.calls, 2);
+    EXPECT_STATUS(avatar_make(&avatar, stage.take, rays, AVATAR_FRAMES, &watch), OK);
+    EXPECT_AT_LEAST(calm.calls, 3);
 
-    struct painter_options o = painter_default_options();
-    o.likeness_later = true;
-    EXPECT_STATUS(painter_open(&p, stage.gpu, stage.take, &ideal, &o), OK);
+    struct renderer_options o = renderer_default_options();
+    o.avatar_later = true;
+    EXPECT_STATUS(renderer_open(&p, stage.gpu, stage.take, &ideal, &o), OK);
     draw_picture(p, POSE_IDENTITY, 0, green, &before);
     EXPECT_INT(before.result.level, DETAIL_PAPER);
     EXPECT_INT(before.result.parts, PART_COUNT);
-    EXPECT_STATUS(painter_give_likeness(p, &likeness), OK);
+    EXPECT_STATUS(renderer_set_avatar(p, &avatar), OK);
     int pictures = 0;
     do
         draw_picture(p, POSE_IDENTITY, 0, green, &after);
-    while (!painter_settled(p) && ++pictures < 100);
+    while (!renderer_upload_done(p) && ++pictures < 100);
     print_message("%d pictures until it was all there\n", pictures);
     EXPECT_AT_LEAST(pictures, 1); // not all at once
     EXPECT_INT(after.result.level, DETAIL_FULL);
     EXPECT_TRUE(!memcmp(after.actor, at_once.actor, sizeof after.actor));
-    painter_close(&p);
+    renderer_close(&p);
     source_rays_close(&rays);
     painted_take_close(&stage);
 }
@@ -411,10 +411,10 @@ static void the_likeness_may_come_later(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_figure_lies_on_what_was_seen), cmocka_unit_test(a_foot_turns_by_itself),
-        cmocka_unit_test(joints_are_trusted_as_they_err),   cmocka_unit_test(a_head_leans_by_itself),
-        cmocka_unit_test(limbs_lie_within_their_outline),   cmocka_unit_test(an_arm_is_not_laid_back_to_front),
-        cmocka_unit_test(the_likeness_may_come_later),
+        cmocka_unit_test(test_avatar_fits_depth),           cmocka_unit_test(test_foot_rotation_is_independent),
+        cmocka_unit_test(test_joint_weights_follow_noise),  cmocka_unit_test(test_head_lean_is_independent),
+        cmocka_unit_test(test_limbs_lie_within_silhouette), cmocka_unit_test(test_arm_is_not_fitted_back_to_front),
+        cmocka_unit_test(test_avatar_may_come_later),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -12,14 +12,14 @@ enum { FRAMES = 16 };
 enum colors { GAY, PLAIN, FACE };
 
 // Who turns, with colours that go with them: a head about the upright, or a straight left thigh about itself.
-struct turning {
+struct turning_part {
     int bone;
     enum joint about; // is inside it
     enum colors colors;
 };
 
 // Whether a place of the person's surface is the turning part's.
-static bool is_turning(const struct turning *who, const struct skeleton *s, struct vec3 p)
+static bool is_turning(const struct turning_part *who, const struct skeleton *s, struct vec3 p)
 {
     if (who->bone == BONE_SKULL) {
         const struct vec3 neck = s->joint[JOINT_NECK];
@@ -31,7 +31,8 @@ static bool is_turning(const struct turning *who, const struct skeleton *s, stru
 }
 
 // Its colours, turned by `turn_rad`.
-static void paint_turning(struct painted *out, const struct turning *who, const struct skeleton *s, double turn_rad)
+static void paint_turning(struct painted *out, const struct turning_part *who, const struct skeleton *s,
+                          double turn_rad)
 {
     const struct vec3 middle = s->joint[who->about];
     for (int i = 0; i < PIXELS; i++) {
@@ -50,8 +51,8 @@ static void paint_turning(struct painted *out, const struct turning *who, const 
     }
 }
 
-// How the likeness has the part turned in each frame, about the same axis; turn_rad: how it is, then how it has it.
-static void found_turns(const struct turning *who, double *turn_rad)
+// How the avatar has the part turned in each frame, about the same axis; turn_rad: how it is, then how it has it.
+static void found_rotations(const struct turning_part *who, double *turn_rad)
 {
     static struct painted films[FRAMES];
     struct one_frame frames[FRAMES];
@@ -65,31 +66,31 @@ static void found_turns(const struct turning *who, double *turn_rad)
     }
     struct painted_take stage;
     struct source_rays *rays;
-    struct likeness figure;
-    struct posture joints;
+    struct avatar figure;
+    struct bone_transforms joints;
     painted_take_open(&stage, &ideal, frames, FRAMES, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(likeness_make(&figure, stage.take, rays, FRAMES, NULL), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, FRAMES, NULL), OK);
     EXPECT_INT(figure.frame_count, FRAMES);
-    EXPECT_STATUS(posture_of(&figure.rest, &s, &joints), OK);
+    EXPECT_STATUS(bone_transforms_of(&figure.bind_pose, &s, &joints), OK);
     for (int i = 0; i < FRAMES; i++) {
-        const struct posture turned = posture_adjusted(&joints, &figure.adjustments[i]);
+        const struct bone_transforms turned = bone_corrections_apply(&joints, &figure.frame_corrections[i]);
         const struct quat by =
             quat_multiply(turned.bone[who->bone].rotation, quat_conjugate(joints.bone[who->bone].rotation));
         turn_rad[i] = -quat_to_rotation_vector(by).y; // y is down
     }
-    likeness_free(&figure);
+    avatar_free(&figure);
     source_rays_close(&rays);
     painted_take_close(&stage);
 }
 
 // Which way it looks in the mean nobody can tell; how it turns from frame to frame they can.
-static void expect_followed(const struct turning *who, double each_rad, double most_off_rad)
+static void expect_followed(const struct turning_part *who, double each_rad, double most_off_rad)
 {
     double turn_rad[FRAMES], mean = 0, square = 0;
     for (int i = 0; i < FRAMES; i++)
         turn_rad[i] = (i - FRAMES / 2) * each_rad;
-    found_turns(who, turn_rad);
+    found_rotations(who, turn_rad);
     for (int i = 0; i < FRAMES; i++)
         mean += (turn_rad[i] - (i - FRAMES / 2) * each_rad) / FRAMES;
     for (int i = 0; i < FRAMES; i++) {
@@ -101,26 +102,26 @@ static void expect_followed(const struct turning *who, double each_rad, double m
     EXPECT_AT_MOST(sqrt(square), most_off_rad);
 }
 
-static void a_head_is_turned_as_its_colors_are(void **state)
+static void test_head_rotation_follows_colors(void **state)
 {
     (void)state;
-    const struct turning head = {BONE_SKULL, JOINT_HEAD, GAY};
+    const struct turning_part head = {BONE_SKULL, JOINT_HEAD, GAY};
     expect_followed(&head, 0.05, 0.08); // 1.25 rad/s
 }
 
 // A straight leg's joints do not tell how it is turned: a bent knee's would.
-static void a_straight_thigh_is_turned_as_its_colors_are(void **state)
+static void test_straight_thigh_rotation_follows_colors(void **state)
 {
     (void)state;
-    const struct turning thigh = {PART_LEFT_THIGH, JOINT_LEFT_HIP, GAY};
+    const struct turning_part thigh = {PART_LEFT_THIGH, JOINT_LEFT_HIP, GAY};
     expect_followed(&thigh, 0.03, 0.05); // 0.14 rad off if it stayed
 }
 
-static void what_has_no_texture_stays(void **state)
+static void test_textureless_part_is_unchanged(void **state)
 {
     (void)state;
     double turn_rad[FRAMES] = {0}, most = 0;
-    found_turns(&(struct turning){BONE_SKULL, JOINT_HEAD, PLAIN}, turn_rad);
+    found_rotations(&(struct turning_part){BONE_SKULL, JOINT_HEAD, PLAIN}, turn_rad);
     for (int i = 0; i < FRAMES; i++)
         most = fmax(most, fabs(turn_rad[i]));
     print_message("without texture turned by %.3f rad at most\n", most);
@@ -128,13 +129,13 @@ static void what_has_no_texture_stays(void **state)
 }
 
 // Who looks aside at first, hair towards the sensor, and then turns to it, has a face on one side only.
-static void who_looks_aside_first_has_one_face(void **state)
+static void test_initial_sideways_gaze_gives_one_face(void **state)
 {
     (void)state;
     double turn_rad[FRAMES];
     for (int i = 0; i < FRAMES; i++)
         turn_rad[i] = i < FRAMES / 2 ? 1.2 : 1.2 * (FRAMES - 1 - i) / (FRAMES / 2);
-    found_turns(&(struct turning){BONE_SKULL, JOINT_HEAD, FACE}, turn_rad);
+    found_rotations(&(struct turning_part){BONE_SKULL, JOINT_HEAD, FACE}, turn_rad);
     double aside = 0;
     for (int i = 0; i < FRAMES / 2; i++)
         aside += turn_rad[i] / (FRAMES / 2);
@@ -145,10 +146,10 @@ static void who_looks_aside_first_has_one_face(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_head_is_turned_as_its_colors_are),
-        cmocka_unit_test(a_straight_thigh_is_turned_as_its_colors_are),
-        cmocka_unit_test(what_has_no_texture_stays),
-        cmocka_unit_test(who_looks_aside_first_has_one_face),
+        cmocka_unit_test(test_head_rotation_follows_colors),
+        cmocka_unit_test(test_straight_thigh_rotation_follows_colors),
+        cmocka_unit_test(test_textureless_part_is_unchanged),
+        cmocka_unit_test(test_initial_sideways_gaze_gives_one_face),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

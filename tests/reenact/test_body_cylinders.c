@@ -7,7 +7,7 @@
 enum { SEED = 424242 };
 static const double PI = 3.14159265358979323846;
 
-static void expect_frame(const struct part_frame *f)
+static void expect_frame(const struct bone_frame *f)
 {
     EXPECT_NEAR(v3_length(f->x), 1, 1e-9);
     EXPECT_NEAR(v3_length(f->y), 1, 1e-9);
@@ -17,11 +17,11 @@ static void expect_frame(const struct part_frame *f)
     EXPECT_AT_LEAST(f->length, 1e-3);
 }
 
-static struct skeleton random_skeleton(struct dice *dice)
+static struct skeleton random_skeleton(struct rng *rng)
 {
     struct skeleton s;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        s.joint[j] = dice_normal3(dice, 1);
+        s.joint[j] = rng_normal3(rng, 1);
         s.confidence[j] = 1;
     }
     return s;
@@ -56,13 +56,13 @@ static struct skeleton upright(void)
     return s;
 }
 
-static void frames_of_any_skeleton_are_sound(void **state)
+static void test_frames_are_orthonormal_for_any_skeleton(void **state)
 {
     (void)state;
-    struct dice dice = {SEED};
+    struct rng rng = {SEED};
     print_message("seed %d\n", SEED);
     for (int round = 0; round < 300; round++) {
-        struct skeleton s = random_skeleton(&dice);
+        struct skeleton s = random_skeleton(&rng);
         // Every other round a straight limb, every third a camera on the bone's line.
         if (round % 2)
             s.joint[JOINT_LEFT_HAND] = v3_mix(s.joint[JOINT_LEFT_SHOULDER], s.joint[JOINT_LEFT_ELBOW], 2);
@@ -70,76 +70,76 @@ static void frames_of_any_skeleton_are_sound(void **state)
         if (round % 3 == 0)
             eye = v3_mix(s.joint[JOINT_LEFT_SHOULDER], s.joint[JOINT_LEFT_ELBOW], -1);
         for (int p = 0; p < PART_COUNT; p++) {
-            struct part_frame facing, bodily;
-            EXPECT_TRUE(part_frame_facing(&s, (enum part)p, eye, &facing));
+            struct bone_frame facing, bodily;
+            EXPECT_TRUE(bone_frame_viewer_aligned(&s, (enum part)p, eye, &facing));
             expect_frame(&facing);
-            EXPECT_TRUE(part_frame_bodily(&s, (enum part)p, &bodily));
+            EXPECT_TRUE(bone_frame_body_aligned(&s, (enum part)p, &bodily));
             expect_frame(&bodily);
         }
     }
 }
 
-static void facing_leans_towards_the_eye(void **state)
+static void test_facing_leans_towards_viewpoint(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 1};
+    struct rng rng = {SEED + 1};
     for (int round = 0; round < 200; round++) {
-        struct skeleton s = random_skeleton(&dice);
-        struct vec3 eye = dice_normal3(&dice, 3);
-        struct part_frame f;
-        EXPECT_TRUE(part_frame_facing(&s, PART_LEFT_THIGH, eye, &f));
-        struct vec3 in = part_frame_point_in(&f, eye);
+        struct skeleton s = random_skeleton(&rng);
+        struct vec3 eye = rng_normal3(&rng, 3);
+        struct bone_frame f;
+        EXPECT_TRUE(bone_frame_viewer_aligned(&s, PART_LEFT_THIGH, eye, &f));
+        struct vec3 in = bone_frame_local_point(&f, eye);
         EXPECT_NEAR(in.x, 0, 1e-9 * (1 + v3_length(eye)));
         EXPECT_AT_LEAST(in.y, 0);
     }
 }
 
-static void limbs_without_length_have_no_frame(void **state)
+static void test_zero_length_limbs_have_no_frame(void **state)
 {
     (void)state;
     struct skeleton s = upright();
-    struct part_frame f;
+    struct bone_frame f;
     s.joint[JOINT_LEFT_HAND] = s.joint[JOINT_LEFT_ELBOW];
-    EXPECT_TRUE(!part_frame_facing(&s, PART_LEFT_FOREARM, v3(0, 0, 0), &f));
-    EXPECT_TRUE(!part_frame_bodily(&s, PART_LEFT_FOREARM, &f));
-    EXPECT_TRUE(part_frame_bodily(&s, PART_LEFT_UPPER_ARM, &f)); // its neighbour keeps one
+    EXPECT_TRUE(!bone_frame_viewer_aligned(&s, PART_LEFT_FOREARM, v3(0, 0, 0), &f));
+    EXPECT_TRUE(!bone_frame_body_aligned(&s, PART_LEFT_FOREARM, &f));
+    EXPECT_TRUE(bone_frame_body_aligned(&s, PART_LEFT_UPPER_ARM, &f)); // its neighbour keeps one
     expect_frame(&f);
     s = upright();
     s.confidence[JOINT_HEAD] = 0;
     s.joint[JOINT_HEAD] = v3(NAN, NAN, NAN);
-    EXPECT_TRUE(!part_frame_facing(&s, PART_HEAD, v3(0, 0, 0), &f));
-    EXPECT_TRUE(!part_frame_bodily(&s, PART_HEAD, &f));
+    EXPECT_TRUE(!bone_frame_viewer_aligned(&s, PART_HEAD, v3(0, 0, 0), &f));
+    EXPECT_TRUE(!bone_frame_body_aligned(&s, PART_HEAD, &f));
     s.joint[JOINT_RIGHT_KNEE] = v3(NAN, 0, 0);
     s.confidence[JOINT_RIGHT_KNEE] = 1;
-    EXPECT_TRUE(!part_frame_facing(&s, PART_RIGHT_SHIN, v3(0, 0, 0), &f));
+    EXPECT_TRUE(!bone_frame_viewer_aligned(&s, PART_RIGHT_SHIN, v3(0, 0, 0), &f));
 }
 
-static void front_stays_front(void **state)
+static void test_front_axis_is_kept(void **state)
 {
     (void)state;
     struct skeleton s = upright();
     for (int p = 0; p < PART_COUNT; p++) {
-        struct part_frame f;
-        EXPECT_TRUE(part_frame_bodily(&s, (enum part)p, &f));
+        struct bone_frame f;
+        EXPECT_TRUE(bone_frame_body_aligned(&s, (enum part)p, &f));
         EXPECT_NEAR(v3_dot(f.y, v3(0, 0, -1)), 1, 0.02); // the chest's side is the camera's
     }
     // A forearm raised to the front shows its former front upwards; a shin bent
     // back shows its former front downwards.
     s.joint[JOINT_LEFT_HAND] = v3_add(s.joint[JOINT_LEFT_ELBOW], v3(0, 0, -0.28));
     s.joint[JOINT_LEFT_FOOT] = v3_add(s.joint[JOINT_LEFT_KNEE], v3(0, 0, 0.4));
-    struct part_frame f;
-    EXPECT_TRUE(part_frame_bodily(&s, PART_LEFT_FOREARM, &f));
+    struct bone_frame f;
+    EXPECT_TRUE(bone_frame_body_aligned(&s, PART_LEFT_FOREARM, &f));
     EXPECT_AT_LEAST(v3_dot(f.y, v3(0, -1, 0)), 0.9);
-    EXPECT_TRUE(part_frame_bodily(&s, PART_LEFT_SHIN, &f));
+    EXPECT_TRUE(bone_frame_body_aligned(&s, PART_LEFT_SHIN, &f));
     EXPECT_AT_LEAST(v3_dot(f.y, v3(0, 1, 0)), 0.9);
 }
 
 // Bending an elbow by a degree at a time never makes the twist jump.
-static void twist_passes_smoothly_from_carried_to_hinge(void **state)
+static void test_twist_blends_from_frame_to_hinge(void **state)
 {
     (void)state;
     for (int side = 0; side < 4; side++) { // the plane the arm bends in
-        struct part_frame last = {0};
+        struct bone_frame last = {0};
         for (int degree = 0; degree <= 120; degree++) {
             struct skeleton s = upright();
             struct vec3 down = v3_unit(v3_sub(s.joint[JOINT_LEFT_ELBOW], s.joint[JOINT_LEFT_SHOULDER]));
@@ -149,8 +149,8 @@ static void twist_passes_smoothly_from_carried_to_hinge(void **state)
             double bend = degree * PI / 180;
             struct vec3 along = v3_add(v3_scale(down, cos(bend)), v3_scale(ahead, sin(bend)));
             s.joint[JOINT_LEFT_HAND] = v3_add(s.joint[JOINT_LEFT_ELBOW], v3_scale(along, 0.28));
-            struct part_frame f;
-            EXPECT_TRUE(part_frame_bodily(&s, PART_LEFT_UPPER_ARM, &f));
+            struct bone_frame f;
+            EXPECT_TRUE(bone_frame_body_aligned(&s, PART_LEFT_UPPER_ARM, &f));
             if (degree)
                 EXPECT_AT_MOST(acos(fmin(1, v3_dot(f.y, last.y))) * 180 / PI, 5);
             last = f;
@@ -158,43 +158,43 @@ static void twist_passes_smoothly_from_carried_to_hinge(void **state)
     }
 }
 
-static void frames_move_with_the_body(void **state)
+static void test_frames_are_rigidly_equivariant(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 2};
+    struct rng rng = {SEED + 2};
     for (int round = 0; round < 100; round++) {
-        struct skeleton s = random_skeleton(&dice);
-        struct quat turn = quat_from_rotation_vector(dice_normal3(&dice, 2));
-        struct pose move = {turn, dice_normal3(&dice, 1)};
+        struct skeleton s = random_skeleton(&rng);
+        struct quat random_rotation = quat_from_rotation_vector(rng_normal3(&rng, 2));
+        struct pose move = {random_rotation, rng_normal3(&rng, 1)};
         struct skeleton moved = skeleton_transform(move, &s);
         for (int p = 0; p < PART_COUNT; p++) {
-            struct part_frame a, b;
-            EXPECT_TRUE(part_frame_bodily(&s, (enum part)p, &a));
-            EXPECT_TRUE(part_frame_bodily(&moved, (enum part)p, &b));
+            struct bone_frame a, b;
+            EXPECT_TRUE(bone_frame_body_aligned(&s, (enum part)p, &a));
+            EXPECT_TRUE(bone_frame_body_aligned(&moved, (enum part)p, &b));
             EXPECT_NEAR(v3_distance(quat_rotate(move.rotation, a.y), b.y), 0, 1e-7);
             EXPECT_NEAR(v3_distance(pose_apply(move, a.origin), b.origin), 0, 1e-9);
         }
     }
 }
 
-static void map_takes_the_cylinder_to_the_bone(void **state)
+static void test_map_takes_cylinder_to_bone(void **state)
 {
     (void)state;
     struct skeleton s = upright();
-    struct part_frame f;
-    EXPECT_TRUE(part_frame_facing(&s, PART_RIGHT_UPPER_ARM, v3(0, 0, 0), &f));
-    struct part_map m = cylinder_map(&f, 0.05);
+    struct bone_frame f;
+    EXPECT_TRUE(bone_frame_viewer_aligned(&s, PART_RIGHT_UPPER_ARM, v3(0, 0, 0), &f));
+    struct affine_map m = cylinder_affine(&f, 0.05);
     const double local[3] = {0.6, -0.8, 0.25};
     double p[3];
     for (int i = 0; i < 3; i++)
         p[i] = m.row[i][0] * local[0] + m.row[i][1] * local[1] + m.row[i][2] * local[2] + m.row[i][3];
-    struct vec3 in = part_frame_point_in(&f, v3(p[0], p[1], p[2]));
+    struct vec3 in = bone_frame_local_point(&f, v3(p[0], p[1], p[2]));
     EXPECT_NEAR(in.x, 0.03, 1e-6);
     EXPECT_NEAR(in.y, -0.04, 1e-6);
     EXPECT_NEAR(in.z, 0.25 * f.length, 1e-6);
 }
 
-static void meshes_are_sound(void **state)
+static void test_meshes_are_valid(void **state)
 {
     (void)state;
     for (int shape = 0; shape < 2; shape++)
@@ -224,7 +224,7 @@ static void meshes_are_sound(void **state)
         }
 }
 
-static void sides_keep_the_outline(void **state)
+static void test_side_count_keeps_silhouette(void **state)
 {
     (void)state;
     for (double radius = 1; radius < 80; radius *= 1.3) {
@@ -240,15 +240,15 @@ static void sides_keep_the_outline(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(frames_of_any_skeleton_are_sound),
-        cmocka_unit_test(facing_leans_towards_the_eye),
-        cmocka_unit_test(limbs_without_length_have_no_frame),
-        cmocka_unit_test(front_stays_front),
-        cmocka_unit_test(twist_passes_smoothly_from_carried_to_hinge),
-        cmocka_unit_test(frames_move_with_the_body),
-        cmocka_unit_test(map_takes_the_cylinder_to_the_bone),
-        cmocka_unit_test(meshes_are_sound),
-        cmocka_unit_test(sides_keep_the_outline),
+        cmocka_unit_test(test_frames_are_orthonormal_for_any_skeleton),
+        cmocka_unit_test(test_facing_leans_towards_viewpoint),
+        cmocka_unit_test(test_zero_length_limbs_have_no_frame),
+        cmocka_unit_test(test_front_axis_is_kept),
+        cmocka_unit_test(test_twist_blends_from_frame_to_hinge),
+        cmocka_unit_test(test_frames_are_rigidly_equivariant),
+        cmocka_unit_test(test_map_takes_cylinder_to_bone),
+        cmocka_unit_test(test_meshes_are_valid),
+        cmocka_unit_test(test_side_count_keeps_silhouette),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

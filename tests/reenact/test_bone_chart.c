@@ -7,7 +7,7 @@
 #include <string.h>
 
 // Along x, its own axes turned against the world's.
-static const struct part_frame bone = {{1, 2, 3}, {0, 0, 1}, {0, -1, 0}, {1, 0, 0}, 0.4};
+static const struct bone_frame bone = {{1, 2, 3}, {0, 0, 1}, {0, -1, 0}, {1, 0, 0}, 0.4};
 
 static struct vec3 beside(double along_m, double angle_rad, double away_m)
 {
@@ -17,20 +17,20 @@ static struct vec3 beside(double along_m, double angle_rad, double away_m)
 
 static double value_at(const struct bone_chart *chart, struct vec3 point)
 {
-    const struct chart_place place = chart_place_of(&bone, point);
+    const struct chart_sample place = chart_sample_at(&bone, point);
     return (double)bone_chart_at(chart, &place);
 }
 
 // A number that rises with height and goes round with the angle, put in place by place, is read where it was put.
-static void what_is_put_there_is_found_there(void **state)
+static void test_stored_value_is_read_back(void **state)
 {
     (void)state;
     static struct bone_chart sum, count;
-    struct dice dice = {11};
+    struct rng rng = {11};
     print_message("seed 11\n");
     for (int i = 0; i < 200000; i++) {
-        const double along = -0.3 + dice_uniform(&dice), angle = 7 * dice_uniform(&dice) - 3.5;
-        const struct chart_place place = chart_place_of(&bone, beside(along, angle, 0.05));
+        const double along = -0.3 + rng_uniform(&rng), angle = 7 * rng_uniform(&rng) - 3.5;
+        const struct chart_sample place = chart_sample_at(&bone, beside(along, angle, 0.05));
         bone_chart_add(&sum, &place, (float)(along + 0.1 * sin(angle)));
         bone_chart_add(&count, &place, 1);
     }
@@ -46,7 +46,7 @@ static void what_is_put_there_is_found_there(void **state)
     EXPECT_AT_MOST(worst, 0.02);
 }
 
-static void beyond_its_border_it_is_as_at_the_border(void **state)
+static void test_lookup_clamps_at_border(void **state)
 {
     (void)state;
     struct bone_chart chart;
@@ -58,13 +58,13 @@ static void beyond_its_border_it_is_as_at_the_border(void **state)
     EXPECT_NEAR(value_at(&chart, beside(0.2, 0, 0)), (CHART_HEIGHTS - 1) / 2.0, 1e-5); // on the bone itself
 }
 
-static void evened_out_it_spreads_all_the_way_round(void **state)
+static void test_smoothing_wraps_around(void **state)
 {
     (void)state;
     struct bone_chart chart;
     memset(&chart, 0, sizeof chart);
     chart.at[3 * CHART_ANGLES] = 16;
-    bone_chart_even(&chart);
+    bone_chart_smooth(&chart);
     EXPECT_NEAR((double)chart.at[3 * CHART_ANGLES], 4, 1e-6);
     EXPECT_NEAR((double)chart.at[3 * CHART_ANGLES + CHART_ANGLES - 1], 2, 1e-6);
     EXPECT_NEAR((double)chart.at[4 * CHART_ANGLES + 1], 1, 1e-6);
@@ -74,9 +74,9 @@ static void evened_out_it_spreads_all_the_way_round(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_put_there_is_found_there),
-        cmocka_unit_test(beyond_its_border_it_is_as_at_the_border),
-        cmocka_unit_test(evened_out_it_spreads_all_the_way_round),
+        cmocka_unit_test(test_stored_value_is_read_back),
+        cmocka_unit_test(test_lookup_clamps_at_border),
+        cmocka_unit_test(test_smoothing_wraps_around),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

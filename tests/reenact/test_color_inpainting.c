@@ -14,31 +14,31 @@ static const float red[3] = {0.5F, 0.02F, 0.02F}, black[3] = {0.02F, 0.02F, 0.02
                    nothing[3] = {0, 1, 0};
 
 struct person {
-    struct rest rest;
-    struct surface surface;
-    struct skin skins[POINTS];
-    struct coat coat;
+    struct bind_pose bind;
+    struct surface_mesh surface;
+    struct skin_weights skins[POINTS];
+    struct vertex_colors vertex_colors;
     const float *truth[POINTS];
-    float told[POINTS][3]; // what coat_fill is given
+    float given[POINTS][3]; // what color_inpaint is given
 };
 
 enum { SPECK = 7 }; // of so many points one was seen wrongly, as at edges
 
-static struct part_frame frame_along(struct vec3 from, double length)
+static struct bone_frame frame_along(struct vec3 from, double length)
 {
-    return (struct part_frame){from, v3(1, 0, 0), v3(0, 0, -1), v3(0, 1, 0), length}; // hanging; y is the front
+    return (struct bone_frame){from, v3(1, 0, 0), v3(0, 0, -1), v3(0, 1, 0), length}; // hanging; y is the front
 }
 
-// A point of the surface, of a colour that coat_fill is told only if it was seen.
+// A point of the surface, of a colour that color_inpaint is told only if it was seen.
 static void put(struct person *p, int at, int bone, struct vec3 point, const float *color, bool seen)
 {
     p->surface.points[at] = point;
-    p->skins[at] = (struct skin){{(uint8_t)bone}, {1}};
+    p->skins[at] = (struct skin_weights){{(uint8_t)bone}, {1}};
     p->truth[at] = color;
-    memcpy(p->told[at], !seen ? nothing : at % SPECK || at >= ARMS ? color : wrong, sizeof p->told[at]);
-    memcpy(p->coat.color[at], p->told[at], sizeof p->told[at]);
-    p->coat.time_s[at] = seen ? 1.5F : 0;
-    p->coat.filled[at] = !seen;
+    memcpy(p->given[at], !seen ? nothing : at % SPECK || at >= ARMS ? color : wrong, sizeof p->given[at]);
+    memcpy(p->vertex_colors.color[at], p->given[at], sizeof p->given[at]);
+    p->vertex_colors.time_s[at] = seen ? 1.5F : 0;
+    p->vertex_colors.filled[at] = !seen;
 }
 
 static void put_trunk(struct person *p)
@@ -53,7 +53,7 @@ static void put_trunk(struct person *p)
 
 static void put_head(struct person *p)
 {
-    const struct vec3 middle = p->rest.frame[BONE_SKULL].origin;
+    const struct vec3 middle = p->bind.frame[BONE_SKULL].origin;
     for (int i = 0; i < PIECE; i++) {
         const double angle = 2 * PI * (i % AROUND) / AROUND, up = PI * (i / AROUND + 0.5) / ALONG;
         const struct vec3 out = {sin(up) * sin(angle), -cos(up), -sin(up) * cos(angle)};
@@ -78,15 +78,15 @@ static void put_arms(struct person *p)
 static struct person *person_make(void)
 {
     struct person *p = calloc(1, sizeof *p);
-    p->rest.frame[PART_UPPER_TORSO] = frame_along(v3(0, 0, 0), 0.5);
-    p->rest.frame[PART_LEFT_UPPER_ARM] = frame_along(v3(0.3, 0, 0), 0.3);
-    p->rest.frame[PART_RIGHT_UPPER_ARM] = frame_along(v3(-0.3, 0, 0), 0.3);
-    p->rest.frame[BONE_SKULL] = frame_along(v3(0, -0.3, 0), 0.1);
+    p->bind.frame[PART_UPPER_TORSO] = frame_along(v3(0, 0, 0), 0.5);
+    p->bind.frame[PART_LEFT_UPPER_ARM] = frame_along(v3(0.3, 0, 0), 0.3);
+    p->bind.frame[PART_RIGHT_UPPER_ARM] = frame_along(v3(-0.3, 0, 0), 0.3);
+    p->bind.frame[BONE_SKULL] = frame_along(v3(0, -0.3, 0), 0.1);
     p->surface.points = calloc(POINTS, sizeof *p->surface.points);
     p->surface.point_count = POINTS;
-    p->coat.color = calloc(POINTS, sizeof *p->coat.color);
-    p->coat.time_s = calloc(POINTS, sizeof *p->coat.time_s);
-    p->coat.filled = calloc(POINTS, 1);
+    p->vertex_colors.color = calloc(POINTS, sizeof *p->vertex_colors.color);
+    p->vertex_colors.time_s = calloc(POINTS, sizeof *p->vertex_colors.time_s);
+    p->vertex_colors.filled = calloc(POINTS, 1);
     put_trunk(p);
     put_head(p);
     put_arms(p);
@@ -95,8 +95,8 @@ static struct person *person_make(void)
 
 static void person_free(struct person *p)
 {
-    surface_free(&p->surface);
-    coat_free(&p->coat);
+    surface_mesh_free(&p->surface);
+    vertex_colors_free(&p->vertex_colors);
     free(p);
 }
 
@@ -104,7 +104,7 @@ static float off_from(const struct person *p, int at, const float color[3])
 {
     float most = 0;
     for (int c = 0; c < 3; c++)
-        most = fmaxf(most, fabsf(sqrtf(p->coat.color[at][c]) - sqrtf(color[c])));
+        most = fmaxf(most, fabsf(sqrtf(p->vertex_colors.color[at][c]) - sqrtf(color[c])));
     return most;
 }
 
@@ -120,7 +120,7 @@ static float worst_but(const struct person *p, int piece, double share)
     static float off[PIECE];
     int count = 0;
     for (int i = piece; i < piece + PIECE; i++)
-        if (p->coat.filled[i])
+        if (p->vertex_colors.filled[i])
             off[count++] = off_from(p, i, p->truth[i]);
     assert_true(count > 0);
     qsort(off, (size_t)count, sizeof *off, by_value);
@@ -132,12 +132,12 @@ static float worst_but(const struct person *p, int piece, double share)
 static struct person *filled_person(void)
 {
     struct person *p = person_make();
-    EXPECT_STATUS(coat_fill(&p->coat, &p->surface, p->skins, &p->rest), OK);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
     return p;
 }
 
 // Red above, black below, and no print; where one ends and the other begins it may be either.
-static void a_back_is_as_the_front_without_its_print(void **state)
+static void test_back_copies_front_without_print(void **state)
 {
     (void)state;
     struct person *p = filled_person();
@@ -145,7 +145,7 @@ static void a_back_is_as_the_front_without_its_print(void **state)
     person_free(p);
 }
 
-static void a_head_has_its_face_before(void **state)
+static void test_head_has_face_in_front(void **state)
 {
     (void)state;
     struct person *p = filled_person();
@@ -154,7 +154,7 @@ static void a_head_has_its_face_before(void **state)
 }
 
 // The right arm's stripe is nowhere to be seen but on the left one.
-static void one_arm_is_as_the_other(void **state)
+static void test_arm_copies_other_arm(void **state)
 {
     (void)state;
     struct person *p = filled_person();
@@ -162,40 +162,40 @@ static void one_arm_is_as_the_other(void **state)
     person_free(p);
 }
 
-static void what_was_seen_stays(void **state)
+static void test_seen_colors_are_kept(void **state)
 {
     (void)state;
     struct person *p = filled_person();
     for (int i = 0; i < POINTS; i++)
-        if (!p->coat.filled[i])
-            EXPECT_AT_MOST(off_from(p, i, p->told[i]), 0);
+        if (!p->vertex_colors.filled[i])
+            EXPECT_AT_MOST(off_from(p, i, p->given[i]), 0);
     person_free(p);
 }
 
 // Of a part nothing of which was seen its neighbour tells; of a person nothing of whom was, nobody.
-static void a_part_nobody_saw(void **state)
+static void test_unseen_part(void **state)
 {
     (void)state;
     struct person *p = person_make();
-    memset(p->coat.filled + HEAD, 1, PIECE);
-    EXPECT_STATUS(coat_fill(&p->coat, &p->surface, p->skins, &p->rest), OK);
+    memset(p->vertex_colors.filled + HEAD, 1, PIECE);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
     float green = 0;
     for (int i = HEAD; i < HEAD + PIECE; i++)
-        green = fmaxf(green, p->coat.color[i][1]);
+        green = fmaxf(green, p->vertex_colors.color[i][1]);
     EXPECT_AT_MOST(green, 0.25); // as the nearest of the trunk, not the 1 that it was
-    memset(p->coat.filled, 1, POINTS);
-    EXPECT_STATUS(coat_fill(&p->coat, &p->surface, p->skins, &p->rest), OK);
+    memset(p->vertex_colors.filled, 1, POINTS);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
     person_free(p);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_back_is_as_the_front_without_its_print),
-        cmocka_unit_test(a_head_has_its_face_before),
-        cmocka_unit_test(one_arm_is_as_the_other),
-        cmocka_unit_test(what_was_seen_stays),
-        cmocka_unit_test(a_part_nobody_saw),
+        cmocka_unit_test(test_back_copies_front_without_print),
+        cmocka_unit_test(test_head_has_face_in_front),
+        cmocka_unit_test(test_arm_copies_other_arm),
+        cmocka_unit_test(test_seen_colors_are_kept),
+        cmocka_unit_test(test_unseen_part),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

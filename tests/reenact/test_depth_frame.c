@@ -11,29 +11,29 @@
 enum { NARROW_PX = 2, WIDE_PX = 40, WALL_MM = 8000 };
 
 // One frame of a painted person, sorted.
-struct seen {
+struct labelled_case {
     struct painted_take stage;
     struct source_rays *rays;
-    struct sight sight;
+    struct depth_frame observed;
 };
 
-static void see(struct seen *s, const struct one_frame *frame)
+static void see(struct labelled_case *s, const struct one_frame *frame)
 {
     painted_take_open(&s->stage, &ideal, frame, 1, &whole_measures);
     EXPECT_STATUS(source_rays_open(&s->rays, take_calibration(s->stage.take)), OK);
-    EXPECT_STATUS(sight_open(&s->sight, s->stage.take, s->rays), OK);
-    EXPECT_STATUS(sight_read(&s->sight, s->stage.take, 0), OK);
+    EXPECT_STATUS(depth_frame_open(&s->observed, s->stage.take, s->rays), OK);
+    EXPECT_STATUS(depth_frame_read(&s->observed, s->stage.take, 0), OK);
 }
 
-static void see_no_more(struct seen *s)
+static void see_no_more(struct labelled_case *s)
 {
-    sight_close(&s->sight);
+    depth_frame_close(&s->observed);
     source_rays_close(&s->rays);
     painted_take_close(&s->stage);
 }
 
 // As large in the picture, so that much larger.
-static struct skeleton carried_off(const struct skeleton *joints, double depth_mm)
+static struct skeleton scaled_to_depth(const struct skeleton *joints, double depth_mm)
 {
     struct skeleton s = *joints;
     for (int j = 0; j < JOINT_COUNT; j++)
@@ -55,23 +55,23 @@ static void count_beside(struct painted *film, int shade_px, int *empty, int *wr
 {
     const struct skeleton joints = whole_body(0);
     struct one_frame frame = {joints, film->rgb, film->depth, film->mask};
-    struct seen seen;
+    struct labelled_case seen;
     paint_person(film, &ideal, &joints, &whole_measures);
     const uint16_t wall = film->depth[0];
     shade(film, shade_px);
     see(&seen, &frame);
-    const struct sight *sight = &seen.sight;
+    const struct depth_frame *observed = &seen.observed;
     *empty = *wrong = 0;
-    for (int y = sight->top; y <= sight->bottom; y++)
-        for (int x = sight->left; x < W; x++) {
+    for (int y = observed->top; y <= observed->bottom; y++)
+        for (int x = observed->left; x < W; x++) {
             int i = y * W + x;
-            *empty += !film->mask[i] && !sight->depth[i];
-            *wrong += !film->mask[i] && sight->depth[i] && sight->depth[i] != wall;
+            *empty += !film->mask[i] && !observed->depth[i];
+            *wrong += !film->mask[i] && observed->depth[i] && observed->depth[i] != wall;
         }
     see_no_more(&seen);
 }
 
-static void what_the_lamp_does_not_reach_is_room(void **state)
+static void test_unlit_pixels_are_room(void **state)
 {
     (void)state;
     static struct painted film;
@@ -85,21 +85,22 @@ static void what_the_lamp_does_not_reach_is_room(void **state)
 }
 
 // Pixels about the person, as far as edges are told, that differ.
-static int differing(const struct sight *a, const struct sight *b)
+static int differing(const struct depth_frame *a, const struct depth_frame *b)
 {
     int count = 0;
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++) {
             int i = y * W + x;
-            bool near = x >= a->left - SIGHT_EDGE_MOST && x <= a->right + SIGHT_EDGE_MOST &&
-                        y >= a->top - SIGHT_EDGE_MOST && y <= a->bottom + SIGHT_EDGE_MOST;
-            count += near && (a->depth[i] != b->depth[i] || a->part[i] != b->part[i] || a->edge[i] != b->edge[i] ||
-                              a->half[i] != b->half[i]);
+            bool within_edges = x >= a->left - DEPTH_FRAME_MAX_EDGE_PX && x <= a->right + DEPTH_FRAME_MAX_EDGE_PX &&
+                                y >= a->top - DEPTH_FRAME_MAX_EDGE_PX && y <= a->bottom + DEPTH_FRAME_MAX_EDGE_PX;
+            count +=
+                within_edges && (a->depth[i] != b->depth[i] || a->part[i] != b->part[i] ||
+                                 a->edge_distance[i] != b->edge_distance[i] || a->half_width[i] != b->half_width[i]);
         }
     return count;
 }
 
-static void what_is_kept_comes_back(void **state)
+static void test_cached_frame_is_identical(void **state)
 {
     (void)state;
     static struct painted film;
@@ -108,24 +109,24 @@ static void what_is_kept_comes_back(void **state)
     struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
     struct painted_take stage;
     struct source_rays *rays;
-    struct sight fresh, brought;
+    struct depth_frame fresh, brought;
     const int64_t first = 0;
     paint_person(&film, &ideal, &joints, &whole_measures);
     painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(sight_open(&fresh, stage.take, rays), OK);
-    EXPECT_STATUS(sight_open(&brought, stage.take, rays), OK);
-    EXPECT_STATUS(sight_read(&fresh, stage.take, 0), OK);
+    EXPECT_STATUS(depth_frame_open(&fresh, stage.take, rays), OK);
+    EXPECT_STATUS(depth_frame_open(&brought, stage.take, rays), OK);
+    EXPECT_STATUS(depth_frame_read(&fresh, stage.take, 0), OK);
     for (size_t k = 0; k < COUNT_OF(most_bytes); k++) {
-        struct sights *sights;
-        EXPECT_STATUS(sights_open(&sights, stage.take, &first, 1, most_bytes[k]), OK);
+        struct depth_frame_cache *cache;
+        EXPECT_STATUS(depth_frame_cache_open(&cache, stage.take, &first, 1, most_bytes[k]), OK);
         for (int time = 0; time < 3; time++) {
             memset(brought.depth, 1, sizeof *brought.depth * PIXELS);
             memset(brought.part, 1, PIXELS); // as whoever worked on it leaves it
-            memset(brought.edge, 1, PIXELS);
-            memset(brought.half, 1, PIXELS);
+            memset(brought.edge_distance, 1, PIXELS);
+            memset(brought.half_width, 1, PIXELS);
             brought.left = brought.top = brought.right = brought.bottom = 7;
-            EXPECT_STATUS(sights_read(sights, 0, &brought), OK);
+            EXPECT_STATUS(depth_frame_cache_read(cache, 0, &brought), OK);
             EXPECT_INT(differing(&fresh, &brought), 0);
             EXPECT_INT(brought.left, fresh.left);
             EXPECT_INT(brought.top, fresh.top);
@@ -133,16 +134,16 @@ static void what_is_kept_comes_back(void **state)
             EXPECT_INT(brought.bottom, fresh.bottom);
             EXPECT_INT(brought.has_mask, fresh.has_mask);
         }
-        sights_close(&sights);
+        depth_frame_cache_close(&cache);
     }
-    sight_close(&fresh);
-    sight_close(&brought);
+    depth_frame_close(&fresh);
+    depth_frame_close(&brought);
     source_rays_close(&rays);
     painted_take_close(&stage);
 }
 
 // The person's pixels that are at an edge though all around them are the person's, too.
-static int edges_within(const struct sight *s, const uint8_t *mask)
+static int edges_within(const struct depth_frame *s, const uint8_t *mask)
 {
     int count = 0;
     for (int y = 1; y < H - 1; y++)
@@ -151,13 +152,13 @@ static int edges_within(const struct sight *s, const uint8_t *mask)
             bool within = true;
             for (int k = 0; k < 9; k++)
                 within = within && mask[i + (k / 3 - 1) * W + k % 3 - 1];
-            count += within && !s->edge[i];
+            count += within && !s->edge_distance[i];
         }
     return count;
 }
 
 // A flat person in steps, every other reading by one nearer; and with one half before the other.
-static void steps_of_a_far_sensor_are_no_edges(void **state)
+static void test_far_quantisation_steps_are_no_edges(void **state)
 {
     (void)state;
     static struct painted film;
@@ -169,14 +170,14 @@ static void steps_of_a_far_sensor_are_no_edges(void **state)
     paint_person(&film, &ideal, &joints, &whole_measures);
     for (size_t c = 0; c < COUNT_OF(cases); c++) {
         struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
-        struct seen seen;
-        frame.skeleton = carried_off(&joints, cases[c].depth_mm);
+        struct labelled_case seen;
+        frame.skeleton = scaled_to_depth(&joints, cases[c].depth_mm);
         for (int i = 0; i < PIXELS; i++)
             film.depth[i] = (uint16_t)(film.mask[i] ? cases[c].depth_mm - (i % W % 2) * cases[c].step_mm -
                                                           (i % W < W / 2) * cases[c].half_mm
                                                     : WALL_MM);
         see(&seen, &frame);
-        const int edges = edges_within(&seen.sight, film.mask);
+        const int edges = edges_within(&seen.observed, film.mask);
         print_message("at %d mm, steps of %d, one half %d nearer: %d pixels at an edge\n", cases[c].depth_mm,
                       cases[c].step_mm, cases[c].half_mm, edges);
         if (cases[c].edges)
@@ -187,37 +188,37 @@ static void steps_of_a_far_sensor_are_no_edges(void **state)
     }
 }
 
-static uint16_t noisy(int depth_mm, double noise_mm, struct dice *dice)
+static uint16_t noisy(int depth_mm, double noise_mm, struct rng *rng)
 {
-    return (uint16_t)(depth_mm + (int)lrint(noise_mm * dice_normal(dice)));
+    return (uint16_t)(depth_mm + (int)lrint(noise_mm * rng_normal(rng)));
 }
 
 // A flat person in the noise that such a sensor has so far away, and with one half before the other: an edge goes on
 // from row to row, noise does not.
-static void noise_is_no_edge(void **state)
+static void test_noise_is_no_edge(void **state)
 {
     (void)state;
     enum { FAR_MM = 4000, NOISE_MM = 28, NEARER_MM = 200, SEED = 4 };
     static struct painted film;
     const struct skeleton joints = whole_body(0);
-    struct dice dice = {.state = SEED};
+    struct rng rng = {.state = SEED};
     print_message("seed %d\n", SEED);
     paint_person(&film, &ideal, &joints, &whole_measures);
     for (int half_mm = 0; half_mm <= NEARER_MM; half_mm += NEARER_MM) {
         struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
-        struct seen seen;
+        struct labelled_case seen;
         int inside = 0, rows = 0, cut = 0;
-        frame.skeleton = carried_off(&joints, FAR_MM);
+        frame.skeleton = scaled_to_depth(&joints, FAR_MM);
         for (int i = 0; i < PIXELS; i++)
-            film.depth[i] = film.mask[i] ? noisy(FAR_MM - (i % W < W / 2) * half_mm, NOISE_MM, &dice) : WALL_MM;
+            film.depth[i] = film.mask[i] ? noisy(FAR_MM - (i % W < W / 2) * half_mm, NOISE_MM, &rng) : WALL_MM;
         see(&seen, &frame);
-        const int edges = edges_within(&seen.sight, film.mask);
+        const int edges = edges_within(&seen.observed, film.mask);
         for (int y = 1; y < H - 1; y++)
             for (int x = 1; x < W - 1; x++) {
                 const bool person = film.mask[y * W + x - 1] && film.mask[y * W + x] && film.mask[y * W + x + 1];
                 inside += person;
                 rows += person && x == W / 2;
-                cut += person && x == W / 2 && !seen.sight.edge[y * W + x];
+                cut += person && x == W / 2 && !seen.observed.edge_distance[y * W + x];
             }
         print_message("one half %d nearer: %d of %d pixels at an edge; cut in %d of %d rows\n", half_mm, edges, inside,
                       cut, rows);
@@ -232,7 +233,7 @@ static void noise_is_no_edge(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_the_lamp_does_not_reach_is_room), cmocka_unit_test(what_is_kept_comes_back),
-        cmocka_unit_test(steps_of_a_far_sensor_are_no_edges), cmocka_unit_test(noise_is_no_edge)};
+        cmocka_unit_test(test_unlit_pixels_are_room), cmocka_unit_test(test_cached_frame_is_identical),
+        cmocka_unit_test(test_far_quantisation_steps_are_no_edges), cmocka_unit_test(test_noise_is_no_edge)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

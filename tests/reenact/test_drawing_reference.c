@@ -1,4 +1,4 @@
-// The likeness as the GPU draws it, against a reference in double precision that shares
+// The avatar as the GPU draws it, against a reference in double precision that shares
 // no shader with it: every vertex skinned, lit and bent by the lens, every triangle
 // filled, pixel for pixel. Seen from behind, where no pixel is the shown frame's own.
 #include "tests/support/test.h"
@@ -15,24 +15,24 @@ static const struct lens lens = {W, H, 210, 208, 121, 88, -0.1, 0.02, 0.004, -0.
 static const double HALF_OUTLINE_PX = 0.5; // the outline is drawn in by that, and a ribbon of twice that laid over it
 static const double PI = 3.14159265358979323846;
 
-struct seen {
+struct shaded_vertex {
     double x, y, z, light, at[2], opaque; // pixels, metres, root of the light, texels
     struct vec3 p;                        // metres
 };
 
 // What is drawn so far: z is infinite where there is nothing.
-struct canvas {
+struct reference_canvas {
     double z[W * H], rgba[W * H][4]; // premultiplied
 };
 
-static double lit(const struct light *light, struct vec3 n)
+static double lit(const struct sh_irradiance *light, struct vec3 n)
 {
-    const double y[LIGHT_TERMS] = {
+    const double y[SH_TERMS] = {
         1, n.x, n.y, n.z, n.x * n.y, n.y * n.z, n.x * n.z, n.x * n.x - n.y * n.y, 3 * n.z * n.z - 1};
     double sum = 0;
-    for (int i = 0; i < LIGHT_TERMS; i++)
+    for (int i = 0; i < SH_TERMS; i++)
         sum += (double)light->term[i] * y[i];
-    return fmin(fmax(sum, (double)LIGHT_LEAST), (double)LIGHT_MOST);
+    return fmin(fmax(sum, (double)IRRADIANCE_LEAST), (double)IRRADIANCE_MOST);
 }
 
 // Corners are drawn on a grid this fine, as OpenGL has it; 256 are llvmpipe's. Whether a pixel whose middle lies on an
@@ -44,17 +44,18 @@ static double on_grid(double px)
 }
 
 // out: 1 for the point's double at the outline's outer rim, else -1.
-static struct seen see(const struct likeness *l, int i, const struct warp *warp, const struct posture *viewer,
-                       const struct posture *world, struct quat viewer_from_world, double out)
+static struct shaded_vertex see(const struct avatar *l, int i, const struct deformation *deformation,
+                                const struct bone_transforms *viewer, const struct bone_transforms *world,
+                                struct quat viewer_from_world, double out)
 {
-    const struct unfolded *m = &l->atlas.mesh;
+    const struct uv_mesh *m = &l->atlas.mesh;
     const int point = m->points[i];
-    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0), rest = l->atlas.points[i];
-    rest = v3_add(rest, warp_at(warp, rest));
+    struct vec3 p = v3(0, 0, 0), n = v3(0, 0, 0), bind_point = l->atlas.points[i];
+    bind_point = v3_add(bind_point, deformation_at(deformation, bind_point));
     for (int s = 0; s < SKIN_BONES; s++) {
         const double share = (double)l->skins[point].weight[s];
         const int bone = l->skins[point].bone[s];
-        p = v3_add(p, v3_scale(pose_apply(viewer->bone[bone], rest), share));
+        p = v3_add(p, v3_scale(pose_apply(viewer->bone[bone], bind_point), share));
         n = v3_add(n, v3_scale(quat_rotate(world->bone[bone].rotation, l->atlas.normals[i]), share));
     }
     struct vec3 facing = v3_unit(quat_rotate(viewer_from_world, n));
@@ -62,17 +63,17 @@ static struct seen see(const struct likeness *l, int i, const struct warp *warp,
     double sine = hypot(aside[0], aside[1]), share = fmin(fmax((sine - 0.8) / 0.15, 0), 1);
     share *= share * (3 - 2 * share) * out * HALF_OUTLINE_PX / sine;
     struct pixel px = lens_project(&lens, p);
-    return (struct seen){on_grid(px.x + share * aside[0]),
-                         on_grid(px.y + share * aside[1]),
-                         p.z,
-                         sqrt(lit(&l->coat.light, v3_unit(n))),
-                         {(double)m->at[i][0], (double)m->at[i][1]},
-                         out > 0 ? 0 : 1,
-                         p};
+    return (struct shaded_vertex){on_grid(px.x + share * aside[0]),
+                                  on_grid(px.y + share * aside[1]),
+                                  p.z,
+                                  sqrt(lit(&l->vertex_colors.light, v3_unit(n))),
+                                  {(double)m->at[i][0], (double)m->at[i][1]},
+                                  out > 0 ? 0 : 1,
+                                  p};
 }
 
 // Between the four texels about it.
-static double texel(const struct atlas *a, const double at[2], int channel)
+static double texel(const struct texture_atlas *a, const double at[2], int channel)
 {
     const double x = at[0] - 0.5, y = at[1] - 0.5, u = x - floor(x), v = y - floor(y);
     double sum = 0;
@@ -84,8 +85,8 @@ static double texel(const struct atlas *a, const double at[2], int channel)
 }
 
 // A triangle; over: laid over what is there, and hides nothing.
-static void fill(struct canvas *canvas, const struct atlas *atlas, const struct seen *a, const struct seen *b,
-                 const struct seen *c, bool over)
+static void fill(struct reference_canvas *canvas, const struct texture_atlas *atlas, const struct shaded_vertex *a,
+                 const struct shaded_vertex *b, const struct shaded_vertex *c, bool over)
 {
     double area = (b->x - a->x) * (c->y - a->y) - (b->y - a->y) * (c->x - a->x);
     if (area == 0)
@@ -113,13 +114,13 @@ static void fill(struct canvas *canvas, const struct atlas *atlas, const struct 
 }
 
 // Before the outline is drawn in and the lens bends anything.
-static bool is_front(const struct seen *seen, const int32_t *c)
+static bool is_front(const struct shaded_vertex *seen, const int32_t *c)
 {
     return v3_dot(seen[c[0]].p, v3_cross(seen[c[1]].p, seen[c[2]].p)) < 0;
 }
 
 // Whether a triangle that faces away is behind its neighbour's plane; else the edge lies in a fold.
-static bool bends_back(const struct seen *seen, const int32_t *front, const int32_t *away)
+static bool bends_back(const struct shaded_vertex *seen, const int32_t *front, const int32_t *away)
 {
     struct vec3 a = seen[front[0]].p, n = v3_cross(v3_sub(seen[front[1]].p, a), v3_sub(seen[front[2]].p, a));
     double out = 0; // two of its corners are on the edge
@@ -130,19 +131,19 @@ static bool bends_back(const struct seen *seen, const int32_t *front, const int3
 
 struct set {
     struct rehearsed rehearsed;
-    struct moment moment;
+    struct track_sample moment;
     struct pose viewer;
 };
 
 static void set_open(struct set *s)
 {
-    struct motion *motion;
+    struct skeleton_track *motion;
     EXPECT_STATUS(rehearsed_open(&s->rehearsed, 4), OK);
-    EXPECT_STATUS(motion_open(&motion, s->rehearsed.take), OK);
-    EXPECT_STATUS(motion_at(motion, 0, true, &s->moment), OK);
-    motion_close(&motion);
+    EXPECT_STATUS(skeleton_track_open(&motion, s->rehearsed.take), OK);
+    EXPECT_STATUS(skeleton_track_at(motion, 0, true, &s->moment), OK);
+    skeleton_track_close(&motion);
     // Half way round him from where the sensor stood, and nearer.
-    s->viewer = rehearsed_round(&s->rehearsed, s->moment.frame, PI);
+    s->viewer = rehearsed_orbit_pose(&s->rehearsed, s->moment.frame, PI);
     s->viewer.translation = v3_mix(s->viewer.translation, s->moment.skeleton.joint[JOINT_WAIST], 0.3);
 }
 
@@ -150,21 +151,21 @@ static void draw(struct set *s, uint8_t *rgba)
 {
     struct gpu *gpu;
     struct gpu_target *target;
-    struct likeness given;
-    struct likeness_painter *painter;
+    struct avatar given;
+    struct avatar_renderer *renderer;
     struct gpu_box within;
     int parts;
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
-    EXPECT_STATUS(likeness_make(&given, s->rehearsed.take, s->rehearsed.rays, 4, NULL), OK); // the same again
-    EXPECT_STATUS(likeness_painter_open(&painter, gpu, s->rehearsed.take, s->rehearsed.rays, &lens, 0), OK);
-    EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
-    EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
-    struct likeness_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL, NULL};
-    EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts, &within), OK);
+    EXPECT_STATUS(avatar_make(&given, s->rehearsed.take, s->rehearsed.rays, 4, NULL), OK); // the same again
+    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, s->rehearsed.take, s->rehearsed.rays, &lens, 0), OK);
+    EXPECT_STATUS(avatar_renderer_set_avatar(renderer, &given), OK);
+    EXPECT_TRUE(avatar_renderer_upload_step(renderer, SIZE_MAX));
+    struct avatar_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL, NULL};
+    EXPECT_STATUS(avatar_renderer_draw(renderer, &view, &parts, &within), OK);
     EXPECT_INT(parts, PART_COUNT);
     EXPECT_STATUS(gpu_target_read(target, rgba), OK);
-    likeness_painter_close(&painter);
+    avatar_renderer_close(&renderer);
     gpu_target_close(&target);
     gpu_close(&gpu);
 }
@@ -172,62 +173,63 @@ static void draw(struct set *s, uint8_t *rgba)
 // How bright the shown frame is.
 static float brighter(struct set *s)
 {
-    struct frame_loader *loader;
-    struct loaded_frame loaded;
-    EXPECT_STATUS(frame_loader_open(&loader, s->rehearsed.take, s->rehearsed.rays, &s->rehearsed.likeness), OK);
-    EXPECT_STATUS(frame_loader_load(loader, s->moment.frame, &loaded), OK);
-    const float ratio = loaded.brighter;
-    loaded_frame_free(&loaded);
-    frame_loader_close(&loader);
+    struct frame_layer_loader *loader;
+    struct frame_layer loaded;
+    EXPECT_STATUS(frame_layer_loader_open(&loader, s->rehearsed.take, s->rehearsed.rays, &s->rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_load(loader, s->moment.frame, &loaded), OK);
+    const float ratio = loaded.exposure_gain;
+    frame_layer_free(&loaded);
+    frame_layer_loader_close(&loader);
     return ratio;
 }
 
-// Bends the likeness, in `joints`, as the shown frame has it.
-static void bend(struct set *s, const struct sight *sight, const struct posture *joints, struct warp *warp)
+// Bends the avatar, in `joints`, as the shown frame has it.
+static void bend(struct set *s, const struct depth_frame *depth_frame, const struct bone_transforms *joints,
+                 struct deformation *deformation)
 {
-    const struct likeness *l = &s->rehearsed.likeness;
+    const struct avatar *l = &s->rehearsed.avatar;
     struct take *take = s->rehearsed.take;
     const struct calibration *calibration = take_calibration(take);
-    struct take_pictures seen;
+    struct take_images seen;
     EXPECT_STATUS(take_read(take, s->moment.frame, TAKE_COLOR, &seen), OK);
     uint8_t *rgb = malloc(3 * (size_t)calibration->color.width * (size_t)calibration->color.height);
-    EXPECT_STATUS(sight_colors(sight, calibration, seen.color, rgb), OK);
-    const struct warp_model model = {l->volume, &l->surface, l->skins};
-    const struct warp_colors colors = {&l->coat, rgb, calibration,
-                                       take_entry(take, s->moment.frame)->world_from_camera.rotation};
-    warp_fit(warp, &model, sight, joints, &colors);
+    EXPECT_STATUS(depth_frame_clean_colors(depth_frame, calibration, seen.color, rgb), OK);
+    const struct deformation_model model = {l->tsdf, &l->surface, l->skins};
+    const struct deformation_colors colors = {&l->vertex_colors, rgb, calibration,
+                                              take_entry(take, s->moment.frame)->world_from_camera.rotation};
+    deformation_fit(deformation, &model, depth_frame, joints, &colors);
     free(rgb);
 }
 
 // The same posture, laid on the shown frame.
-static void draw_reference(struct set *s, struct canvas *canvas)
+static void draw_reference(struct set *s, struct reference_canvas *canvas)
 {
-    const struct likeness *l = &s->rehearsed.likeness;
+    const struct avatar *l = &s->rehearsed.avatar;
     const struct take_entry *e = take_entry(s->rehearsed.take, s->moment.frame);
-    struct sight sight;
-    struct posture joints, shown, into_viewer, into_world;
-    EXPECT_STATUS(sight_open(&sight, s->rehearsed.take, s->rehearsed.rays), OK);
-    EXPECT_STATUS(sight_read(&sight, s->rehearsed.take, s->moment.frame), OK);
-    EXPECT_STATUS(posture_of(&l->rest, &e->skeleton, &joints), OK);
-    const struct align_from from = {joints, l->joint_errors, likeness_adjustment(l, s->moment.frame), true};
-    struct adjustment a = align(l->volume, &sight, &from, NULL);
-    EXPECT_STATUS(posture_of(&l->rest, &s->moment.skeleton, &shown), OK);
-    shown = posture_adjusted(&shown, &a);
-    joints = posture_adjusted(&joints, &a);
-    struct warp *warp;
-    EXPECT_STATUS(warp_open(&warp, &l->rest, &l->surface, take_calibration(s->rehearsed.take)), OK);
-    bend(s, &sight, &joints, warp);
+    struct depth_frame depth_frame;
+    struct bone_transforms joints, shown, into_viewer, into_world;
+    EXPECT_STATUS(depth_frame_open(&depth_frame, s->rehearsed.take, s->rehearsed.rays), OK);
+    EXPECT_STATUS(depth_frame_read(&depth_frame, s->rehearsed.take, s->moment.frame), OK);
+    EXPECT_STATUS(bone_transforms_of(&l->bind_pose, &e->skeleton, &joints), OK);
+    const struct icp_input from = {joints, l->joint_errors, avatar_corrections(l, s->moment.frame), true};
+    struct bone_corrections a = articulated_icp(l->tsdf, &depth_frame, &from, NULL);
+    EXPECT_STATUS(bone_transforms_of(&l->bind_pose, &s->moment.skeleton, &shown), OK);
+    shown = bone_corrections_apply(&shown, &a);
+    joints = bone_corrections_apply(&joints, &a);
+    struct deformation *deformation;
+    EXPECT_STATUS(deformation_open(&deformation, &l->bind_pose, &l->surface, take_calibration(s->rehearsed.take)), OK);
+    bend(s, &depth_frame, &joints, deformation);
     for (int p = 0; p < BONE_COUNT; p++) {
         into_viewer.bone[p] = pose_multiply(pose_inverse(s->viewer), shown.bone[p]);
         into_world.bone[p] = pose_multiply(e->world_from_camera, joints.bone[p]);
     }
-    const struct unfolded *m = &l->atlas.mesh;
+    const struct uv_mesh *m = &l->atlas.mesh;
     const int points = m->point_count;
-    struct seen *seen = malloc(sizeof *seen * 2 * (size_t)points);
+    struct shaded_vertex *seen = malloc(sizeof *seen * 2 * (size_t)points);
     const double bright = (double)brighter(s);
     for (int i = 0; i < 2 * points; i++) {
-        seen[i] =
-            see(l, i % points, warp, &into_viewer, &into_world, pose_inverse(s->viewer).rotation, i < points ? -1 : 1);
+        seen[i] = see(l, i % points, deformation, &into_viewer, &into_world, pose_inverse(s->viewer).rotation,
+                      i < points ? -1 : 1);
         seen[i].light *= bright;
     }
     for (int i = 0; i < W * H; i++)
@@ -238,7 +240,7 @@ static void draw_reference(struct set *s, struct canvas *canvas)
             fill(canvas, &l->atlas, &seen[c[0]], &seen[c[1]], &seen[c[2]], false);
     }
     for (int i = 0; i < m->corner_count; i++) { // the ribbon along the outline
-        const int32_t other = m->beside[i / 3][i % 3], p = m->corners[i], q = m->corners[i % 3 == 2 ? i - 2 : i + 1];
+        const int32_t other = m->neighbor[i / 3][i % 3], p = m->corners[i], q = m->corners[i % 3 == 2 ? i - 2 : i + 1];
         const int32_t *front = m->corners + i / 3 * 3, *away = m->corners + 3 * (other < 0 ? 0 : other);
         if (!is_front(seen, front) || (other >= 0 && (is_front(seen, away) || !bends_back(seen, front, away))))
             continue;
@@ -246,14 +248,14 @@ static void draw_reference(struct set *s, struct canvas *canvas)
         fill(canvas, &l->atlas, &seen[p], &seen[points + q], &seen[points + p], true);
     }
     free(seen);
-    warp_close(&warp);
-    sight_close(&sight);
+    deformation_close(&deformation);
+    depth_frame_close(&depth_frame);
 }
 
-static void pixels_are_the_reference_s(void **state)
+static void test_pixels_match_reference(void **state)
 {
     (void)state;
-    static struct canvas canvas;
+    static struct reference_canvas canvas;
     static uint8_t rgba[4 * W * H];
     static struct set set;
     set_open(&set);
@@ -281,6 +283,6 @@ static void pixels_are_the_reference_s(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(pixels_are_the_reference_s)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_pixels_match_reference)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

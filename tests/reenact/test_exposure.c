@@ -62,54 +62,54 @@ static struct changed change_take(const char *name, changing *change)
     return out;
 }
 
-static void load(struct take *of, struct loaded_frame *out)
+static void load(struct take *of, struct frame_layer *out)
 {
-    struct frame_loader *loader;
-    EXPECT_STATUS(frame_loader_open(&loader, of, rehearsed.rays, &rehearsed.likeness), OK);
-    EXPECT_STATUS(frame_loader_load(loader, FRAME, out), OK);
-    EXPECT_TRUE(out->seen);
-    frame_loader_close(&loader);
+    struct frame_layer_loader *loader;
+    EXPECT_STATUS(frame_layer_loader_open(&loader, of, rehearsed.rays, &rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_load(loader, FRAME, out), OK);
+    EXPECT_TRUE(out->has_images);
+    frame_layer_loader_close(&loader);
 }
 
 // Compared with the frame as it is; and all points' light goes with it.
 static double ratio(const char *name, changing *change)
 {
-    struct loaded_frame as_it_is, other;
+    struct frame_layer as_it_is, other;
     struct changed changed = change_take(name, change);
     load(rehearsed.take, &as_it_is);
     load(changed.take, &other);
-    const double found = (double)(other.brighter / as_it_is.brighter);
-    print_message("%s: %.3f, as it is %.3f; ratio %.3f\n", name, (double)other.brighter, (double)as_it_is.brighter,
-                  found);
+    const double found = (double)(other.exposure_gain / as_it_is.exposure_gain);
+    print_message("%s: %.3f, as it is %.3f; ratio %.3f\n", name, (double)other.exposure_gain,
+                  (double)as_it_is.exposure_gain, found);
     for (int i = 0; i < other.point_count; i++) // whichever way they face
-        EXPECT_NEAR((double)other.points[i].light, (double)as_it_is.points[i].light * found, 1e-5);
-    loaded_frame_free(&as_it_is);
-    loaded_frame_free(&other);
+        EXPECT_NEAR((double)other.points[i].irradiance, (double)as_it_is.points[i].irradiance * found, 1e-5);
+    frame_layer_free(&as_it_is);
+    frame_layer_free(&other);
     take_close(&changed.take);
     recording_free(&changed.recording);
     return found;
 }
 
-static void a_darker_frame_is_told(void **state)
+static void test_darker_frame_exposure(void **state)
 {
     (void)state;
     EXPECT_NEAR(ratio("darker", darker), 0.7, 0.03);
 }
 
-static void a_brighter_frame_is_told(void **state)
+static void test_brighter_frame_exposure(void **state)
 {
     (void)state;
     EXPECT_NEAR(ratio("brighter", brighter), 1.2, 0.03);
 }
 
 // Glare, or somebody else's hand.
-static void what_is_odd_does_not_count(void **state)
+static void test_outliers_are_ignored(void **state)
 {
     (void)state;
     EXPECT_NEAR(ratio("glaring", glaring_on_one_side), 1, 0.03);
 }
 
-static void nobody_turns_black(void **state)
+static void test_actor_is_not_blackened(void **state)
 {
     (void)state;
     EXPECT_AT_LEAST(ratio("black", black), 0.6);
@@ -132,10 +132,10 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_darker_frame_is_told),
-        cmocka_unit_test(a_brighter_frame_is_told),
-        cmocka_unit_test(what_is_odd_does_not_count),
-        cmocka_unit_test(nobody_turns_black),
+        cmocka_unit_test(test_darker_frame_exposure),
+        cmocka_unit_test(test_brighter_frame_exposure),
+        cmocka_unit_test(test_outliers_are_ignored),
+        cmocka_unit_test(test_actor_is_not_blackened),
     };
     return cmocka_run_group_tests(tests, make, end);
 }

@@ -7,12 +7,12 @@
 
 enum { FRAMES = 60, SEED = 20140701 };
 
-static struct skeleton random_skeleton(struct dice *dice, double unknown)
+static struct skeleton random_skeleton(struct rng *rng, double unknown)
 {
     struct skeleton s;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        s.joint[j] = v3_add(v3(0, 0, 3), dice_normal3(dice, 1));
-        s.confidence[j] = dice_uniform(dice) < unknown ? 0 : 1;
+        s.joint[j] = v3_add(v3(0, 0, 3), rng_normal3(rng, 1));
+        s.confidence[j] = rng_uniform(rng) < unknown ? 0 : 1;
     }
     return s;
 }
@@ -47,26 +47,26 @@ static int plain_choice(const struct skeleton *k, const struct skeleton *frames,
     return k->confidence[JOINT_NECK] > 0 ? best : -1;
 }
 
-static void equation_5_is_exact(void **state)
+static void test_equation_5_is_exact(void **state)
 {
     (void)state;
-    struct dice dice = {SEED};
+    struct rng rng = {SEED};
     print_message("seed %d\n", SEED);
     int answers = 0, nothings = 0;
     for (int round = 0; round < 200; round++) {
         double unknown = round % 4 * 0.25;
         struct skeleton frames[FRAMES];
-        struct selector *s;
-        EXPECT_STATUS(selector_open(&s, FRAMES), OK);
+        struct frame_selector *s;
+        EXPECT_STATUS(frame_selector_open(&s, FRAMES), OK);
         for (int n = 0; n < FRAMES; n++) {
-            frames[n] = random_skeleton(&dice, unknown);
-            EXPECT_STATUS(selector_add(s, 3 * n, &frames[n], NULL), OK);
+            frames[n] = random_skeleton(&rng, unknown);
+            EXPECT_STATUS(frame_selector_add(s, 3 * n, &frames[n], NULL), OK);
         }
-        struct skeleton k = random_skeleton(&dice, unknown);
+        struct skeleton k = random_skeleton(&rng, unknown);
         double cost = 0;
         int wanted = plain_choice(&k, frames, FRAMES, &cost);
-        struct selection got = {-1, -1};
-        enum status status = select_whole(s, &k, &got);
+        struct frame_selection got = {-1, -1};
+        enum status status = frame_selector_find_body(s, &k, &got);
         EXPECT_STATUS(status, wanted < 0 ? NOTHING : OK);
         if (wanted >= 0) {
             EXPECT_INT(got.frame, 3 * wanted);
@@ -74,90 +74,90 @@ static void equation_5_is_exact(void **state)
         }
         answers += wanted >= 0;
         nothings += wanted < 0;
-        selector_close(&s);
+        frame_selector_close(&s);
     }
     EXPECT_AT_LEAST(answers, 100);
     EXPECT_AT_LEAST(nothings, 10);
 }
 
-static void ties_go_to_the_lowest(void **state)
+static void test_ties_go_to_lowest(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 1};
-    struct skeleton a = random_skeleton(&dice, 0), b = random_skeleton(&dice, 0), moved = a;
+    struct rng rng = {SEED + 1};
+    struct skeleton a = random_skeleton(&rng, 0), b = random_skeleton(&rng, 0), moved = a;
     for (int j = 0; j < JOINT_COUNT; j++) // by a power of two, so that the differences stay the same to the bit
         moved.joint[j] = v3_add(a.joint[j], v3(0, 0, 0));
-    struct selector *s;
-    EXPECT_STATUS(selector_open(&s, 4), OK);
-    EXPECT_STATUS(selector_add(s, 5, &b, NULL), OK);
-    EXPECT_STATUS(selector_add(s, 6, &a, NULL), OK);
-    EXPECT_STATUS(selector_add(s, 7, &moved, NULL), OK);
-    EXPECT_STATUS(selector_add(s, 8, &a, NULL), OK);
-    struct selection got;
-    EXPECT_STATUS(select_whole(s, &a, &got), OK);
+    struct frame_selector *s;
+    EXPECT_STATUS(frame_selector_open(&s, 4), OK);
+    EXPECT_STATUS(frame_selector_add(s, 5, &b, NULL), OK);
+    EXPECT_STATUS(frame_selector_add(s, 6, &a, NULL), OK);
+    EXPECT_STATUS(frame_selector_add(s, 7, &moved, NULL), OK);
+    EXPECT_STATUS(frame_selector_add(s, 8, &a, NULL), OK);
+    struct frame_selection got;
+    EXPECT_STATUS(frame_selector_find_body(s, &a, &got), OK);
     EXPECT_INT(got.frame, 6);
     EXPECT_NEAR(got.cost_m, 0, 1e-12);
     for (int p = 0; p < PART_COUNT; p++) {
-        EXPECT_STATUS(select_part(s, &a, (enum part)p, &got), OK);
+        EXPECT_STATUS(frame_selector_find_part(s, &a, (enum part)p, &got), OK);
         EXPECT_INT(got.frame, 6);
     }
-    selector_exclude(s, 6, PART_HEAD);
-    EXPECT_STATUS(select_part(s, &a, PART_HEAD, &got), OK);
+    frame_selector_exclude(s, 6, PART_HEAD);
+    EXPECT_STATUS(frame_selector_find_part(s, &a, PART_HEAD, &got), OK);
     EXPECT_INT(got.frame, 7);
-    EXPECT_STATUS(select_part(s, &a, PART_LEFT_SHIN, &got), OK);
+    EXPECT_STATUS(frame_selector_find_part(s, &a, PART_LEFT_SHIN, &got), OK);
     EXPECT_INT(got.frame, 6);
-    selector_close(&s);
+    frame_selector_close(&s);
 }
 
 // A frame far away in the room costs nothing: necks are laid on each other.
-static void where_the_actor_stands_does_not_matter(void **state)
+static void test_translation_invariant(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 2};
-    struct skeleton a = random_skeleton(&dice, 0), far = a, near = a;
+    struct rng rng = {SEED + 2};
+    struct skeleton a = random_skeleton(&rng, 0), far = a, close = a;
     for (int j = 0; j < JOINT_COUNT; j++)
         far.joint[j] = v3_add(a.joint[j], v3(100, -20, 7));
-    near.joint[JOINT_LEFT_HAND].x += 0.01;
-    struct selector *s;
-    EXPECT_STATUS(selector_open(&s, 2), OK);
-    EXPECT_STATUS(selector_add(s, 0, &near, NULL), OK);
-    EXPECT_STATUS(selector_add(s, 1, &far, NULL), OK);
-    struct selection got;
-    EXPECT_STATUS(select_whole(s, &a, &got), OK);
+    close.joint[JOINT_LEFT_HAND].x += 0.01;
+    struct frame_selector *s;
+    EXPECT_STATUS(frame_selector_open(&s, 2), OK);
+    EXPECT_STATUS(frame_selector_add(s, 0, &close, NULL), OK);
+    EXPECT_STATUS(frame_selector_add(s, 1, &far, NULL), OK);
+    struct frame_selection got;
+    EXPECT_STATUS(frame_selector_find_body(s, &a, &got), OK);
     EXPECT_INT(got.frame, 1);
     EXPECT_NEAR(got.cost_m, 0, 1e-9);
-    selector_close(&s);
+    frame_selector_close(&s);
 }
 
-static void bad_numbers_are_refused(void **state)
+static void test_bad_numbers_are_refused(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 3};
-    struct skeleton good = random_skeleton(&dice, 0), bad = good, unknown = good;
+    struct rng rng = {SEED + 3};
+    struct skeleton good = random_skeleton(&rng, 0), bad = good, unknown = good;
     bad.joint[JOINT_RIGHT_KNEE].y = NAN;
     unknown.joint[JOINT_RIGHT_KNEE].y = INFINITY;
     unknown.confidence[JOINT_RIGHT_KNEE] = 0; // means nothing, so it may be anything
-    struct selector *s;
-    EXPECT_STATUS(selector_open(&s, 2), OK);
-    struct selection got = {-7, -7};
-    EXPECT_STATUS(select_whole(s, &good, &got), NOTHING); // empty
-    EXPECT_STATUS(select_part(s, &good, PART_HEAD, &got), NOTHING);
-    EXPECT_STATUS(selector_add(s, 0, &bad, NULL), ERR_INPUT);
-    EXPECT_STATUS(select_whole(s, &good, &got), NOTHING); // still empty
-    EXPECT_STATUS(selector_add(s, 0, &good, NULL), OK);
-    EXPECT_STATUS(select_whole(s, &bad, &got), ERR_INPUT);
-    EXPECT_STATUS(select_part(s, &bad, PART_HEAD, &got), ERR_INPUT);
+    struct frame_selector *s;
+    EXPECT_STATUS(frame_selector_open(&s, 2), OK);
+    struct frame_selection got = {-7, -7};
+    EXPECT_STATUS(frame_selector_find_body(s, &good, &got), NOTHING); // empty
+    EXPECT_STATUS(frame_selector_find_part(s, &good, PART_HEAD, &got), NOTHING);
+    EXPECT_STATUS(frame_selector_add(s, 0, &bad, NULL), ERR_INPUT);
+    EXPECT_STATUS(frame_selector_find_body(s, &good, &got), NOTHING); // still empty
+    EXPECT_STATUS(frame_selector_add(s, 0, &good, NULL), OK);
+    EXPECT_STATUS(frame_selector_find_body(s, &bad, &got), ERR_INPUT);
+    EXPECT_STATUS(frame_selector_find_part(s, &bad, PART_HEAD, &got), ERR_INPUT);
     EXPECT_INT(got.frame, -7);
-    EXPECT_STATUS(select_whole(s, &unknown, &got), OK);
+    EXPECT_STATUS(frame_selector_find_body(s, &unknown, &got), OK);
     EXPECT_NEAR(got.cost_m, 0, 1e-12);
-    EXPECT_STATUS(select_part(s, &unknown, PART_RIGHT_SHIN, &got), NOTHING);
-    struct skeleton nobody = good;
+    EXPECT_STATUS(frame_selector_find_part(s, &unknown, PART_RIGHT_SHIN, &got), NOTHING);
+    struct skeleton unknown_joints = good;
     for (int j = 0; j < JOINT_COUNT; j++)
-        nobody.confidence[j] = 0;
-    EXPECT_STATUS(select_whole(s, &nobody, &got), NOTHING);
-    selector_close(&s);
+        unknown_joints.confidence[j] = 0;
+    EXPECT_STATUS(frame_selector_find_body(s, &unknown_joints, &got), NOTHING);
+    frame_selector_close(&s);
     EXPECT_TRUE(s == NULL);
-    selector_close(&s); // accepts NULL
+    frame_selector_close(&s); // accepts NULL
 }
 
 // Somebody who stands with arms a little out and turns by `angle` about the
@@ -199,29 +199,29 @@ static const struct body plain_body = {
 
 // A recorded full turn: the frame that shows a part's side is found for each part,
 // wherever the viewer stands, to half the step between frames.
-static void a_part_finds_its_side(void **state)
+static void test_part_selects_visible_side(void **state)
 {
     (void)state;
     enum { STEPS = 72 };
-    struct selector *s;
-    EXPECT_STATUS(selector_open(&s, STEPS), OK);
+    struct frame_selector *s;
+    EXPECT_STATUS(frame_selector_open(&s, STEPS), OK);
     for (int n = 0; n < STEPS; n++) {
         struct skeleton frame = standing(n * 2 * 3.14159265358979 / STEPS);
-        EXPECT_STATUS(selector_add(s, n, &frame, NULL), OK);
+        EXPECT_STATUS(frame_selector_add(s, n, &frame, NULL), OK);
     }
     for (int n = 0; n < STEPS; n++) {
         struct skeleton wanted = standing((n + 0.3) * 2 * 3.14159265358979 / STEPS);
         for (int p = 0; p < PART_COUNT; p++) {
-            struct selection got;
-            EXPECT_STATUS(select_part(s, &wanted, (enum part)p, &got), OK);
+            struct frame_selection got;
+            EXPECT_STATUS(frame_selector_find_part(s, &wanted, (enum part)p, &got), OK);
             EXPECT_INT(got.frame, n);
         }
     }
-    selector_close(&s);
+    frame_selector_close(&s);
 }
 
 // The same sides twice, once with the left forearm hidden behind the trunk.
-static void hidden_parts_are_passed_over(void **state)
+static void test_hidden_parts_are_skipped(void **state)
 {
     (void)state;
     struct skeleton front = standing(0), behind = standing(0);
@@ -229,64 +229,64 @@ static void hidden_parts_are_passed_over(void **state)
     behind.joint[JOINT_LEFT_ELBOW] = v3_add(behind.joint[JOINT_TORSO], v3(0.10, 0, 0.25));
     behind.joint[JOINT_LEFT_HAND] = v3_add(behind.joint[JOINT_TORSO], v3(-0.12, 0.05, 0.25));
     struct skeleton wanted = behind;
-    struct selector *with, *without;
-    EXPECT_STATUS(selector_open(&with, 2), OK);
-    EXPECT_STATUS(selector_open(&without, 2), OK);
-    EXPECT_STATUS(selector_add(with, 0, &behind, &plain_body), OK);
-    EXPECT_STATUS(selector_add(with, 1, &front, &plain_body), OK);
-    EXPECT_STATUS(selector_add(without, 0, &behind, NULL), OK);
-    EXPECT_STATUS(selector_add(without, 1, &front, NULL), OK);
-    struct selection seen, blind;
-    EXPECT_STATUS(select_part(with, &wanted, PART_LEFT_FOREARM, &seen), OK);
-    EXPECT_STATUS(select_part(without, &wanted, PART_LEFT_FOREARM, &blind), OK);
+    struct frame_selector *with, *without;
+    EXPECT_STATUS(frame_selector_open(&with, 2), OK);
+    EXPECT_STATUS(frame_selector_open(&without, 2), OK);
+    EXPECT_STATUS(frame_selector_add(with, 0, &behind, &plain_body), OK);
+    EXPECT_STATUS(frame_selector_add(with, 1, &front, &plain_body), OK);
+    EXPECT_STATUS(frame_selector_add(without, 0, &behind, NULL), OK);
+    EXPECT_STATUS(frame_selector_add(without, 1, &front, NULL), OK);
+    struct frame_selection seen, blind;
+    EXPECT_STATUS(frame_selector_find_part(with, &wanted, PART_LEFT_FOREARM, &seen), OK);
+    EXPECT_STATUS(frame_selector_find_part(without, &wanted, PART_LEFT_FOREARM, &blind), OK);
     EXPECT_INT(blind.frame, 0); // the joints alone fit to the millimetre
     EXPECT_NEAR(blind.cost_m, 0, 1e-9);
     EXPECT_AT_LEAST(seen.cost_m, 0.1); // but it cannot be seen there
-    selector_close(&with);
-    selector_close(&without);
+    frame_selector_close(&with);
+    frame_selector_close(&without);
 }
 
-static enum status choose(const struct selector *s, const struct skeleton *k, int p, struct selection *out)
+static enum status choose(const struct frame_selector *s, const struct skeleton *k, int p, struct frame_selection *out)
 {
-    return p < PART_COUNT ? select_part(s, k, (enum part)p, out) : select_whole(s, k, out);
+    return p < PART_COUNT ? frame_selector_find_part(s, k, (enum part)p, out) : frame_selector_find_body(s, k, out);
 }
 
 // A moving person, some joints unknown, some frames twice: the frame chosen for
 // each part is the first of those that are cheapest when they are the only choice.
-static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
+static void test_part_selection_matches_exhaustive_search(void **state)
 {
     (void)state;
     enum { LONG = 700, VIEWS = 12 };
-    struct dice dice = {SEED + 6};
-    struct limbs limbs = limbs_random(&dice);
+    struct rng rng = {SEED + 6};
+    struct limbs limbs = limbs_random(&rng);
     static struct skeleton frames[LONG];
-    static struct selector *alone[LONG];
-    struct selector *s;
-    EXPECT_STATUS(selector_open(&s, LONG), OK);
+    static struct frame_selector *alone[LONG];
+    struct frame_selector *s;
+    EXPECT_STATUS(frame_selector_open(&s, LONG), OK);
     for (int n = 0; n < LONG; n++) {
-        frames[n] = n % 50 == 49 ? frames[n / 2] : limbs_at(&limbs, n / 30.0, 0.01, &dice);
+        frames[n] = n % 50 == 49 ? frames[n / 2] : limbs_at(&limbs, n / 30.0, 0.01, &rng);
         for (int j = 0; j < JOINT_COUNT; j++)
-            if (dice_uniform(&dice) < (n % 3 ? 0.03 : 0))
-                frames[n].confidence[j] = dice_uniform(&dice) < 0.5 ? 0 : 0.5f;
-        EXPECT_STATUS(selector_open(&alone[n], 1), OK);
-        EXPECT_STATUS(selector_add(s, n, &frames[n], &plain_body), OK);
-        EXPECT_STATUS(selector_add(alone[n], n, &frames[n], &plain_body), OK);
+            if (rng_uniform(&rng) < (n % 3 ? 0.03 : 0))
+                frames[n].confidence[j] = rng_uniform(&rng) < 0.5 ? 0 : 0.5f;
+        EXPECT_STATUS(frame_selector_open(&alone[n], 1), OK);
+        EXPECT_STATUS(frame_selector_add(s, n, &frames[n], &plain_body), OK);
+        EXPECT_STATUS(frame_selector_add(alone[n], n, &frames[n], &plain_body), OK);
     }
     for (int view = 0; view < VIEWS; view++) {
-        int shown = (int)(dice_uniform(&dice) * LONG);
+        int shown = (int)(rng_uniform(&rng) * LONG);
         struct skeleton k = frames[shown];
         if (view % 4)
-            k = limbs_turned(&k, 6 * dice_uniform(&dice), 0.02, &dice);
+            k = limbs_rotated(&k, 6 * rng_uniform(&rng), 0.02, &rng);
         if (view == VIEWS / 3)
-            EXPECT_STATUS(selector_settle(s), OK);
+            EXPECT_STATUS(frame_selector_pack(s), OK);
         for (int n = 0; view == VIEWS / 2 && n < LONG; n += 2) {
-            selector_exclude(s, n, PART_LEFT_SHIN);
-            selector_exclude(alone[n], n, PART_LEFT_SHIN);
+            frame_selector_exclude(s, n, PART_LEFT_SHIN);
+            frame_selector_exclude(alone[n], n, PART_LEFT_SHIN);
         }
-        struct selection together[PART_COUNT + 1];
-        EXPECT_TRUE(select_parts(s, &k, together) >= OK);
+        struct frame_selection together[PART_COUNT + 1];
+        EXPECT_TRUE(frame_selector_find_parts(s, &k, together) >= OK);
         for (int p = 0; p <= PART_COUNT; p++) { // the last one is the whole
-            struct selection best = {-1, 0}, got = {-1, 0}, one;
+            struct frame_selection best = {-1, 0}, got = {-1, 0}, one;
             for (int n = 0; n < LONG; n++)
                 if (choose(alone[n], &k, p, &one) == OK && (best.frame < 0 || one.cost_m < best.cost_m))
                     best = one;
@@ -297,20 +297,20 @@ static void parts_are_chosen_as_if_each_frame_were_looked_at(void **state)
         }
     }
     for (int n = 0; n < LONG; n++)
-        selector_close(&alone[n]);
-    selector_close(&s);
+        frame_selector_close(&alone[n]);
+    frame_selector_close(&s);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(equation_5_is_exact),
-        cmocka_unit_test(ties_go_to_the_lowest),
-        cmocka_unit_test(where_the_actor_stands_does_not_matter),
-        cmocka_unit_test(bad_numbers_are_refused),
-        cmocka_unit_test(a_part_finds_its_side),
-        cmocka_unit_test(hidden_parts_are_passed_over),
-        cmocka_unit_test(parts_are_chosen_as_if_each_frame_were_looked_at),
+        cmocka_unit_test(test_equation_5_is_exact),
+        cmocka_unit_test(test_ties_go_to_lowest),
+        cmocka_unit_test(test_translation_invariant),
+        cmocka_unit_test(test_bad_numbers_are_refused),
+        cmocka_unit_test(test_part_selects_visible_side),
+        cmocka_unit_test(test_hidden_parts_are_skipped),
+        cmocka_unit_test(test_part_selection_matches_exhaustive_search),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -33,14 +33,14 @@ static void open_take(struct painted_take *stage, int first, int last)
     painted_take_open(stage, &ideal, frames, FRAMES, &whole_measures);
 }
 
-static void a_lost_hand_goes_with_the_trunk(void **state)
+static void test_lost_hand_follows_trunk(void **state)
 {
     (void)state;
     struct painted_take stage;
     double worst = 0;
     open_take(&stage, LOST_FROM, LOST_TO);
     for (int i = 0; i < FRAMES; i++) {
-        const struct skeleton s = carried_skeleton(stage.take, i), truth = truth_at(i);
+        const struct skeleton s = inpaint_skeleton(stage.take, i), truth = truth_at(i);
         const bool lost = i >= LOST_FROM && i <= LOST_TO;
         EXPECT_NEAR(s.confidence[JOINT_LEFT_HAND], lost ? 0.5 : 1, 1e-6);
         if (lost)
@@ -53,16 +53,16 @@ static void a_lost_hand_goes_with_the_trunk(void **state)
     painted_take_close(&stage);
 }
 
-static void what_is_lost_for_long_stays_unknown(void **state)
+static void test_long_lost_joint_stays_unknown(void **state)
 {
     (void)state;
     struct painted_take stage;
     open_take(&stage, GONE_FROM, FRAMES - 1);
     const int64_t step_ns = take_entry(stage.take, 1)->time_ns - take_entry(stage.take, 0)->time_ns;
-    const int carried = (int)(CARRIED_MOST_NS / step_ns);
-    EXPECT_TRUE(GONE_FROM + carried < FRAMES);
+    const int inpainted = (int)(INPAINT_MAX_GAP_NS / step_ns);
+    EXPECT_TRUE(GONE_FROM + inpainted < FRAMES);
     for (int i = GONE_FROM; i < FRAMES; i++)
-        EXPECT_NEAR(carried_skeleton(stage.take, i).confidence[JOINT_LEFT_HAND], i < GONE_FROM + carried ? 0.5 : 0,
+        EXPECT_NEAR(inpaint_skeleton(stage.take, i).confidence[JOINT_LEFT_HAND], i < GONE_FROM + inpainted ? 0.5 : 0,
                     1e-6);
     painted_take_close(&stage);
 }
@@ -70,8 +70,8 @@ static void what_is_lost_for_long_stays_unknown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_lost_hand_goes_with_the_trunk),
-        cmocka_unit_test(what_is_lost_for_long_stays_unknown),
+        cmocka_unit_test(test_lost_hand_follows_trunk),
+        cmocka_unit_test(test_long_lost_joint_stays_unknown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

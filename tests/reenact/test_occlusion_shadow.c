@@ -15,7 +15,7 @@ static const double SCALE = 0.5;
 
 static const struct body measures = {.radius_rate = {0.42, 0.42, 0.6, 0.18, 0.16, 0.18, 0.16, 0.2, 0.15, 0.2, 0.15}};
 
-struct set {
+struct occlusion_set {
     struct world *world, *without; // the same without a table
     struct scratch scratch;
     struct place place;
@@ -23,9 +23,9 @@ struct set {
     struct take *take;
     struct gpu *gpu;
 };
-static struct set set;
+static struct occlusion_set set;
 
-static struct pose look(struct vec3 from, struct vec3 at)
+static struct pose look_at(struct vec3 from, struct vec3 at)
 {
     struct vec3 z = v3_unit(v3_sub(at, from)), x = v3_unit(v3_cross(z, v3(0, 0, 1))), y = v3_cross(z, x);
     double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
@@ -42,7 +42,7 @@ static struct place film_place(const struct world *w)
         v->world_from_camera = world_sweep_pose(w, (double)i * WORLD_SWEEP_S / VIEWS);
         v->depth = malloc(sizeof *v->depth * (size_t)lens->width * (size_t)lens->height);
         struct world_shot shot = {*lens, v->world_from_camera, 0, false};
-        EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){.depth = v->depth}), OK);
+        EXPECT_STATUS(world_render(w, &shot, &(struct world_image){.depth = v->depth}), OK);
         EXPECT_STATUS(world_depth_noise(lens, v->depth, (uint64_t)i + 1, v->depth), OK);
     }
     return place;
@@ -65,7 +65,7 @@ static void film_take(const struct world *w, const char *path)
                                .depth = depth,
                                .mask = mask,
                                .has_skeleton = true};
-        EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){rgb, depth, mask}), OK);
+        EXPECT_STATUS(world_render(w, &shot, &(struct world_image){rgb, depth, mask}), OK);
         EXPECT_STATUS(world_depth_noise(&c.depth, depth, (uint64_t)i + 100, depth), OK);
         f.skeleton = world_joints_in_camera(w, shot.time_s, pose);
         uint8_t *jpeg;
@@ -80,111 +80,112 @@ static void film_take(const struct world *w, const char *path)
 }
 
 // Alpha of the actor as somebody beside the table sees him.
-static void draw(struct painter *p, struct pose viewer, bool hidden, uint8_t *rgb, uint8_t *rgba)
+static void draw(struct renderer *p, struct pose viewer, bool hidden, uint8_t *rgb, uint8_t *rgba)
 {
-    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(viewer));
     static uint8_t grey[3 * FINEST];
     memset(grey, 200, sizeof grey);
-    struct painter_view view = {.world_from_camera = viewer, .color = grey};
+    struct renderer_view view = {.world_from_camera = viewer, .color = grey};
     view.viewer_from_room = hidden ? &viewer_from_room : NULL;
-    struct painter_result result;
-    EXPECT_STATUS(painter_draw(p, &view, &result), OK);
+    struct renderer_result result;
+    EXPECT_STATUS(renderer_draw(p, &view, &result), OK);
     EXPECT_INT(result.parts, PART_COUNT);
-    EXPECT_STATUS(painter_read(p, rgb), OK);
-    EXPECT_STATUS(painter_read_actor(p, rgba), OK);
+    EXPECT_STATUS(renderer_read(p, rgb), OK);
+    EXPECT_STATUS(renderer_read_actor(p, rgba), OK);
 }
 
-enum about { NO_ROOM, ROOM, ROOM_UNDIVIDED }; // undivided: all of it is drawn wherever any of it is
+enum about { NO_OCCLUDER, ROOM, OCCLUDER_UNDIVIDED }; // undivided: all of it is drawn wherever any of it is
 
-static struct painter *painter_with(const struct lens *lens, enum about about)
+static struct renderer *renderer_with(const struct lens *lens, enum about about)
 {
-    struct painter_options o = painter_default_options();
-    struct painter *p;
+    struct renderer_options o = renderer_default_options();
+    struct renderer *p;
     o.shadow = true;
-    EXPECT_STATUS(painter_open(&p, set.gpu, set.take, lens, &o), OK);
-    if (about != NO_ROOM) {
-        struct room room;
-        EXPECT_STATUS(room_make(&room, &set.place, set.take, NULL), OK);
+    EXPECT_STATUS(renderer_open(&p, set.gpu, set.take, lens, &o), OK);
+    if (about != NO_OCCLUDER) {
+        struct occluder_mesh room;
+        EXPECT_STATUS(occluder_mesh_make(&room, &set.place, set.take, NULL), OK);
         print_message("the room: %d points, %d triangles in %d balls\n", room.point_count, room.corner_count / 3,
-                      room.ball_count);
-        if (about == ROOM_UNDIVIDED) {
-            room.ball_count = 1;
-            room.balls[0] = (struct room_ball){v3(0, 0, 0), 100, 0, room.corner_count};
+                      room.sphere_count);
+        if (about == OCCLUDER_UNDIVIDED) {
+            room.sphere_count = 1;
+            room.spheres[0] = (struct occluder_sphere){v3(0, 0, 0), 100, 0, room.corner_count};
         }
-        EXPECT_STATUS(painter_give_room(p, &room), OK);
+        EXPECT_STATUS(renderer_set_room(p, &room), OK);
     }
     return p;
 }
 
-static int triangles_before(const struct room *room, struct pose viewer, const struct room_hidden *hidden)
+static int triangles_before(const struct occluder_mesh *room, struct pose viewer,
+                            const struct occlusion_frustum *hidden)
 {
-    const struct part_map viewer_from_room = part_map_of(pose_inverse(viewer));
+    const struct affine_map viewer_from_room = affine_from_pose(pose_inverse(viewer));
     uint16_t *corners = malloc(sizeof *corners * (size_t)room->corner_count);
     EXPECT_TRUE(corners);
-    const int count = room_before(room, &viewer_from_room, hidden, corners);
+    const int count = occluder_mesh_cull(room, &viewer_from_room, hidden, corners);
     free(corners);
     return count / 3;
 }
 
-static void only_what_may_hide_him_is_drawn(void **state)
+static void test_only_possible_occluders_are_drawn(void **state)
 {
     (void)state;
-    struct room room;
-    EXPECT_STATUS(room_make(&room, &set.place, set.take, NULL), OK);
+    struct occluder_mesh room;
+    EXPECT_STATUS(occluder_mesh_make(&room, &set.place, set.take, NULL), OK);
     int all = 0;
-    for (int b = 0; b < room.ball_count; b++) {
-        EXPECT_INT(room.balls[b].first, all);
-        all += room.balls[b].count;
+    for (int b = 0; b < room.sphere_count; b++) {
+        EXPECT_INT(room.spheres[b].first, all);
+        all += room.spheres[b].count;
     }
     EXPECT_INT(all, room.corner_count);
     const struct skeleton s = world_joints(set.world, 0);
-    const struct pose sensor = world_sensor_pose(set.world), beyond = look(v3(2.7, 0.3, 1.25), v3(0, 0, 0.9));
+    const struct pose sensor = world_sensor_pose(set.world), beyond = look_at(v3(2.7, 0.3, 1.25), v3(0, 0, 0.9));
     const struct skeleton at_sensor = skeleton_transform(pose_inverse(sensor), &s),
                           at_table = skeleton_transform(pose_inverse(beyond), &s);
-    const struct room_hidden from_sensor = room_hidden_body(&at_sensor), over_table = room_hidden_body(&at_table),
-                             nothing = {0};
-    struct room_hidden everything = {0};
-    room_hidden_add(&everything, v3(0, 0, 1), 100);
+    const struct occlusion_frustum from_sensor = occlusion_frustum_body(&at_sensor),
+                                   over_table = occlusion_frustum_body(&at_table), nothing = {0};
+    struct occlusion_frustum everything = {0};
+    occlusion_frustum_add(&everything, v3(0, 0, 1), 100);
     const int few = triangles_before(&room, sensor, &from_sensor), many = triangles_before(&room, beyond, &over_table);
     print_message("of %d triangles %d from the sensor's side, %d over the table\n", all / 3, few, many);
     EXPECT_AT_MOST(few, 0.3 * all / 3);
     EXPECT_AT_LEAST(many, few + 100);
     EXPECT_INT(triangles_before(&room, beyond, &nothing), 0);
     EXPECT_INT(triangles_before(&room, beyond, &everything), all / 3);
-    room_free(&room);
+    occluder_mesh_free(&room);
 }
 
 // A picture is the same as with all of the room, his shadow too.
-static void nothing_that_hides_is_left_out(void **state)
+static void test_no_occluder_is_omitted(void **state)
 {
     (void)state;
     static uint8_t rgb[2][3 * MOST], rgba[2][4 * MOST];
     const struct lens lens = world_viewer_calibration(SCALE).color;
-    struct painter *p[2] = {painter_with(&lens, ROOM), painter_with(&lens, ROOM_UNDIVIDED)};
+    struct renderer *p[2] = {renderer_with(&lens, ROOM), renderer_with(&lens, OCCLUDER_UNDIVIDED)};
     for (int e = 0; e < 8; e++) {
         const double angle = e * 0.785;
-        struct pose viewer = look(v3(2.5 * cos(angle), 2.5 * sin(angle), 1.3), v3(0, 0, 0.7));
+        struct pose viewer = look_at(v3(2.5 * cos(angle), 2.5 * sin(angle), 1.3), v3(0, 0, 0.7));
         for (int i = 0; i < 2; i++)
             draw(p[i], viewer, true, rgb[i], rgba[i]);
         EXPECT_TRUE(!memcmp(rgb[0], rgb[1], 3 * (size_t)lens.width * (size_t)lens.height));
         EXPECT_TRUE(!memcmp(rgba[0], rgba[1], 4 * (size_t)lens.width * (size_t)lens.height));
     }
-    painter_close(&p[0]);
-    painter_close(&p[1]);
+    renderer_close(&p[0]);
+    renderer_close(&p[1]);
 }
 
-static void a_table_hides_him(void **state)
+static void test_table_occludes_actor(void **state)
 {
     (void)state;
     static uint8_t seen[MOST], there[MOST], rgb[3 * MOST], with[4 * MOST], without[4 * MOST];
     const struct lens lens = world_viewer_calibration(SCALE).color;
-    struct painter *p = painter_with(&lens, ROOM);
-    const struct vec3 eyes[] = {{2.7, 0.3, 1.25}, {2.4, -0.9, 1.0}, {2.6, 0, 0.9}};
-    for (size_t e = 0; e < COUNT_OF(eyes); e++) {
-        struct pose viewer = look(eyes[e], v3(0, 0, 0.9));
+    struct renderer *p = renderer_with(&lens, ROOM);
+    const struct vec3 viewpoints[] = {{2.7, 0.3, 1.25}, {2.4, -0.9, 1.0}, {2.6, 0, 0.9}};
+    for (size_t e = 0; e < COUNT_OF(viewpoints); e++) {
+        struct pose viewer = look_at(viewpoints[e], v3(0, 0, 0.9));
         struct world_shot shot = {lens, viewer, 0, true};
-        EXPECT_STATUS(world_render(set.world, &shot, &(struct world_picture){.mask = seen}), OK);
-        EXPECT_STATUS(world_render(set.without, &shot, &(struct world_picture){.mask = there}), OK);
+        EXPECT_STATUS(world_render(set.world, &shot, &(struct world_image){.mask = seen}), OK);
+        EXPECT_STATUS(world_render(set.without, &shot, &(struct world_image){.mask = there}), OK);
         draw(p, viewer, true, rgb, with);
         draw(p, viewer, false, rgb, without);
         long behind = 0, gone = 0, before = 0, left = 0;
@@ -205,7 +206,7 @@ static void a_table_hides_him(void **state)
     draw(p, world_sensor_pose(set.world), true, rgb, with);
     draw(p, world_sensor_pose(set.world), false, rgb, without);
     EXPECT_TRUE(!memcmp(with, without, 4 * (size_t)lens.width * (size_t)lens.height));
-    painter_close(&p);
+    renderer_close(&p);
 }
 
 // The alpha of four by four pixels about each pixel of a coarser picture, mean.
@@ -221,17 +222,17 @@ static void average(const uint8_t *fine, const struct lens *coarse, double *out)
 
 // Where the table's edge runs over him each pixel holds as much of him as a picture four times as fine has there,
 // nearly, and so far more nearly than if the edge were hard.
-static void the_table_s_edge_is_smooth(void **state)
+static void test_table_edge_is_smooth(void **state)
 {
     (void)state;
     static uint8_t rgb[3 * FINEST], fine[4 * FINEST], with[4 * MOST], without[4 * MOST];
     static double share[MOST];
     struct lens lens = world_viewer_calibration(SCALE).color, finer = world_viewer_calibration(4 * SCALE).color;
-    struct painter *p = painter_with(&lens, ROOM), *p4 = painter_with(&finer, ROOM);
-    const struct vec3 eyes[] = {{2.7, 0.3, 1.25}, {2.4, -0.9, 1.0}};
+    struct renderer *p = renderer_with(&lens, ROOM), *p4 = renderer_with(&finer, ROOM);
+    const struct vec3 viewpoints[] = {{2.7, 0.3, 1.25}, {2.4, -0.9, 1.0}};
     EXPECT_INT(finer.width, 4 * lens.width);
-    for (size_t e = 0; e < COUNT_OF(eyes); e++) {
-        const struct pose viewer = look(eyes[e], v3(0, 0, 0.9));
+    for (size_t e = 0; e < COUNT_OF(viewpoints); e++) {
+        const struct pose viewer = look_at(viewpoints[e], v3(0, 0, 0.9));
         draw(p4, viewer, true, rgb, fine);
         draw(p, viewer, true, rgb, with);
         draw(p, viewer, false, rgb, without);
@@ -252,19 +253,19 @@ static void the_table_s_edge_is_smooth(void **state)
         EXPECT_AT_LEAST(at_edge, 20);
         EXPECT_AT_MOST(ours, 0.6 * hard);
     }
-    painter_close(&p);
-    painter_close(&p4);
+    renderer_close(&p);
+    renderer_close(&p4);
 }
 
-static void his_shadow_lies_under_his_feet(void **state)
+static void test_shadow_lies_under_feet(void **state)
 {
     (void)state;
     static uint8_t rgb[3 * MOST], rgba[4 * MOST];
     const struct lens lens = world_viewer_calibration(SCALE).color;
-    struct painter *p = painter_with(&lens, NO_ROOM);
+    struct renderer *p = renderer_with(&lens, NO_OCCLUDER);
     struct skeleton s = world_joints(set.world, 0);
     struct vec3 foot = v3_mix(s.joint[JOINT_LEFT_FOOT], s.joint[JOINT_RIGHT_FOOT], 0.5);
-    struct pose viewer = look(v3(foot.x, foot.y - 2, 2.3), v3(foot.x, foot.y, 0.3));
+    struct pose viewer = look_at(v3(foot.x, foot.y - 2, 2.3), v3(foot.x, foot.y, 0.3));
     draw(p, viewer, false, rgb, rgba);
     const double aside[] = {0, 0.3, 0.6, 1.6};
     int grey[4];
@@ -281,7 +282,7 @@ static void his_shadow_lies_under_his_feet(void **state)
     EXPECT_AT_LEAST(grey[1], grey[0]);
     EXPECT_AT_LEAST(grey[2], grey[1]);
     EXPECT_INT(grey[3], 200);
-    painter_close(&p);
+    renderer_close(&p);
 }
 
 static int make(void **state)
@@ -320,11 +321,11 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(only_what_may_hide_him_is_drawn),
-        cmocka_unit_test(nothing_that_hides_is_left_out),
-        cmocka_unit_test(a_table_hides_him),
-        cmocka_unit_test(the_table_s_edge_is_smooth),
-        cmocka_unit_test(his_shadow_lies_under_his_feet),
+        cmocka_unit_test(test_only_possible_occluders_are_drawn),
+        cmocka_unit_test(test_no_occluder_is_omitted),
+        cmocka_unit_test(test_table_occludes_actor),
+        cmocka_unit_test(test_table_edge_is_smooth),
+        cmocka_unit_test(test_shadow_lies_under_feet),
     };
     return cmocka_run_group_tests(tests, make, end);
 }

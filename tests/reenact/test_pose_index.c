@@ -14,8 +14,8 @@ struct crowd {
     int places, count, asked;
     int numbers[MOST]; // [slot]
     bool barred[MOST];
-    struct nearest_point points[MOST];
-    struct nearest_point wanted;
+    struct pose_index_point points[MOST];
+    struct pose_index_point wanted;
     double scale;
 };
 
@@ -24,14 +24,14 @@ static double cost_of(const void *context, int64_t slot)
 {
     struct crowd *c = (struct crowd *)(uintptr_t)context;
     const int number = c->numbers[slot];
-    const struct nearest_point *p = &c->points[number];
+    const struct pose_index_point *p = &c->points[number];
     c->asked++;
     if (c->barred[number])
         return -1;
-    double sum = p->own_m;
+    double sum = p->fixed_cost_m;
     for (int i = 0; i < c->places; i++)
         if ((p->known & c->wanted.known) >> i & 1)
-            sum += v3_distance(p->place[i], c->wanted.place[i]);
+            sum += v3_distance(p->position[i], c->wanted.position[i]);
     return c->scale * sum + (number % 3 ? 0 : 0.05);
 }
 
@@ -54,33 +54,33 @@ static int compare(struct crowd *c)
     }
     c->asked = 0;
     for (int way = 0; way < WAYS; way++) {
-        struct nearest *n;
-        EXPECT_STATUS(nearest_open(&n, c->places, 1.0 / 2048, c->count), OK);
+        struct pose_index *n;
+        EXPECT_STATUS(pose_index_open(&n, c->places, 1.0 / 2048, c->count), OK);
         for (int i = 0; i < c->count; i++)
-            nearest_add(n, &c->points[i]);
+            pose_index_add(n, &c->points[i]);
         if (way == 1)
-            EXPECT_STATUS(nearest_settle(n, c->numbers, sizeof *c->numbers), OK);
-        struct nearest_query q = {n, c->wanted, c->scale, c, -1, 0};
-        nearest_find_all(&q, 1, cost_of);
+            EXPECT_STATUS(pose_index_pack(n, c->numbers, sizeof *c->numbers), OK);
+        struct pose_index_query q = {n, c->wanted, c->scale, c, -1, 0};
+        pose_index_query_all(&q, 1, cost_of);
         EXPECT_INT(q.number, wanted);
         if (wanted >= 0)
             EXPECT_TRUE(q.cost_m == least);
         for (int i = 0; i < c->count; i += 1 + c->count / 4)
-            EXPECT_INT(c->numbers[nearest_slot(n, i)], i);
-        nearest_close(&n);
+            EXPECT_INT(c->numbers[pose_index_slot(n, i)], i);
+        pose_index_close(&n);
     }
     return c->asked / WAYS;
 }
 
-static struct nearest_point near_to(const struct nearest_point *p, int places, double step_m, struct dice *dice)
+static struct pose_index_point near_to(const struct pose_index_point *p, int places, double step_m, struct rng *rng)
 {
-    struct nearest_point next = *p;
+    struct pose_index_point next = *p;
     for (int i = 0; i < places; i++)
-        next.place[i] = v3_add(p->place[i], dice_normal3(dice, step_m));
+        next.position[i] = v3_add(p->position[i], rng_normal3(rng, step_m));
     return next;
 }
 
-static struct crowd *walk(int places, int count, double step_m, struct dice *dice)
+static struct crowd *walk(int places, int count, double step_m, struct rng *rng)
 {
     static struct crowd c;
     memset(c.barred, 0, (size_t)count * sizeof *c.barred);
@@ -88,39 +88,39 @@ static struct crowd *walk(int places, int count, double step_m, struct dice *dic
     c.count = count;
     c.scale = 1;
     c.asked = 0;
-    struct nearest_point at = {.known = (1u << places) - 1};
+    struct pose_index_point at = {.known = (1u << places) - 1};
     for (int i = 0; i < count; i++)
-        c.points[i] = at = near_to(&at, places, step_m, dice);
-    c.wanted = near_to(&c.points[count ? (int)(dice_uniform(dice) * count) : 0], places, 0.05, dice);
+        c.points[i] = at = near_to(&at, places, step_m, rng);
+    c.wanted = near_to(&c.points[count ? (int)(rng_uniform(rng) * count) : 0], places, 0.05, rng);
     c.wanted.known = at.known;
     return &c;
 }
 
-static void every_count_up_to_three_groups(void **state)
+static void test_every_count_up_to_three_groups(void **state)
 {
     (void)state;
-    struct dice dice = {SEED};
+    struct rng rng = {SEED};
     print_message("seed %d\n", SEED);
     int asked = 0, all = 0;
     for (int count = 0; count < 700; count += count < 40 || count % 256 > 250 || count % 256 < 5 ? 1 : 7) {
-        asked += compare(walk(1 + count % NEAREST_PLACES_MOST, count, 0.05, &dice));
+        asked += compare(walk(1 + count % POSE_INDEX_MAX_POSITIONS, count, 0.05, &rng));
         all += count;
     }
     EXPECT_AT_MOST(asked, 0.25 * all); // or it would be no better than asking about all
 }
 
-static void ties_go_to_the_lowest(void **state)
+static void test_ties_go_to_lowest(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 1};
+    struct rng rng = {SEED + 1};
     for (int round = 0; round < 60; round++) {
-        struct crowd *c = walk(1 + round % 16, 100 + 9 * round, 0.1, &dice);
+        struct crowd *c = walk(1 + round % 16, 100 + 9 * round, 0.1, &rng);
         if (round % 3 == 0) // all alike
             for (int i = 0; i < c->count; i++)
                 c->points[i] = c->points[0];
         else // copies here and there
             for (int k = 0; k < c->count / 2; k++) {
-                int from = (int)(dice_uniform(&dice) * c->count), to = (int)(dice_uniform(&dice) * c->count);
+                int from = (int)(rng_uniform(&rng) * c->count), to = (int)(rng_uniform(&rng) * c->count);
                 c->points[to] = c->points[from];
             }
         c->wanted = c->points[c->count / 2];
@@ -128,119 +128,119 @@ static void ties_go_to_the_lowest(void **state)
     }
 }
 
-static void some_may_not_be_chosen(void **state)
+static void test_barred_poses_are_skipped(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 2};
+    struct rng rng = {SEED + 2};
     for (int round = 0; round < 60; round++) {
-        struct crowd *c = walk(4, 300, 0.05, &dice);
+        struct crowd *c = walk(4, 300, 0.05, &rng);
         for (int i = 0; i < c->count; i++)
-            c->barred[i] = dice_uniform(&dice) < round / 50.0; // in the last rounds none is left
+            c->barred[i] = rng_uniform(&rng) < round / 50.0; // in the last rounds none is left
         compare(c);
     }
 }
 
 // Before one that may be chosen is found, all points, blocks and groups may hold it: more than can wait at once.
-static void where_nothing_can_be_passed_over(void **state)
+static void test_nothing_can_be_pruned(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 8};
+    struct rng rng = {SEED + 8};
     for (int round = 0; round < 4; round++) {
-        struct crowd *c = walk(1 + round, MOST, 0.002, &dice);
+        struct crowd *c = walk(1 + round, MOST, 0.002, &rng);
         for (int i = 0; i < c->count; i++)
             c->barred[i] = true;
         if (round > 0)
-            c->barred[(int)(dice_uniform(&dice) * c->count)] = false;
+            c->barred[(int)(rng_uniform(&rng) * c->count)] = false;
         int asked = compare(c);
         EXPECT_TRUE(round > 0 || asked >= c->count);
     }
 }
 
-static void unknown_places_cost_nothing(void **state)
+static void test_unknown_points_cost_nothing(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 3};
+    struct rng rng = {SEED + 3};
     for (int round = 0; round < 100; round++) {
-        struct crowd *c = walk(15, 400, 0.05, &dice);
+        struct crowd *c = walk(15, 400, 0.05, &rng);
         double unknown = round % 5 * 0.25;
         for (int i = 0; i < c->count; i++)
             for (int p = 0; p < c->places; p++)
-                if (dice_uniform(&dice) < unknown) {
+                if (rng_uniform(&rng) < unknown) {
                     c->points[i].known &= ~(1u << p);
-                    c->points[i].place[p] = v3(NAN, INFINITY, 1e300);
+                    c->points[i].position[p] = v3(NAN, INFINITY, 1e300);
                 }
         for (int p = 0; p < c->places; p++)
-            if (dice_uniform(&dice) < 0.2) {
+            if (rng_uniform(&rng) < 0.2) {
                 c->wanted.known &= ~(1u << p);
-                c->wanted.place[p] = v3(NAN, NAN, NAN);
+                c->wanted.position[p] = v3(NAN, NAN, NAN);
             }
         c->scale = 1 + round % 7 * 0.3;
         compare(c);
     }
 }
 
-static void what_a_point_costs_by_itself_counts(void **state)
+static void test_own_cost_counts(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 4};
+    struct rng rng = {SEED + 4};
     for (int round = 0; round < 60; round++) {
-        struct crowd *c = walk(4, 500, 0.05, &dice);
+        struct crowd *c = walk(4, 500, 0.05, &rng);
         for (int i = 0; i < c->count; i++)
-            c->points[i].own_m = pow(10, 6 * dice_uniform(&dice) - 5);
+            c->points[i].fixed_cost_m = pow(10, 6 * rng_uniform(&rng) - 5);
         c->scale = 1 + round % 7 * 0.3;
         compare(c);
     }
 }
 
-static void places_far_away_and_no_numbers(void **state)
+static void test_far_and_nan_points(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 5};
+    struct rng rng = {SEED + 5};
     static const double far[] = {3.9, 4.1, 1e3, 1e9, 1e300};
     for (int round = 0; round < 100; round++) {
-        struct crowd *c = walk(6, 200, 0.05, &dice);
+        struct crowd *c = walk(6, 200, 0.05, &rng);
         double size = far[round % 5];
         for (int i = 0; i < c->count; i++)
             if (round % 2 || i % 10 == 0)
                 for (int p = 0; p < c->places; p++)
-                    c->points[i].place[p] = v3_scale(c->points[i].place[p], size);
+                    c->points[i].position[p] = v3_scale(c->points[i].position[p], size);
         if (round % 3 == 0)
-            c->wanted.place[2] = v3(size, -size, 0);
+            c->wanted.position[2] = v3(size, -size, 0);
         if (round % 10 == 9) // its cost is no number, so it cannot be chosen
-            c->points[7].place[0] = v3(NAN, 0, 0);
+            c->points[7].position[0] = v3(NAN, 0, 0);
         compare(c);
     }
 }
 
 // Six places and an own cost count up to 4681 each: that fills 16 bits to the last.
-static void all_that_counts_is_too_far_to_count(void **state)
+static void test_all_weighted_joints_beyond_limit(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 7};
+    struct rng rng = {SEED + 7};
     for (int round = 0; round < 20; round++) {
-        struct crowd *c = walk(6, 200, 0.05, &dice);
+        struct crowd *c = walk(6, 200, 0.05, &rng);
         for (int i = 0; i < c->count; i++) {
-            c->points[i].own_m = 1e3;
+            c->points[i].fixed_cost_m = 1e3;
             for (int p = 0; p < c->places; p++)
-                c->points[i].place[p] = v3_add(c->wanted.place[p], v3(20 + dice_uniform(&dice), 20, 20));
+                c->points[i].position[p] = v3_add(c->wanted.position[p], v3(20 + rng_uniform(&rng), 20, 20));
         }
         for (int p = 0; p < c->places; p++)
-            c->wanted.place[p] = v3_scale(c->wanted.place[p], -1);
+            c->wanted.position[p] = v3_scale(c->wanted.position[p], -1);
         compare(c);
     }
 }
 
 // Along this direction a place's bound is its distance, so rounding alone can make it too high.
-static void bounds_are_not_too_high_where_they_are_tight(void **state)
+static void test_bounds_are_admissible_where_tight(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 6};
+    struct rng rng = {SEED + 6};
     for (int round = 0; round < 2000; round++) {
-        struct crowd *c = walk(1 + round % 4, 100, 0.05, &dice);
+        struct crowd *c = walk(1 + round % 4, 100, 0.05, &rng);
         for (int i = 0; i < c->count; i++)
             for (int p = 0; p < c->places; p++)
-                c->points[i].place[p] =
-                    v3_add(c->wanted.place[p], v3_scale(v3(0.86, 0.36, 0.36), 0.2 + 1e-3 * dice_uniform(&dice)));
+                c->points[i].position[p] =
+                    v3_add(c->wanted.position[p], v3_scale(v3(0.86, 0.36, 0.36), 0.2 + 1e-3 * rng_uniform(&rng)));
         compare(c);
     }
 }
@@ -248,15 +248,15 @@ static void bounds_are_not_too_high_where_they_are_tight(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_count_up_to_three_groups),
-        cmocka_unit_test(ties_go_to_the_lowest),
-        cmocka_unit_test(some_may_not_be_chosen),
-        cmocka_unit_test(where_nothing_can_be_passed_over),
-        cmocka_unit_test(unknown_places_cost_nothing),
-        cmocka_unit_test(what_a_point_costs_by_itself_counts),
-        cmocka_unit_test(places_far_away_and_no_numbers),
-        cmocka_unit_test(all_that_counts_is_too_far_to_count),
-        cmocka_unit_test(bounds_are_not_too_high_where_they_are_tight),
+        cmocka_unit_test(test_every_count_up_to_three_groups),
+        cmocka_unit_test(test_ties_go_to_lowest),
+        cmocka_unit_test(test_barred_poses_are_skipped),
+        cmocka_unit_test(test_nothing_can_be_pruned),
+        cmocka_unit_test(test_unknown_points_cost_nothing),
+        cmocka_unit_test(test_own_cost_counts),
+        cmocka_unit_test(test_far_and_nan_points),
+        cmocka_unit_test(test_all_weighted_joints_beyond_limit),
+        cmocka_unit_test(test_bounds_are_admissible_where_tight),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

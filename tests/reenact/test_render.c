@@ -1,4 +1,4 @@
-// The painter against references in double precision, on takes made here: where
+// The renderer against references in double precision, on takes made here: where
 // a cylinder falls, what it shows, who hides whom, and that it is repeatable.
 #include "tests/support/painted_person.h"
 #include "tests/support/test.h"
@@ -21,7 +21,7 @@ static struct skeleton only_thigh(struct vec3 hip, struct vec3 knee)
     return s;
 }
 
-static void cylinders_fall_where_the_reference_says(void **state)
+static void test_cylinders_match_reference(void **state)
 {
     (void)state;
     static uint8_t grey[PIXELS * 3];
@@ -30,7 +30,7 @@ static void cylinders_fall_where_the_reference_says(void **state)
     struct one_frame frame = {.skeleton = only_thigh(hip, knee), .rgb = grey};
     struct painted_take s;
     painted_take_open(&s, &ideal, &frame, 1, &thigh_only);
-    struct painter *p = painter_on(&s, &bent, DETAIL_PAPER);
+    struct renderer *p = painted_take_renderer(&s, &bent, DETAIL_PAPER);
     static struct drawn got;
     // Viewers: in front; from the side and close; looking almost along the bone; with the
     // cylinder reaching out of the picture; and through the cylinder's own near end.
@@ -58,14 +58,14 @@ static void cylinders_fall_where_the_reference_says(void **state)
         print_message("viewer %zu: %ld pixels, iou %.4f\n", v, either, iou);
         EXPECT_AT_LEAST(iou, 0.995);
     }
-    painter_close(&p);
+    renderer_close(&p);
     painted_take_close(&s);
 }
 
 // ---------------------------------------------------------------- a person of three balls' breadth
 
 // Seen from where it was filmed, the body shows the film's own pixels.
-static void the_film_is_given_back(void **state)
+static void test_take_is_reproduced(void **state)
 {
     (void)state;
     static struct painted film;
@@ -79,7 +79,7 @@ static void the_film_is_given_back(void **state)
     struct painted_take stage;
     painted_take_open(&stage, &bent, &frame, 1, &whole_measures);
     for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
-        struct painter *p = painter_on(&stage, &bent, (enum detail)detail);
+        struct renderer *p = painted_take_renderer(&stage, &bent, (enum detail)detail);
         draw_picture(p, POSE_IDENTITY, 0, green, &got);
         EXPECT_INT(got.result.parts, PART_COUNT);
         double sum = 0;
@@ -107,7 +107,7 @@ static void the_film_is_given_back(void **state)
         EXPECT_AT_LEAST(psnr, 38);
         if (detail == DETAIL_FULL) // round ends and all
             EXPECT_AT_LEAST((double)overlap / (double)(drawn + person - overlap), 0.93);
-        painter_close(&p);
+        renderer_close(&p);
     }
     painted_take_close(&stage);
 }
@@ -121,7 +121,7 @@ static bool magenta(const uint8_t *c)
 
 // From all round, at full detail, not a pixel of the wall behind is on the actor;
 // and what is not the actor is the camera's picture to the bit.
-static void the_wall_behind_never_comes_along(void **state)
+static void test_wall_behind_is_never_drawn(void **state)
 {
     (void)state;
     static struct painted film[2];
@@ -137,7 +137,7 @@ static void the_wall_behind_never_comes_along(void **state)
     }
     struct painted_take stage;
     painted_take_open(&stage, &ideal, frames, 2, &whole_measures);
-    struct painter *p = painter_on(&stage, &bent, DETAIL_FULL);
+    struct renderer *p = painted_take_renderer(&stage, &bent, DETAIL_FULL);
     long leaked = 0, solid = 0, touched = 0;
     for (int v = 0; v < 12; v++) {
         double a = v * PI / 6;
@@ -152,13 +152,13 @@ static void the_wall_behind_never_comes_along(void **state)
     EXPECT_AT_LEAST(solid, 12 * 3000);
     EXPECT_INT(leaked, 0);
     EXPECT_INT(touched, 0);
-    painter_close(&p);
+    renderer_close(&p);
     painted_take_close(&stage);
 }
 
 // Two limbs that crossed: filmed apart, red and blue, shown crossed; the nearer one
 // is in front from either side.
-static void the_nearer_part_hides_the_farther(void **state)
+static void test_nearer_part_occludes_farther(void **state)
 {
     (void)state;
     static uint8_t halves[PIXELS * 3], grey[PIXELS * 3];
@@ -187,7 +187,7 @@ static void the_nearer_part_hides_the_farther(void **state)
     painted_take_open(&stage, &ideal, frames, 2, &body);
     static struct drawn got;
     for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
-        struct painter *p = painter_on(&stage, &ideal, (enum detail)detail);
+        struct renderer *p = painted_take_renderer(&stage, &ideal, (enum detail)detail);
         const uint8_t *middle = got.rgb + 3 * (H / 2 * W + W / 2);
         draw_picture(p, POSE_IDENTITY, 40000000, grey, &got);
         EXPECT_INT(got.result.parts, 2);
@@ -195,12 +195,12 @@ static void the_nearer_part_hides_the_farther(void **state)
         EXPECT_AT_LEAST(middle[2] - middle[0], 150);
         draw_picture(p, (struct pose){quat_from_rotation_vector(v3(0, PI, 0)), v3(0, 0, 4)}, 40000000, grey, &got);
         EXPECT_AT_LEAST(middle[0] - middle[2], 150);
-        painter_close(&p);
+        renderer_close(&p);
     }
     painted_take_close(&stage);
 }
 
-static void the_same_again_is_the_same(void **state)
+static void test_deterministic(void **state)
 {
     (void)state;
     static struct painted film;
@@ -212,15 +212,15 @@ static void the_same_again_is_the_same(void **state)
     painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
     const struct pose viewer = {quat_from_rotation_vector(v3(0, 0.6, 0)), v3(-1.3, 0, 0.5)};
     for (int detail = DETAIL_PAPER; detail <= DETAIL_AUTO; detail++) {
-        struct painter *p = painter_on(&stage, &bent, (enum detail)detail);
+        struct renderer *p = painted_take_renderer(&stage, &bent, (enum detail)detail);
         draw_picture(p, viewer, 0, film.rgb, &first);
-        painter_close(&p);
+        renderer_close(&p);
         gpu_close(&stage.gpu); // another context, and another picture drawn before
         EXPECT_STATUS(gpu_open(&stage.gpu), OK);
-        p = painter_on(&stage, &bent, (enum detail)detail);
+        p = painted_take_renderer(&stage, &bent, (enum detail)detail);
         draw_picture(p, POSE_IDENTITY, 0, film.rgb, &other);
         draw_picture(p, viewer, 0, film.rgb, &second);
-        painter_close(&p);
+        renderer_close(&p);
         EXPECT_INT(memcmp(first.rgb, second.rgb, sizeof first.rgb), 0);
         EXPECT_INT(memcmp(first.actor, second.actor, sizeof first.actor), 0);
         EXPECT_TRUE(memcmp(first.rgb, other.rgb, sizeof first.rgb) != 0);
@@ -238,7 +238,7 @@ static long actor_pixels(const struct drawn *d)
 
 // Nobody there: unknown joints, parts never measured, long after the end, behind
 // the camera, no length, no placed image. The picture is then the camera's own.
-static void nobody_leaves_the_picture_alone(void **state)
+static void test_no_actor_leaves_image_unchanged(void **state)
 {
     (void)state;
     static struct painted film;
@@ -254,7 +254,7 @@ static void nobody_leaves_the_picture_alone(void **state)
     struct painted_take stage;
     painted_take_open(&stage, &ideal, frames, 2, &body);
     for (int detail = DETAIL_PAPER; detail <= DETAIL_FULL; detail++) {
-        struct painter *p = painter_on(&stage, &ideal, (enum detail)detail);
+        struct renderer *p = painted_take_renderer(&stage, &ideal, (enum detail)detail);
         draw_picture(p, POSE_IDENTITY, 0, film.rgb, &got);
         EXPECT_INT(got.result.parts, PART_COUNT - 1);
         draw_picture(p, POSE_IDENTITY, 40000000, film.rgb, &got);
@@ -269,14 +269,14 @@ static void nobody_leaves_the_picture_alone(void **state)
         EXPECT_INT(got.result.parts, 0);
         EXPECT_INT(memcmp(got.rgb, film.rgb, sizeof got.rgb), 0);
         draw_picture(p, POSE_IDENTITY, 0, film.rgb, &got);
-        EXPECT_STATUS(painter_draw_nobody(p, film.rgb), OK);
-        EXPECT_STATUS(painter_read(p, got.rgb), OK);
-        EXPECT_STATUS(painter_read_actor(p, got.actor), OK);
+        EXPECT_STATUS(renderer_draw_background(p, film.rgb), OK);
+        EXPECT_STATUS(renderer_read(p, got.rgb), OK);
+        EXPECT_STATUS(renderer_read_actor(p, got.actor), OK);
         EXPECT_INT(actor_pixels(&got), 0);
         EXPECT_INT(memcmp(got.rgb, film.rgb, sizeof got.rgb), 0);
-        struct painter_view nowhere = {.world_from_camera = {{0, 0, 0, 1}, {NAN, 0, 0}}, .color = film.rgb};
-        EXPECT_STATUS(painter_draw(p, &nowhere, &got.result), ERR_INPUT);
-        painter_close(&p);
+        struct renderer_view nowhere = {.world_from_camera = {{0, 0, 0, 1}, {NAN, 0, 0}}, .color = film.rgb};
+        EXPECT_STATUS(renderer_draw(p, &nowhere, &got.result), ERR_INPUT);
+        renderer_close(&p);
     }
     painted_take_close(&stage);
 }
@@ -284,12 +284,12 @@ static void nobody_leaves_the_picture_alone(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(cylinders_fall_where_the_reference_says),
-        cmocka_unit_test(the_film_is_given_back),
-        cmocka_unit_test(the_wall_behind_never_comes_along),
-        cmocka_unit_test(the_nearer_part_hides_the_farther),
-        cmocka_unit_test(the_same_again_is_the_same),
-        cmocka_unit_test(nobody_leaves_the_picture_alone),
+        cmocka_unit_test(test_cylinders_match_reference),
+        cmocka_unit_test(test_take_is_reproduced),
+        cmocka_unit_test(test_wall_behind_is_never_drawn),
+        cmocka_unit_test(test_nearer_part_occludes_farther),
+        cmocka_unit_test(test_deterministic),
+        cmocka_unit_test(test_no_actor_leaves_image_unchanged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,7 +27,7 @@ static const char *vertex_of(const char *name)
     return shader_find("fullscreen.vert");
 }
 
-static void every_shader_compiles(void **state)
+static void test_every_shader_compiles(void **state)
 {
     (void)state;
     struct gpu *g;
@@ -38,7 +38,7 @@ static void every_shader_compiles(void **state)
         if (!ends(shader_texts[i].name, ".frag"))
             continue;
         fragment++;
-        struct gpu_program_text pair = {
+        struct gpu_program_source pair = {
             .name = shader_texts[i].name, .vertex = vertex_of(shader_texts[i].name), .fragment = shader_texts[i].text};
         struct gpu_program *p;
         EXPECT_STATUS(gpu_program_open(&p, g, &pair), OK);
@@ -51,15 +51,15 @@ static void every_shader_compiles(void **state)
     EXPECT_TRUE(g == NULL);
 }
 
-static void broken_shaders_are_refused(void **state)
+static void test_broken_shaders_are_refused(void **state)
 {
     (void)state;
     struct gpu *g;
     EXPECT_STATUS(gpu_open(&g), OK);
     struct gpu_program *p;
-    struct gpu_program_text text = {.name = "broken",
-                                    .vertex = shader_find("fullscreen.vert"),
-                                    .fragment = "#version 300 es\nvoid main() { nonsense = 1; }\n"};
+    struct gpu_program_source text = {.name = "broken",
+                                      .vertex = shader_find("fullscreen.vert"),
+                                      .fragment = "#version 300 es\nvoid main() { nonsense = 1; }\n"};
     EXPECT_STATUS(gpu_program_open(&p, g, &text), ERR_DEVICE);
     EXPECT_TRUE(p == NULL);
     EXPECT_SAYS("broken");
@@ -74,7 +74,7 @@ static void broken_shaders_are_refused(void **state)
     gpu_close(&g);
 }
 
-static void sizes_beyond_the_driver_are_refused(void **state)
+static void test_sizes_beyond_driver_are_refused(void **state)
 {
     (void)state;
     struct gpu *g;
@@ -90,7 +90,7 @@ static void sizes_beyond_the_driver_are_refused(void **state)
 }
 
 // What goes into a texture comes out of a target unchanged, top row first.
-static void pixels_survive(void **state)
+static void test_pixels_survive(void **state)
 {
     (void)state;
     enum { W = 7, H = 5 };
@@ -102,11 +102,11 @@ static void pixels_survive(void **state)
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
     static const char *const samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
-    struct gpu_program_text text = {.name = "compose",
-                                    .vertex = shader_find("fullscreen.vert"),
-                                    .fragment = shader_find("compose.frag"),
-                                    .samplers = samplers,
-                                    .sampler_count = 3};
+    struct gpu_program_source text = {.name = "compose",
+                                      .vertex = shader_find("fullscreen.vert"),
+                                      .fragment = shader_find("compose.frag"),
+                                      .samplers = samplers,
+                                      .sampler_count = 3};
     struct gpu_program *program;
     struct gpu_mesh *mesh;
     struct gpu_texture *texture;
@@ -133,17 +133,17 @@ static void pixels_survive(void **state)
 }
 
 // A job leaves what is outside its box as it is, and clearing leaves nothing of any job.
-static void boxes_hold(void **state)
+static void test_bounding_boxes_contain_actor(void **state)
 {
     (void)state;
     enum { W = 9, H = 6 };
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
     static const struct gpu_box boxes[] = {{2, 1, 3, 4}, {-3, 4, 5, 9}, {7, -2, 9, 3}, {20, 20, 2, 2}};
-    const struct gpu_program_text text = {.name = "one colour",
-                                          .vertex = shader_find("fullscreen.vert"),
-                                          .fragment = "#version 300 es\nprecision highp float;\nout vec4 color;\n"
-                                                      "void main() { color = vec4(1.0); }\n"};
+    const struct gpu_program_source text = {.name = "one colour",
+                                            .vertex = shader_find("fullscreen.vert"),
+                                            .fragment = "#version 300 es\nprecision highp float;\nout vec4 color;\n"
+                                                        "void main() { color = vec4(1.0); }\n"};
     struct gpu *g;
     struct gpu_program *program;
     struct gpu_mesh *mesh;
@@ -180,11 +180,9 @@ static void boxes_hold(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_shader_compiles),
-        cmocka_unit_test(broken_shaders_are_refused),
-        cmocka_unit_test(sizes_beyond_the_driver_are_refused),
-        cmocka_unit_test(pixels_survive),
-        cmocka_unit_test(boxes_hold),
+        cmocka_unit_test(test_every_shader_compiles),           cmocka_unit_test(test_broken_shaders_are_refused),
+        cmocka_unit_test(test_sizes_beyond_driver_are_refused), cmocka_unit_test(test_pixels_survive),
+        cmocka_unit_test(test_bounding_boxes_contain_actor),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -13,8 +13,8 @@ static const double PI = 3.14159265358979323846;
 // Two rings (a tube each), 5 mm apart at their nearest: 9 mm triangles, closed. One is red, the other green; from
 // the middle of the body's left half on nobody saw them, and there the time is another.
 struct rings {
-    struct surface surface;
-    struct coat coat;
+    struct surface_mesh surface;
+    struct vertex_colors vertex_colors;
 };
 
 static bool is_unseen(struct vec3 p) { return p.x > 0.1; }
@@ -27,9 +27,9 @@ static struct rings rings_make(void)
     r.surface.points = calloc(2 * POINTS, sizeof *r.surface.points);
     r.surface.normals = calloc(2 * POINTS, sizeof *r.surface.normals);
     r.surface.corners = calloc(12 * POINTS, sizeof *r.surface.corners);
-    r.coat.color = calloc(2 * POINTS, sizeof *r.coat.color);
-    r.coat.time_s = calloc(2 * POINTS, sizeof *r.coat.time_s);
-    r.coat.filled = calloc(2 * POINTS, 1);
+    r.vertex_colors.color = calloc(2 * POINTS, sizeof *r.vertex_colors.color);
+    r.vertex_colors.time_s = calloc(2 * POINTS, sizeof *r.vertex_colors.time_s);
+    r.vertex_colors.filled = calloc(2 * POINTS, 1);
     r.surface.point_count = 2 * POINTS;
     for (int ring = 0; ring < 2; ring++)
         for (int i = 0; i < AROUND; i++)
@@ -38,9 +38,9 @@ static struct rings rings_make(void)
                 int at = point_of(ring, i, j);
                 r.surface.points[at] = v3(out * cos(a), out * sin(a), 0.09 * sin(b) + 0.185 * ring);
                 r.surface.normals[at] = v3(cos(b) * cos(a), cos(b) * sin(a), sin(b));
-                r.coat.color[at][ring] = 0.5F;
-                r.coat.filled[at] = is_unseen(r.surface.points[at]);
-                r.coat.time_s[at] = r.coat.filled[at] ? 600 : 1.5F;
+                r.vertex_colors.color[at][ring] = 0.5F;
+                r.vertex_colors.filled[at] = is_unseen(r.surface.points[at]);
+                r.vertex_colors.time_s[at] = r.vertex_colors.filled[at] ? 600 : 1.5F;
                 const int32_t q[4] = {at, point_of(ring, i + 1, j), point_of(ring, i + 1, j + 1),
                                       point_of(ring, i, j + 1)};
                 const int32_t corners[6] = {q[0], q[1], q[2], q[0], q[2], q[3]};
@@ -52,11 +52,11 @@ static struct rings rings_make(void)
 
 static void rings_free(struct rings *r)
 {
-    surface_free(&r->surface);
-    coat_free(&r->coat);
+    surface_mesh_free(&r->surface);
+    vertex_colors_free(&r->vertex_colors);
 }
 
-static double volume_of(const struct vec3 *points, const int32_t *corners, int corner_count)
+static double signed_volume(const struct vec3 *points, const int32_t *corners, int corner_count)
 {
     double sum = 0;
     for (int i = 0; i < corner_count; i += 3)
@@ -64,19 +64,19 @@ static double volume_of(const struct vec3 *points, const int32_t *corners, int c
     return sum;
 }
 
-static void fewer_and_the_same_shape(void **state)
+static void test_simplified_mesh_keeps_shape(void **state)
 {
     (void)state;
     struct rings r = rings_make();
-    struct atlas a;
-    EXPECT_STATUS(atlas_make(&a, &r.surface, &r.coat), OK);
-    double fine_l = 1e3 * volume_of(r.surface.points, r.surface.corners, r.surface.corner_count);
-    double few_l = 1e3 * volume_of(a.points, a.mesh.corners, a.mesh.corner_count);
+    struct texture_atlas a;
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    double fine_l = 1e3 * signed_volume(r.surface.points, r.surface.corners, r.surface.corner_count);
+    double few_l = 1e3 * signed_volume(a.points, a.mesh.corners, a.mesh.corner_count);
     print_message("%d triangles of %d, %.3f litres of %.3f; %d points, %d x %d texels\n", a.mesh.corner_count / 3,
                   r.surface.corner_count / 3, few_l, fine_l, a.mesh.point_count, a.mesh.width, a.mesh.height);
     EXPECT_AT_MOST(a.mesh.corner_count, 0.4 * r.surface.corner_count);
     EXPECT_AT_MOST(fabs(few_l - fine_l), 0.004 * fine_l);
-    atlas_free(&a);
+    texture_atlas_free(&a);
     rings_free(&r);
 }
 
@@ -87,13 +87,13 @@ static int by_number(const void *a, const void *b)
 }
 
 // As often as a side is walked one way, it is walked the other way, cuts or no cuts.
-static void stays_closed(void **state)
+static void test_mesh_stays_closed(void **state)
 {
     (void)state;
     struct rings r = rings_make();
-    struct atlas a;
-    EXPECT_STATUS(atlas_make(&a, &r.surface, &r.coat), OK);
-    const struct unfolded *m = &a.mesh;
+    struct texture_atlas a;
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    const struct uv_mesh *m = &a.mesh;
     int64_t *ways[2], open = 0;
     for (int back = 0; back < 2; back++) {
         ways[back] = malloc(sizeof **ways * (size_t)m->corner_count);
@@ -108,12 +108,12 @@ static void stays_closed(void **state)
     EXPECT_INT(open, 0);
     free(ways[0]);
     free(ways[1]);
-    atlas_free(&a);
+    texture_atlas_free(&a);
     rings_free(&r);
 }
 
 // Between the four texels about it, as a GPU does.
-static double texel(const struct atlas *a, const double at[2], int channel)
+static double texel(const struct texture_atlas *a, const double at[2], int channel)
 {
     double x = at[0] - 0.5, y = at[1] - 0.5, u = x - floor(x), v = y - floor(y), sum = 0;
     for (int i = 0; i < 4; i++)
@@ -123,13 +123,13 @@ static double texel(const struct atlas *a, const double at[2], int channel)
 }
 
 // All over every triangle, its corners included, it is its own ring's colour and nothing of the other's or nobody's.
-static void everywhere_its_own_colour(void **state)
+static void test_every_texel_keeps_its_color(void **state)
 {
     (void)state;
     struct rings r = rings_make();
-    struct atlas a;
-    EXPECT_STATUS(atlas_make(&a, &r.surface, &r.coat), OK);
-    const struct unfolded *m = &a.mesh;
+    struct texture_atlas a;
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    const struct uv_mesh *m = &a.mesh;
     enum { STEPS = 5 };
     double wanted = 255 * sqrt(0.5), most_off = 0;
     long wrong_time = 0, places = 0;
@@ -148,7 +148,7 @@ static void everywhere_its_own_colour(void **state)
                 }
                 for (int c = 0; c < 3; c++)
                     most_off = fmax(most_off, fabs(texel(&a, at, c) - (c == ring ? wanted : 0)));
-                const uint8_t *when = a.when + 4 * ((int)at[1] * m->width + (int)at[0]);
+                const uint8_t *when = a.seen_time + 4 * ((int)at[1] * m->width + (int)at[0]);
                 if (fabs(p.x - 0.1) < 0.02)
                     continue; // may be either
                 places++;
@@ -158,18 +158,18 @@ static void everywhere_its_own_colour(void **state)
     print_message("%ld places, colours off by %.2f at most, %ld of another time\n", places, most_off, wrong_time);
     EXPECT_AT_MOST(most_off, 1);
     EXPECT_INT(wrong_time, 0);
-    atlas_free(&a);
+    texture_atlas_free(&a);
     rings_free(&r);
 }
 
 // Nobody's place in the picture is somebody else's, too.
-static void nothing_lies_on_something_else(void **state)
+static void test_charts_do_not_overlap(void **state)
 {
     (void)state;
     struct rings r = rings_make();
-    struct atlas a;
-    EXPECT_STATUS(atlas_make(&a, &r.surface, &r.coat), OK);
-    const struct unfolded *m = &a.mesh;
+    struct texture_atlas a;
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    const struct uv_mesh *m = &a.mesh;
     uint8_t *taken = calloc((size_t)m->width * (size_t)m->height, 1);
     long twice = 0, texels = 0;
     for (int t = 0; t < m->corner_count; t += 3) {
@@ -191,17 +191,17 @@ static void nothing_lies_on_something_else(void **state)
     EXPECT_AT_LEAST((double)texels, 5000);
     EXPECT_INT(twice, 0);
     free(taken);
-    atlas_free(&a);
+    texture_atlas_free(&a);
     rings_free(&r);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(fewer_and_the_same_shape),
-        cmocka_unit_test(stays_closed),
-        cmocka_unit_test(everywhere_its_own_colour),
-        cmocka_unit_test(nothing_lies_on_something_else),
+        cmocka_unit_test(test_simplified_mesh_keeps_shape),
+        cmocka_unit_test(test_mesh_stays_closed),
+        cmocka_unit_test(test_every_texel_keeps_its_color),
+        cmocka_unit_test(test_charts_do_not_overlap),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

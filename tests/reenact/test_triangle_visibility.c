@@ -13,46 +13,46 @@ enum { W = 320, H = 240, VIEWS = 5, FRAME = 2, ANOTHER = 3 };
 static const struct lens lens = {W, H, 270, 270, (W - 1) / 2.0, (H - 1) / 2.0, 0, 0, 0, 0, 0, 0, 0};
 static const double PI = 3.14159265358979323846;
 
-static struct rehearsed rehearsed; // its likeness is as the painter's
+static struct rehearsed rehearsed; // its avatar is as the renderer's
 static struct gpu *gpu;
 static struct gpu_target *target;
-static struct likeness_painter *painter;
+static struct avatar_renderer *renderer;
 
 enum says { WHAT_IS_FOUND, ALL_MAY, NONE_MAY };
 
-// A frame that the painter then shows. With no bytes to keep others in, the one before it goes.
-static void give(struct frame_loader *loader, int64_t frame, enum says says)
+// A frame that the renderer then shows. With no bytes to keep others in, the one before it goes.
+static void give(struct frame_layer_loader *loader, int64_t frame, enum says says)
 {
-    struct loaded_frame loaded;
-    EXPECT_STATUS(frame_loader_load(loader, frame, &loaded), OK);
-    EXPECT_TRUE(loaded.seen);
+    struct frame_layer loaded;
+    EXPECT_STATUS(frame_layer_loader_load(loader, frame, &loaded), OK);
+    EXPECT_TRUE(loaded.has_images);
     if (says != WHAT_IS_FOUND)
-        memset(loaded.own, says == ALL_MAY, (size_t)loaded.triangle_count);
-    EXPECT_STATUS(likeness_painter_give_frame(painter, &loaded), OK);
+        memset(loaded.triangle_visible, says == ALL_MAY, (size_t)loaded.triangle_count);
+    EXPECT_STATUS(avatar_renderer_add_frame(renderer, &loaded), OK);
 }
 
 // From all round, the first from where the sensor stood; how many calls a picture took at most.
 static int64_t draw_all(uint8_t *rgba)
 {
-    struct motion *motion;
-    struct moment moment;
+    struct skeleton_track *motion;
+    struct track_sample moment;
     int64_t most = 0;
     const struct take *take = rehearsed.take;
-    EXPECT_STATUS(motion_open(&motion, take), OK);
-    EXPECT_STATUS(motion_at(motion, take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns, true, &moment),
-                  OK);
-    motion_close(&motion);
+    EXPECT_STATUS(skeleton_track_open(&motion, take), OK);
+    EXPECT_STATUS(
+        skeleton_track_at(motion, take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns, true, &moment), OK);
+    skeleton_track_close(&motion);
     EXPECT_INT(moment.frame, FRAME);
     for (int v = 0; v < VIEWS; v++) {
-        const struct pose viewer = rehearsed_round(&rehearsed, FRAME, 2 * PI * v / VIEWS);
-        const struct likeness_view view = {FRAME, moment.skeleton, viewer, target, NULL, NULL};
-        const int64_t before = gpu_count(gpu).draws;
+        const struct pose viewer = rehearsed_orbit_pose(&rehearsed, FRAME, 2 * PI * v / VIEWS);
+        const struct avatar_view view = {FRAME, moment.skeleton, viewer, target, NULL, NULL};
+        const int64_t before = gpu_get_counts(gpu).draws;
         struct gpu_box within;
         int parts;
         gpu_target_clear(target);
-        EXPECT_STATUS(likeness_painter_draw(painter, &view, &parts, &within), OK);
+        EXPECT_STATUS(avatar_renderer_draw(renderer, &view, &parts, &within), OK);
         EXPECT_STATUS(gpu_target_read(target, rgba + 4 * (size_t)(W * H) * (size_t)v), OK);
-        most = gpu_count(gpu).draws - before > most ? gpu_count(gpu).draws - before : most;
+        most = gpu_get_counts(gpu).draws - before > most ? gpu_get_counts(gpu).draws - before : most;
     }
     return most;
 }
@@ -66,18 +66,18 @@ static long differ(const uint8_t *a, const uint8_t *b, int by)
     return count;
 }
 
-static void the_picture_is_the_same(void **state)
+static void test_image_is_unchanged(void **state)
 {
     (void)state;
     static uint8_t rgba[3][4 * W * H * VIEWS];
-    struct frame_loader *loader;
-    EXPECT_STATUS(frame_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.likeness), OK);
+    struct frame_layer_loader *loader;
+    EXPECT_STATUS(frame_layer_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.avatar), OK);
     for (enum says says = WHAT_IS_FOUND; says <= NONE_MAY; says++) {
         give(loader, FRAME, says);
         EXPECT_AT_MOST(draw_all(rgba[says]), 3);
         give(loader, ANOTHER, WHAT_IS_FOUND);
     }
-    frame_loader_close(&loader);
+    frame_layer_loader_close(&loader);
     print_message("%ld values differ from those drawn without the frame\n",
                   differ(rgba[WHAT_IS_FOUND], rgba[NONE_MAY], 1));
     EXPECT_INT(differ(rgba[WHAT_IS_FOUND], rgba[ALL_MAY], 1), 0); // the sum may be rounded otherwise
@@ -85,42 +85,42 @@ static void the_picture_is_the_same(void **state)
 }
 
 // Of a person half of whom is turned away from the sensor.
-static void most_have_nothing_of_the_frame(void **state)
+static void test_most_triangles_are_not_visible(void **state)
 {
     (void)state;
-    struct frame_loader *loader;
-    struct loaded_frame loaded;
+    struct frame_layer_loader *loader;
+    struct frame_layer loaded;
     int own = 0;
-    EXPECT_STATUS(frame_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.likeness), OK);
-    EXPECT_STATUS(frame_loader_load(loader, FRAME, &loaded), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_load(loader, FRAME, &loaded), OK);
     const int count = loaded.triangle_count;
     for (int t = 0; t < count; t++)
-        own += loaded.own[t];
+        own += loaded.triangle_visible[t];
     print_message("%d of %d triangles may have colours of the frame's own\n", own, count);
     EXPECT_AT_LEAST(own, 0.1 * count);
     EXPECT_AT_MOST(own, 0.55 * count);
-    loaded_frame_free(&loaded);
-    frame_loader_close(&loader);
+    frame_layer_free(&loaded);
+    frame_layer_loader_close(&loader);
 }
 
 static int make(void **state)
 {
     (void)state;
-    struct likeness given;
+    struct avatar given;
     EXPECT_STATUS(rehearsed_open(&rehearsed, 1), OK);
-    EXPECT_STATUS(likeness_make(&given, rehearsed.take, rehearsed.rays, 1, NULL), OK);
+    EXPECT_STATUS(avatar_make(&given, rehearsed.take, rehearsed.rays, 1, NULL), OK);
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
-    EXPECT_STATUS(likeness_painter_open(&painter, gpu, rehearsed.take, rehearsed.rays, &lens, 0), OK);
-    EXPECT_STATUS(likeness_painter_give(painter, &given), OK);
-    EXPECT_TRUE(likeness_painter_bring(painter, SIZE_MAX));
+    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, rehearsed.take, rehearsed.rays, &lens, 0), OK);
+    EXPECT_STATUS(avatar_renderer_set_avatar(renderer, &given), OK);
+    EXPECT_TRUE(avatar_renderer_upload_step(renderer, SIZE_MAX));
     return 0;
 }
 
 static int end(void **state)
 {
     (void)state;
-    likeness_painter_close(&painter);
+    avatar_renderer_close(&renderer);
     gpu_target_close(&target);
     gpu_close(&gpu);
     rehearsed_close(&rehearsed);
@@ -130,8 +130,8 @@ static int end(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_picture_is_the_same),
-        cmocka_unit_test(most_have_nothing_of_the_frame),
+        cmocka_unit_test(test_image_is_unchanged),
+        cmocka_unit_test(test_most_triangles_are_not_visible),
     };
     return cmocka_run_group_tests(tests, make, end);
 }

@@ -6,59 +6,59 @@
 static const double RADIUS_M = 0.16;
 
 // A trunk that hangs from the neck, or a thigh in its place.
-static struct volume *unseen(enum part part)
+static struct tsdf *unseen(enum part part)
 {
-    struct rest rest = {0};
+    struct bind_pose bind = {0};
     const struct part_ends ends = part_ends[part];
     const struct calibration calibration = {.registered = true, .depth = {.width = 64, .height = 48}};
-    rest.skeleton.joint[ends.to] = v3(0, 0.4, 0);
-    rest.skeleton.confidence[ends.from] = rest.skeleton.confidence[ends.to] = 1;
-    rest.known[part] = true;
-    rest.radius[part] = RADIUS_M;
-    rest.own_length[part] = 0.4;
-    rest.frame[part] = (struct part_frame){v3(0, 0, 0), v3(1, 0, 0), v3(0, 0, -1), v3(0, 1, 0), 0.4};
-    struct volume *v;
-    EXPECT_STATUS(volume_open(&v, &rest, &calibration, VOLUME_STEP_M), OK);
+    bind.skeleton.joint[ends.to] = v3(0, 0.4, 0);
+    bind.skeleton.confidence[ends.from] = bind.skeleton.confidence[ends.to] = 1;
+    bind.known[part] = true;
+    bind.radius[part] = RADIUS_M;
+    bind.own_length[part] = 0.4;
+    bind.frame[part] = (struct bone_frame){v3(0, 0, 0), v3(1, 0, 0), v3(0, 0, -1), v3(0, 1, 0), 0.4};
+    struct tsdf *v;
+    EXPECT_STATUS(tsdf_open(&v, &bind, &calibration, TSDF_VOXEL_M), OK);
     return v;
 }
 
 // How far the surface is from the bone's middle, that way.
-static double surface_at(const struct volume *v, struct vec3 way)
+static double surface_at(const struct tsdf *v, struct vec3 way)
 {
     double distance, seen, inside = 0;
     struct vec3 gradient;
     for (double far = 0; far < 2 * RADIUS_M; far += 0.001)
-        if (volume_at(v, v3_add(v3(0, 0.2, 0), v3_scale(way, far)), &distance, &gradient, &seen) && distance < 0)
+        if (tsdf_sample(v, v3_add(v3(0, 0.2, 0), v3_scale(way, far)), &distance, &gradient, &seen) && distance < 0)
             inside = far;
     return inside;
 }
 
-static void a_trunk_is_wider_than_deep(void **state)
+static void test_trunk_is_wider_than_deep(void **state)
 {
     (void)state;
-    struct volume *v = unseen(PART_UPPER_TORSO);
+    struct tsdf *v = unseen(PART_UPPER_TORSO);
     EXPECT_NEAR(surface_at(v, v3(0, 0, 1)), RADIUS_M, 0.003);
-    volume_flatten_unseen(v);
+    tsdf_flatten_unseen_trunk(v);
     EXPECT_NEAR(surface_at(v, v3(1, 0, 0)), RADIUS_M, 0.003);
     EXPECT_NEAR(surface_at(v, v3(-1, 0, 0)), RADIUS_M, 0.003);
     EXPECT_NEAR(surface_at(v, v3(0, 0, 1)), 0.7 * RADIUS_M, 0.003);
     EXPECT_NEAR(surface_at(v, v3(0, 0, -1)), 0.7 * RADIUS_M, 0.003);
-    volume_close(&v);
+    tsdf_close(&v);
 }
 
-static void a_thigh_is_round(void **state)
+static void test_thigh_is_round(void **state)
 {
     (void)state;
-    struct volume *v = unseen(PART_LEFT_THIGH);
-    volume_flatten_unseen(v);
+    struct tsdf *v = unseen(PART_LEFT_THIGH);
+    tsdf_flatten_unseen_trunk(v);
     EXPECT_NEAR(surface_at(v, v3(1, 0, 0)), RADIUS_M, 0.003);
     EXPECT_NEAR(surface_at(v, v3(0, 0, 1)), RADIUS_M, 0.003);
-    volume_close(&v);
+    tsdf_close(&v);
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(a_trunk_is_wider_than_deep),
-                                       cmocka_unit_test(a_thigh_is_round)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_trunk_is_wider_than_deep),
+                                       cmocka_unit_test(test_thigh_is_round)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,12 +11,12 @@
 
 enum { GAP = 4 };
 
-struct picture {
+struct sheet_image {
     uint8_t *rgb;
     int width, height;
 };
 
-static enum status read_jpeg(const char *path, struct picture *out)
+static enum status read_jpeg(const char *path, struct sheet_image *out)
 {
     uint8_t *bytes;
     size_t count;
@@ -38,7 +38,7 @@ static bool is_jpeg(const char *path)
     return dot && !strcmp(dot, ".jpg");
 }
 
-static enum status read_picture(const char *path, struct picture *out)
+static enum status read_image(const char *path, struct sheet_image *out)
 {
     if (is_jpeg(path))
         return read_jpeg(path, out);
@@ -46,7 +46,8 @@ static enum status read_picture(const char *path, struct picture *out)
 }
 
 // Shrinks by averaging the pixels under each cell pixel.
-static void shrink_into(const struct picture *from, uint8_t *sheet, int stride, int x0, int y0, int width, int height)
+static void shrink_into(const struct sheet_image *from, uint8_t *sheet, int stride, int x0, int y0, int width,
+                        int height)
 {
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
@@ -81,8 +82,8 @@ static enum status make_sheet(const char *out, int columns, int width, char **pa
     int sheet_width = 0, sheet_height = 0, height = 0;
     enum status status = OK;
     for (int i = 0; i < count && status == OK; i++) {
-        struct picture picture = {0};
-        status = read_picture(paths[i], &picture);
+        struct sheet_image picture = {0};
+        status = read_image(paths[i], &picture);
         if (status == OK && !sheet) {
             height = width * picture.height / picture.width;
             int rows = (count + columns - 1) / columns;
@@ -113,7 +114,7 @@ int main(int argc, char **argv)
         return 2;
     }
     if (make_sheet(argv[1], columns, width, argv + 4, argc - 4) != OK) {
-        fprintf(stderr, "contact-sheet: %s\n", status_sentence());
+        fprintf(stderr, "contact-sheet: %s\n", status_message());
         return 1;
     }
     return 0;

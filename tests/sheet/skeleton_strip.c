@@ -86,30 +86,30 @@ static enum status follow(struct strip *s, const char *folder, int count, int fi
 
 // ---------------------------------------------------------------- drawing
 
-struct canvas {
+struct strip_canvas {
     uint8_t *rgb;
     int stride, x0, width, height; // of one cell
 };
 
-static void paint_depth(const struct strip *s, const struct instant *i, struct canvas *c)
+static void paint_depth(const struct strip *s, const struct instant *i, struct strip_canvas *c)
 {
-    int wide = s->right - s->left + 1, high = s->bottom - s->top + 1, near = 65535, far = 0;
+    int wide = s->right - s->left + 1, high = s->bottom - s->top + 1, z_near = 65535, far = 0;
     const struct lens *l = &s->calibration.depth;
     for (int at = 0; at < l->width * l->height; at++)
         if (i->mask[at] && i->depth[at]) {
-            near = i->depth[at] < near ? i->depth[at] : near;
+            z_near = i->depth[at] < z_near ? i->depth[at] : z_near;
             far = i->depth[at] > far ? i->depth[at] : far;
         }
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++) {
             int at = (s->top + y * high / c->height) * l->width + s->left + x * wide / c->width, d = i->depth[at];
-            int grey = !d ? 20 : !i->mask[at] ? 60 : 235 - 120 * (d - near) / (far > near ? far - near : 1);
+            int grey = !d ? 20 : !i->mask[at] ? 60 : 235 - 120 * (d - z_near) / (far > z_near ? far - z_near : 1);
             memset(c->rgb + 3 * (y * c->stride + c->x0 + x), grey, 3);
         }
 }
 
 // A line with round ends; a == b is a dot.
-static void paint_line(struct canvas *c, struct pixel a, struct pixel b, double radius, const uint8_t color[3])
+static void paint_line(struct strip_canvas *c, struct pixel a, struct pixel b, double radius, const uint8_t color[3])
 {
     double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
     for (int y = 0; y < c->height; y++)
@@ -130,7 +130,7 @@ static const uint8_t *color_of(enum joint j)
     return !strncmp(name, "left_", 5) ? left : !strncmp(name, "right_", 6) ? right : middle;
 }
 
-static void paint_skeleton(const struct strip *s, const struct instant *i, struct canvas *c)
+static void paint_skeleton(const struct strip *s, const struct instant *i, struct strip_canvas *c)
 {
     static const enum joint bone[][2] = {
         {JOINT_NECK, JOINT_HEAD},
@@ -171,7 +171,7 @@ static void paint_skeleton(const struct strip *s, const struct instant *i, struc
 static enum status draw(const struct strip *s, const char *path)
 {
     int width = CELL_HEIGHT * (s->right - s->left + 1) / (s->bottom - s->top + 1);
-    struct canvas c = {.stride = s->count * (width + GAP) - GAP, .width = width, .height = CELL_HEIGHT};
+    struct strip_canvas c = {.stride = s->count * (width + GAP) - GAP, .width = width, .height = CELL_HEIGHT};
     c.rgb = malloc(3 * (size_t)c.stride * CELL_HEIGHT);
     if (!c.rgb)
         return fail(ERR_MEMORY, "no memory for a strip of %d pictures", s->count);
@@ -203,6 +203,6 @@ int main(int argc, char **argv)
         free(strip.instant[i].mask);
     }
     if (status != OK)
-        fprintf(stderr, "skeleton-strip: %s\n", status_sentence());
+        fprintf(stderr, "skeleton-strip: %s\n", status_message());
     return status != OK;
 }

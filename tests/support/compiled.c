@@ -5,7 +5,7 @@
 
 static atomic_int compiled;
 
-int compiled_so_far(void) { return atomic_load(&compiled); }
+int compiled_shader_count(void) { return atomic_load(&compiled); }
 
 // LLVM's. llvmpipe makes a module for every variant of every shader, and takes the program's own function of that name
 // before the library's.

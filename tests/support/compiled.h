@@ -3,4 +3,4 @@
 #pragma once
 
 // Since the program began. Other drivers tell nothing: always 0.
-int compiled_so_far(void);
+int compiled_shader_count(void);

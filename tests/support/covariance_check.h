@@ -11,11 +11,12 @@
 static const double WITHIN_95 = 12.592, WITHIN_50 = 5.348;
 
 // Squared error of a pose in standard deviations: six numbers, six in the mean.
-static inline double error_squared(struct pose found, const double covariance[36], struct pose truth)
+static inline double pose_mahalanobis_squared(struct pose found, const double covariance[36], struct pose truth)
 {
     struct pose off = pose_multiply(pose_inverse(found), truth);
-    struct vec3 turn = quat_to_rotation_vector(off.rotation);
-    const double d[6] = {turn.x, turn.y, turn.z, off.translation.x, off.translation.y, off.translation.z};
+    struct vec3 rotation_error = quat_to_rotation_vector(off.rotation);
+    const double d[6] = {rotation_error.x,  rotation_error.y,  rotation_error.z,
+                         off.translation.x, off.translation.y, off.translation.z};
     double inverse[36], sum = 0;
     EXPECT_TRUE(invert_symmetric(covariance, 6, inverse));
     for (int i = 0; i < 6; i++)
@@ -25,8 +26,8 @@ static inline double error_squared(struct pose found, const double covariance[36
 }
 
 // The same of a place's tags, in the mean; truth: all of them, in any order.
-static inline double tags_squared(const struct place *place, const struct place_tag *truth,
-                                  struct pose truth_from_place)
+static inline double tags_mahalanobis_squared(const struct place *place, const struct place_tag *truth,
+                                              struct pose truth_from_place)
 {
     double sum = 0;
     for (int32_t i = 0; i < place->tag_count; i++) {
@@ -37,34 +38,35 @@ static inline double tags_squared(const struct place *place, const struct place_
         for (int a = 0, k = 0; a < 6; a++)
             for (int b = a; b < 6; b++, k++)
                 covariance[a * 6 + b] = covariance[b * 6 + a] = (double)tag->covariance[k];
-        sum += error_squared(pose_multiply(truth_from_place, tag->world_from_tag), covariance, same->world_from_tag);
+        sum += pose_mahalanobis_squared(pose_multiply(truth_from_place, tag->world_from_tag), covariance,
+                                        same->world_from_tag);
     }
     return sum / place->tag_count;
 }
 
-struct tally {
+struct coverage_count {
     int found, within_95, within_50;
     double sum; // of squared errors
 };
 
-// As many within the ellipsoid as should be, and errors no larger in the mean, as far as so few pictures tell: give or
-// take 3 % of them and a quarter of the squares, and chance.
-static inline void judge(const struct tally *t)
+// As many within the ellipsoid as should be, and errors no larger in the mean, as far as so few pictures
+// print_coverage: give or take 3 % of them and a quarter of the squares, and chance.
+static inline void expect_coverage(const struct coverage_count *t)
 {
     EXPECT_NEAR((double)t->within_95 / t->found, 0.95, 0.03 + sqrt(0.95 * 0.05 / t->found));
     EXPECT_AT_MOST(t->sum / t->found, 1.25 * 6 + 3 * sqrt(2 * 6.0 / t->found));
 }
 
-static inline void tell(const struct tally *t)
+static inline void print_coverage(const struct coverage_count *t)
 {
     printf("of %d cameras %.1f %% within 95 %%, %.1f %% within 50 %%, %.2f instead of 6\n", t->found,
            100.0 * t->within_95 / t->found, 100.0 * t->within_50 / t->found, t->sum / t->found);
 }
 
 // Counts one more pose.
-static inline void take_in(struct tally *t, const struct location *at, struct pose truth)
+static inline void coverage_add(struct coverage_count *t, const struct location *at, struct pose truth)
 {
-    double e = error_squared(at->world_from_camera, at->covariance, truth);
+    double e = pose_mahalanobis_squared(at->world_from_camera, at->covariance, truth);
     t->found++;
     t->sum += e;
     t->within_95 += e < WITHIN_95;

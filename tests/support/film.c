@@ -14,7 +14,7 @@
 static void check(enum status status)
 {
     if (status != OK) {
-        fprintf(stderr, "filming the small world failed: %s\n", status_sentence());
+        fprintf(stderr, "filming the small world failed: %s\n", status_message());
         abort();
     }
 }
@@ -44,7 +44,7 @@ void film_sensor(const struct world *w, const struct scratch *scratch, const cha
     for (int i = 0; i < frames; i++) {
         double time_s = first_s + i / 30.0;
         struct world_shot shot = {c.color, world_sensor_pose(w), time_s, true};
-        check(world_render(w, &shot, &(struct world_picture){.color = color, .depth = depth}));
+        check(world_render(w, &shot, &(struct world_image){.color = color, .depth = depth}));
         check(world_depth_noise(&c.depth, depth, (uint64_t)i + 1, depth));
         uint8_t *bytes;
         size_t count;
@@ -105,7 +105,7 @@ struct place film_mapped_place(struct world **world, int pictures, struct pose *
     for (int i = 0; i < pictures; i++) {
         double t = (double)WORLD_SWEEP_S * i / pictures;
         struct world_shot shot = {sensor.color, world_sweep_pose(w, t), 0, false};
-        struct world_picture picture = {.color = color, .depth = depth};
+        struct world_image picture = {.color = color, .depth = depth};
         check(world_render(w, &shot, &picture));
         check(world_depth_noise(&sensor.color, depth, (uint64_t)i, depth));
         struct frame frame = {.time_ns = (int64_t)(t * 1e9), .color = color, .depth = depth};

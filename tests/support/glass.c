@@ -7,17 +7,17 @@
 
 static const double DPI = 149; // of a tablet of 10 inches
 
-void glass_open(struct glass *g, int width, int height, const struct tablet_options *options)
+void glass_open(struct glass *g, int width, int height, const struct viewer_options *options)
 {
     *g = (struct glass){.width = width, .height = height, .rgba = malloc((size_t)width * (size_t)height * 4)};
     EXPECT_STATUS(gpu_open(&g->gpu), OK);
     EXPECT_STATUS(gpu_target_open(&g->target, g->gpu, width, height), OK);
-    EXPECT_STATUS(tablet_open(&g->tablet, g->gpu, options), OK);
+    EXPECT_STATUS(viewer_open(&g->viewer, g->gpu, options), OK);
 }
 
 void glass_close(struct glass *g)
 {
-    tablet_close(&g->tablet);
+    viewer_close(&g->viewer);
     gpu_target_close(&g->target);
     gpu_close(&g->gpu);
     free(g->rgba);
@@ -26,62 +26,62 @@ void glass_close(struct glass *g)
 // The same tablet, whatever number of pixels it has.
 double glass_scale(const struct glass *g)
 {
-    return tablet_px_per_dp(DPI) * (g->width > g->height ? g->width : g->height) / GLASS_LONG;
+    return viewer_px_per_dp(DPI) * (g->width > g->height ? g->width : g->height) / GLASS_LONG;
 }
 
 void glass_draw(struct glass *g)
 {
-    const struct tablet_glass glass = {g->target, g->width, g->height, 0, glass_scale(g)};
+    const struct viewer_surface glass = {g->target, g->width, g->height, 0, glass_scale(g)};
     int64_t now = clock_now_ns();
-    tablet_update(&g->tablet, now);
-    EXPECT_STATUS(tablet_draw(&g->tablet, &glass, now), OK);
-    tablet_shown(&g->tablet, clock_now_ns());
+    viewer_update(&g->viewer, now);
+    EXPECT_STATUS(viewer_draw(&g->viewer, &glass, now), OK);
+    viewer_presented(&g->viewer, clock_now_ns());
 }
 
 // Leaves the processors to the preparing of the take, while that lasts.
 void glass_draw_and_wait(struct glass *g)
 {
     glass_draw(g);
-    if (g->tablet.stage && stage_prepared(g->tablet.stage) < 1)
+    if (g->viewer.take_view && take_view_progress(g->viewer.take_view) < 1)
         clock_sleep_until_ns(clock_now_ns() + 50000000);
 }
 
 void glass_prepare(struct glass *g)
 {
-    for (int64_t until = clock_now_ns() + 200000000000; g->tablet.show.freshness < 1 && clock_now_ns() < until;)
+    for (int64_t until = clock_now_ns() + 200000000000; g->viewer.state.crossfade < 1 && clock_now_ns() < until;)
         glass_draw_and_wait(g);
-    EXPECT_NEAR(g->tablet.show.freshness, 1, 0);
+    EXPECT_NEAR(g->viewer.state.crossfade, 1, 0);
 }
 
-void glass_rest(struct glass *g)
+void glass_wait_idle(struct glass *g)
 {
     int drawn = 0;
     do
         glass_draw(g);
-    while ((g->tablet.show.changed || drawn < 2) && drawn++ < 100);
+    while ((g->viewer.state.changed || drawn < 2) && drawn++ < 100);
 }
 
 void glass_read(struct glass *g) { EXPECT_STATUS(gpu_target_read(g->target, g->rgba), OK); }
 
 // Draws until the camera's pictures were located (or not), and he has faded in or out.
-void glass_settle(struct glass *g, bool placed)
+void glass_wait_located(struct glass *g, bool placed)
 {
-    struct show *s = &g->tablet.show;
+    struct view_state *s = &g->viewer.state;
     int64_t until = clock_now_ns() + 60000000000;
     do {
         glass_draw(g);
         clock_sleep_until_ns(clock_now_ns() + 2000000);
     } while (clock_now_ns() < until &&
-             (!s->camera.sight || s->camera.placed != placed || s->presence != (placed ? 1 : 0)));
+             (!s->camera.frame || s->camera.placed != placed || s->presence != (placed ? 1 : 0)));
     EXPECT_INT(s->camera.placed, placed);
     EXPECT_NEAR(s->presence, placed ? 1 : 0, 0);
 }
 
 void glass_seek(struct glass *g, double share)
 {
-    struct show *s = &g->tablet.show;
-    player_play(&s->player, clock_now_ns(), false);
-    player_seek(&s->player, clock_now_ns(), (int64_t)(share * (double)s->player.length_ns));
+    struct view_state *s = &g->viewer.state;
+    playback_play(&s->playback, clock_now_ns(), false);
+    playback_seek(&s->playback, clock_now_ns(), (int64_t)(share * (double)s->playback.length_ns));
 }
 
 // How many pixels are within `slack` of that colour.

@@ -9,10 +9,10 @@ struct glass {
     struct gpu_target *target;
     int width, height;
     uint8_t *rgba; // what glass_read has read
-    struct tablet tablet;
+    struct viewer viewer;
 };
 
-void glass_open(struct glass *g, int width, int height, const struct tablet_options *options);
+void glass_open(struct glass *g, int width, int height, const struct viewer_options *options);
 void glass_close(struct glass *g);
 
 // Pixels for each dp: of the same tablet, whatever number of pixels it has.
@@ -27,10 +27,10 @@ void glass_draw_and_wait(struct glass *g);
 void glass_prepare(struct glass *g);
 
 // Draws until the camera's pictures were located (or not), and he has faded in or out.
-void glass_settle(struct glass *g, bool placed);
+void glass_wait_located(struct glass *g, bool placed);
 
 // Draws until nothing moves any more: an orbit has come to rest on him, in the room there is for him.
-void glass_rest(struct glass *g);
+void glass_wait_idle(struct glass *g);
 
 // Pauses at that share of the take.
 void glass_seek(struct glass *g, double share);

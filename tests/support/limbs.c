@@ -2,12 +2,12 @@
 
 // Where each bone hangs from, how long it is, where it points at rest (left,
 // up, to the front) and how far it swings (radians).
-struct bone {
+struct limb_bone {
     enum joint joint, from;
-    double length_m, rest[3], swing;
+    double length_m, bind_direction[3], swing;
 };
 
-static const struct bone bones[] = {
+static const struct limb_bone bones[] = {
     {JOINT_HEAD, JOINT_NECK, 0.25, {0, 1, 0}, 0.2},
     {JOINT_LEFT_SHOULDER, JOINT_NECK, 0.18, {1, -0.1, 0}, 0.1},
     {JOINT_LEFT_ELBOW, JOINT_LEFT_SHOULDER, 0.28, {0.2, -1, 0}, 0.9},
@@ -25,70 +25,71 @@ static const struct bone bones[] = {
     {JOINT_RIGHT_FOOT, JOINT_RIGHT_KNEE, 0.42, {0, -1, 0}, 0.5},
 };
 
-static const double TURN = 6.283185307179586;
+static const double TWO_PI = 6.283185307179586;
 
-static void random_waves(struct limb_wave *waves, double amplitude, double hertz_most, struct dice *dice)
+static void random_waves(struct limb_wave *waves, double amplitude, double hertz_most, struct rng *rng)
 {
     for (int i = 0; i < LIMB_WAVES; i++)
-        waves[i] = (struct limb_wave){amplitude * (0.15 + 0.5 * dice_uniform(dice)),
-                                      0.03 + hertz_most * dice_uniform(dice), TURN * dice_uniform(dice)};
+        waves[i] = (struct limb_wave){amplitude * (0.15 + 0.5 * rng_uniform(rng)), 0.03 + hertz_most * rng_uniform(rng),
+                                      TWO_PI * rng_uniform(rng)};
 }
 
 static double wave_at(const struct limb_wave *waves, double time_s)
 {
     double sum = 0;
     for (int i = 0; i < LIMB_WAVES; i++)
-        sum += waves[i].amplitude * sin(TURN * waves[i].hertz * time_s + waves[i].phase);
+        sum += waves[i].amplitude * sin(TWO_PI * waves[i].hertz * time_s + waves[i].phase);
     return sum;
 }
 
-struct limbs limbs_random(struct dice *dice)
+struct limbs limbs_random(struct rng *rng)
 {
     struct limbs l;
-    random_waves(l.turn, 2.5, 0.1, dice);
+    random_waves(l.heading, 2.5, 0.1, rng);
     for (int j = 0; j < JOINT_COUNT; j++)
         for (int axis = 0; axis < 2; axis++)
-            random_waves(l.swing[j][axis], 0, 0, dice);
+            random_waves(l.swing[j][axis], 0, 0, rng);
     for (size_t i = 0; i < COUNT_OF(bones); i++)
         for (int axis = 0; axis < 2; axis++)
-            random_waves(l.swing[bones[i].joint][axis], bones[i].swing, 0.5, dice);
+            random_waves(l.swing[bones[i].joint][axis], bones[i].swing, 0.5, rng);
     return l;
 }
 
-static struct vec3 shaken(struct vec3 p, double noise_m, struct dice *dice)
+static struct vec3 shaken(struct vec3 p, double noise_m, struct rng *rng)
 {
     if (!(noise_m > 0))
         return p;
-    double x = dice_normal(dice), y = dice_normal(dice), z = dice_normal(dice);
+    double x = rng_normal(rng), y = rng_normal(rng), z = rng_normal(rng);
     return v3_add(p, v3_scale(v3(x, y, z), noise_m));
 }
 
-struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, struct dice *dice)
+struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, struct rng *rng)
 {
     struct skeleton s = {.confidence = {[JOINT_NECK] = 1}};
     s.joint[JOINT_NECK] = v3(0, -0.4, 3);
-    struct quat turn = quat_from_rotation_vector(v3(0, wave_at(l->turn, time_s), 0));
+    struct quat turn = quat_from_rotation_vector(v3(0, wave_at(l->heading, time_s), 0));
     for (size_t i = 0; i < COUNT_OF(bones); i++) {
-        const struct bone *b = &bones[i];
+        const struct limb_bone *b = &bones[i];
         // To the person's left is the camera's right when they face it, up is -y, their front is -z.
-        struct vec3 rest = v3_scale(v3_unit(v3(b->rest[0], -b->rest[1], -b->rest[2])), b->length_m);
+        struct vec3 bind_vector =
+            v3_scale(v3_unit(v3(b->bind_direction[0], -b->bind_direction[1], -b->bind_direction[2])), b->length_m);
         struct quat swing = quat_from_rotation_vector(
             v3(wave_at(l->swing[b->joint][0], time_s), 0, wave_at(l->swing[b->joint][1], time_s)));
-        s.joint[b->joint] = v3_add(s.joint[b->from], quat_rotate(quat_multiply(turn, swing), rest));
+        s.joint[b->joint] = v3_add(s.joint[b->from], quat_rotate(quat_multiply(turn, swing), bind_vector));
         s.confidence[b->joint] = 1;
     }
     for (int j = 0; j < JOINT_COUNT; j++)
-        s.joint[j] = shaken(s.joint[j], noise_m, dice);
+        s.joint[j] = shaken(s.joint[j], noise_m, rng);
     return s;
 }
 
-struct skeleton limbs_turned(const struct skeleton *s, double angle, double noise_m, struct dice *dice)
+struct skeleton limbs_rotated(const struct skeleton *s, double angle, double noise_m, struct rng *rng)
 {
     struct skeleton turned = *s;
     struct quat turn = quat_from_rotation_vector(v3(0, angle, 0));
     for (int j = 0; j < JOINT_COUNT; j++) {
         struct vec3 from_neck = v3_sub(s->joint[j], s->joint[JOINT_NECK]);
-        turned.joint[j] = shaken(v3_add(s->joint[JOINT_NECK], quat_rotate(turn, from_neck)), noise_m, dice);
+        turned.joint[j] = shaken(v3_add(s->joint[JOINT_NECK], quat_rotate(turn, from_neck)), noise_m, rng);
     }
     return turned;
 }

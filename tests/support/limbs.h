@@ -10,14 +10,14 @@ enum { LIMB_WAVES = 4 };
 struct limbs {
     struct limb_wave {
         double amplitude, hertz, phase;
-    } turn[LIMB_WAVES], swing[JOINT_COUNT][2][LIMB_WAVES];
+    } heading[LIMB_WAVES], swing[JOINT_COUNT][2][LIMB_WAVES];
 };
 
-struct limbs limbs_random(struct dice *dice);
+struct limbs limbs_random(struct rng *rng);
 
 // All joints known, in the axes of a camera 3 m away (y down, z forward), each
 // coordinate off by noise_m.
-struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, struct dice *dice);
+struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, struct rng *rng);
 
 // The same pose seen by a camera that went round the person by `angle` (radians).
-struct skeleton limbs_turned(const struct skeleton *s, double angle, double noise_m, struct dice *dice);
+struct skeleton limbs_rotated(const struct skeleton *s, double angle, double noise_m, struct rng *rng);

@@ -52,22 +52,22 @@ void painted_take_close(struct painted_take *s)
     remove(s->path);
 }
 
-struct painter *painter_on(struct painted_take *s, const struct lens *lens, enum detail detail)
+struct renderer *painted_take_renderer(struct painted_take *s, const struct lens *lens, enum detail detail)
 {
-    struct painter_options o = painter_default_options();
+    struct renderer_options o = renderer_default_options();
     o.detail = detail;
-    struct painter *p;
-    EXPECT_STATUS(painter_open(&p, s->gpu, s->take, lens, &o), OK);
+    struct renderer *p;
+    EXPECT_STATUS(renderer_open(&p, s->gpu, s->take, lens, &o), OK);
     return p;
 }
 
-void draw_picture(struct painter *p, struct pose world_from_camera, int64_t time_ns, const uint8_t *color,
+void draw_picture(struct renderer *p, struct pose world_from_camera, int64_t time_ns, const uint8_t *color,
                   struct drawn *out)
 {
-    struct painter_view view = {.world_from_camera = world_from_camera, .time_ns = time_ns, .color = color};
-    EXPECT_STATUS(painter_draw(p, &view, &out->result), OK);
-    EXPECT_STATUS(painter_read(p, out->rgb), OK);
-    EXPECT_STATUS(painter_read_actor(p, out->actor), OK);
+    struct renderer_view view = {.world_from_camera = world_from_camera, .time_ns = time_ns, .color = color};
+    EXPECT_STATUS(renderer_draw(p, &view, &out->result), OK);
+    EXPECT_STATUS(renderer_read(p, out->rgb), OK);
+    EXPECT_STATUS(renderer_read_actor(p, out->actor), OK);
 }
 
 double tube_depth(struct vec3 ray, struct vec3 a, struct vec3 b, double radius, double nearest)

@@ -1,5 +1,5 @@
 // A painted person, balls and tubes before a magenta wall, filmed into a take of a
-// few frames; and what a painter makes of it. What fails is a failed check of the
+// few frames; and what a renderer makes of it. What fails is a failed check of the
 // test that asks for it.
 #pragma once
 #include "reenact/render/actor_renderer.h"
@@ -25,14 +25,14 @@ struct painted_take {
 void painted_take_open(struct painted_take *s, const struct lens *color, const struct one_frame *frames, int count,
                        const struct body *body);
 void painted_take_close(struct painted_take *s);
-struct painter *painter_on(struct painted_take *s, const struct lens *lens, enum detail detail);
+struct renderer *painted_take_renderer(struct painted_take *s, const struct lens *lens, enum detail detail);
 
 struct drawn {
     uint8_t rgb[PIXELS * 3], actor[PIXELS * 4];
-    struct painter_result result;
+    struct renderer_result result;
 };
 // color: the viewer's picture, W x H, RGB.
-void draw_picture(struct painter *p, struct pose world_from_camera, int64_t time_ns, const uint8_t *color,
+void draw_picture(struct renderer *p, struct pose world_from_camera, int64_t time_ns, const uint8_t *color,
                   struct drawn *out);
 
 // ---- the double-precision reference

@@ -42,9 +42,9 @@ static bool drain(int fd, char *text, size_t size, size_t *used)
     return true;
 }
 
-struct said process_run(const char *const *argv)
+struct process_result process_run(const char *const *argv)
 {
-    struct said said = {0};
+    struct process_result said = {0};
     int out[2], err[2];
     if (pipe(out) || pipe(err))
         abort();

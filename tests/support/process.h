@@ -4,7 +4,7 @@
 
 #include <sys/types.h>
 
-struct said {
+struct process_result {
     int exit_code;               // 128 + signal when a signal ended it
     char out[16384], err[16384]; // the first bytes of each stream, ended by 0
 };
@@ -18,7 +18,7 @@ enum { PROCESS_PATIENCE = 1 };
 
 // argv[0] is the path, one below /usr that of a program of this machine and not of ours; the list ends with NULL.
 // Standard input is empty.
-struct said process_run(const char *const *argv);
+struct process_result process_run(const char *const *argv);
 
 // PROGRAM(…): process_run with the arguments listed.
 #define PROCESS(...) process_run((const char *const[]){__VA_ARGS__, NULL})

@@ -16,13 +16,13 @@ enum { WIDTH = 61, HEIGHT = 47, COLOR_WIDTH = 80, COLOR_HEIGHT = 60, FRAMES = 40
 
 static char folder[64];
 
-static inline const char *path_of(const char *name)
+static inline const char *sample_path(const char *name)
 {
     static char path[2][128];
-    static int turn;
-    turn = !turn;
-    snprintf(path[turn], sizeof path[turn], "%s/%s", folder, name);
-    return path[turn];
+    static int slot;
+    slot = !slot;
+    snprintf(path[slot], sizeof path[slot], "%s/%s", folder, name);
+    return path[slot];
 }
 
 static inline int make_folder(void **state)
@@ -44,15 +44,15 @@ static inline int remove_folder(void **state)
 
 // ------------------------------------------------------------- things to record
 
-static inline double number(struct dice *dice) { return dice_normal(dice) * 3; }
+static inline double number(struct rng *rng) { return rng_normal(rng) * 3; }
 
-static inline struct pose some_pose(struct dice *dice)
+static inline struct pose sample_pose(struct rng *rng)
 {
-    return (struct pose){quat_unit((struct quat){number(dice), number(dice), number(dice), number(dice)}),
-                         v3(number(dice), number(dice), -0.0)};
+    return (struct pose){quat_unit((struct quat){number(rng), number(rng), number(rng), number(rng)}),
+                         v3(number(rng), number(rng), -0.0)};
 }
 
-static inline struct calibration some_calibration(void)
+static inline struct calibration sample_calibration(void)
 {
     return (struct calibration){
         .color = {COLOR_WIDTH, COLOR_HEIGHT, 70.1, 70.2, 39.5, 29.5, 0.1, -0.02, 1e-3, -1e-3, 0.003, 0, 0},
@@ -61,25 +61,25 @@ static inline struct calibration some_calibration(void)
     };
 }
 
-static inline uint8_t *some_jpeg(struct dice *dice, size_t *bytes)
+static inline uint8_t *sample_jpeg(struct rng *rng, size_t *bytes)
 {
     static uint8_t rgb[COLOR_WIDTH * COLOR_HEIGHT * 3];
     for (size_t i = 0; i < sizeof rgb; i++)
-        rgb[i] = (uint8_t)(i / 37 + 40 * dice_uniform(dice));
+        rgb[i] = (uint8_t)(i / 37 + 40 * rng_uniform(rng));
     uint8_t *jpeg;
     assert_int_equal(jpeg_encode(rgb, COLOR_WIDTH, COLOR_HEIGHT, 90, &jpeg, bytes), OK);
     return jpeg;
 }
 
-static inline void some_depth(struct dice *dice, uint16_t *depth)
+static inline void sample_depth(struct rng *rng, uint16_t *depth)
 {
     for (int i = 0; i < WIDTH * HEIGHT; i++)
-        depth[i] = (uint16_t)(dice_uniform(dice) < 0.1 ? 0 : dice_uniform(dice) < 0.01 ? 65535 : 2000 + i / 3);
+        depth[i] = (uint16_t)(rng_uniform(rng) < 0.1 ? 0 : rng_uniform(rng) < 0.01 ? 65535 : 2000 + i / 3);
 }
 
-static inline struct place some_place(struct dice *dice)
+static inline struct place sample_place(struct rng *rng)
 {
-    struct place p = {.calibration = some_calibration(), .rms_px = 0.31, .rms_m = 0.004};
+    struct place p = {.calibration = sample_calibration(), .rms_px = 0.31, .rms_m = 0.004};
     p.tag_count = 3;
     p.point_count = 1000;
     p.view_count = 3;
@@ -88,50 +88,50 @@ static inline struct place some_place(struct dice *dice)
     p.views = calloc((size_t)p.view_count, sizeof *p.views);
     for (int i = 0; i < p.tag_count; i++)
         p.tags[i] = (struct place_tag){
-            .id = 7 * i, .side_m = 0.16, .world_from_tag = some_pose(dice), .rms_px = number(dice), .sightings = 5 + i};
+            .id = 7 * i, .side_m = 0.16, .world_from_tag = sample_pose(rng), .rms_px = number(rng), .sightings = 5 + i};
     for (int i = 0; i < p.tag_count; i++)
         for (int k = 0; k < 21; k++)
             p.tags[i].covariance[k] = (float)(i + k) * 1e-6F;
     for (int i = 0; i < p.point_count; i++) {
-        p.points[i].world = v3(number(dice), number(dice), number(dice));
+        p.points[i].world = v3(number(rng), number(rng), number(rng));
         for (int k = 0; k < 6; k++)
             p.points[i].covariance[k] = (float)(i + k) * 1e-6F;
         for (int k = 0; k < 3; k++)
             p.points[i].seen_from[k] = (float)(i - k) * 1e-3F;
         for (int k = 0; k < 32; k++)
-            p.points[i].descriptor[k] = (uint8_t)(256 * dice_uniform(dice));
+            p.points[i].descriptor[k] = (uint8_t)(256 * rng_uniform(rng));
     }
     for (int i = 0; i < p.view_count; i++) {
-        p.views[i].world_from_camera = some_pose(dice);
+        p.views[i].world_from_camera = sample_pose(rng);
         if (i != 1)
-            p.views[i].jpeg = some_jpeg(dice, &p.views[i].jpeg_bytes);
+            p.views[i].jpeg = sample_jpeg(rng, &p.views[i].jpeg_bytes);
         if (i != 2) {
             p.views[i].depth = malloc(WIDTH * HEIGHT * 2);
-            some_depth(dice, p.views[i].depth);
+            sample_depth(rng, p.views[i].depth);
         }
     }
     return p;
 }
 
 // A frame and the memory it points to. Some pictures are missing on purpose.
-struct made {
+struct sample_frame {
     struct take_frame frame;
     uint8_t *jpeg;
     uint16_t depth[WIDTH * HEIGHT];
     uint8_t mask[WIDTH * HEIGHT];
 };
 
-static inline void make_frame(struct made *m, int index)
+static inline void make_frame(struct sample_frame *m, int index)
 {
-    struct dice dice = {SAMPLE_SEED + (uint64_t)index};
+    struct rng rng = {SAMPLE_SEED + (uint64_t)index};
     memset(m, 0, sizeof *m);
     m->frame.time_ns = -5 + index * INT64_C(33333333);
-    m->frame.world_from_camera = some_pose(&dice);
+    m->frame.world_from_camera = sample_pose(&rng);
     m->frame.located = index % 3 == 0;
-    some_depth(&dice, m->depth);
+    sample_depth(&rng, m->depth);
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         m->mask[i] = (i % WIDTH - 30) * (i % WIDTH - 30) + (i / WIDTH - 20) * (i / WIDTH - 20) < 150 + index;
-    m->jpeg = some_jpeg(&dice, &m->frame.jpeg_bytes);
+    m->jpeg = sample_jpeg(&rng, &m->frame.jpeg_bytes);
     m->frame.jpeg = index % 7 == 3 ? NULL : m->jpeg;
     m->frame.depth = index % 7 == 4 ? NULL : m->depth;
     m->frame.mask = index % 7 == 5 ? NULL : m->mask;
@@ -139,14 +139,14 @@ static inline void make_frame(struct made *m, int index)
         m->frame.jpeg = NULL, m->frame.depth = NULL, m->frame.mask = NULL;
     m->frame.has_skeleton = index % 5 != 2;
     for (int j = 0; j < JOINT_COUNT; j++) {
-        m->frame.skeleton.joint[j] = v3(number(&dice), number(&dice), number(&dice));
+        m->frame.skeleton.joint[j] = v3(number(&rng), number(&rng), number(&rng));
         m->frame.skeleton.confidence[j] = (float)(j % 3) / 2;
     }
 }
 
 static inline void add_frames(struct recording_writer *w, int from, int to)
 {
-    static struct made m;
+    static struct sample_frame m;
     for (int i = from; i < to; i++) {
         make_frame(&m, i);
         EXPECT_STATUS(recording_add_frame(w, &m.frame), OK);
@@ -154,7 +154,7 @@ static inline void add_frames(struct recording_writer *w, int from, int to)
     }
 }
 
-static const struct body some_body = {
+static const struct body sample_body = {
     .representative_frame = 17,
     .radius_rate = {0.3, 0.5, 0.45, 0.2, 0.19, 0, 0.18, 0.21, 0.2, 0.2, 0.1},
 };
@@ -162,9 +162,9 @@ static const struct body some_body = {
 // Two takes and a place; the second take stays open.
 static inline void write_recording(const char *path)
 {
-    struct dice dice = {SAMPLE_SEED};
-    struct place place = some_place(&dice);
-    struct calibration calibration = some_calibration();
+    struct rng rng = {SAMPLE_SEED};
+    struct place place = sample_place(&rng);
+    struct calibration calibration = sample_calibration();
     struct recording_writer *w;
     EXPECT_STATUS(recording_create(&w, path), OK);
     EXPECT_STATUS(recording_put_place(w, &place), OK);
@@ -172,11 +172,11 @@ static inline void write_recording(const char *path)
     EXPECT_STATUS(recording_put_place(w, &place), OK); // replaces
     EXPECT_STATUS(recording_begin_take(w, "höher", &calibration), OK);
     add_frames(w, 0, FRAMES / 2);
-    struct body body = some_body;
+    struct body body = sample_body;
     body.representative_frame = 3;
     EXPECT_STATUS(recording_put_body(w, &body), OK);
     add_frames(w, FRAMES / 2, FRAMES);
-    EXPECT_STATUS(recording_put_body(w, &some_body), OK);
+    EXPECT_STATUS(recording_put_body(w, &sample_body), OK);
     EXPECT_STATUS(recording_put_dropped(w, 12), OK);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_begin_take(w, "second", &calibration), OK);

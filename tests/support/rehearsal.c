@@ -10,7 +10,7 @@
 static void check(enum status status)
 {
     if (status != OK) {
-        fprintf(stderr, "the rehearsal failed: %s\n", status_sentence());
+        fprintf(stderr, "the rehearsal failed: %s\n", status_message());
         abort();
     }
 }
@@ -35,11 +35,11 @@ void rehearse_camera(const struct scratch *scratch, const char *name, const stru
     char list[1024] = "", path[64];
     if (!rgb)
         abort();
-    for (int i = 0; i < REHEARSAL_PICTURES; i++) {
+    for (int i = 0; i < REHEARSAL_IMAGES; i++) {
         double time_s = 0.8 * i;
         struct world_shot shot = {*l, w ? world_viewer_pose(w, time_s) : POSE_IDENTITY, time_s, false};
         if (w)
-            check(world_render(w, &shot, &(struct world_picture){.color = rgb}));
+            check(world_render(w, &shot, &(struct world_image){.color = rgb}));
         for (size_t p = 0; p < 3 * pixels && !w; p++)
             rgb[p] = (uint8_t)(168 + p / 3 % (size_t)l->width / 40);
         check(jpeg_encode(rgb, l->width, l->height, 92, &bytes, &count));

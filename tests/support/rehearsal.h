@@ -9,7 +9,7 @@ struct rehearsal {
     char blind[256];  // the same camera before a wall without a tag
 };
 
-enum { REHEARSAL_FRAMES = 8, REHEARSAL_PICTURES = 4 };
+enum { REHEARSAL_FRAMES = 8, REHEARSAL_IMAGES = 4 };
 
 // A folder `name` of what a tablet sees in that world, or of a wall without a tag
 // where there is none. scale: of 640 x 480.

@@ -9,24 +9,24 @@ enum status rehearsed_open(struct rehearsed *out, int frames)
     if (status == OK)
         status = source_rays_open(&out->rays, take_calibration(out->take));
     if (status == OK && frames)
-        status = likeness_make(&out->likeness, out->take, out->rays, frames, NULL);
+        status = avatar_make(&out->avatar, out->take, out->rays, frames, NULL);
     return status;
 }
 
 void rehearsed_close(struct rehearsed *r)
 {
-    likeness_free(&r->likeness);
+    avatar_free(&r->avatar);
     source_rays_close(&r->rays);
     take_close(&r->take);
     recording_free(&r->recording);
     rehearsal_end(&r->rehearsal);
 }
 
-struct pose rehearsed_round(const struct rehearsed *r, int64_t frame, double angle_rad)
+struct pose rehearsed_orbit_pose(const struct rehearsed *r, int64_t frame, double angle_rad)
 {
     const struct take_entry *e = take_entry(r->take, frame);
     const struct vec3 him = pose_apply(e->world_from_camera, e->skeleton.joint[JOINT_WAIST]);
-    struct pose turn = {quat_from_rotation_vector(v3(0, 0, angle_rad)), v3(0, 0, 0)};
-    turn.translation = v3_sub(him, quat_rotate(turn.rotation, him));
-    return pose_multiply(turn, e->world_from_camera);
+    struct pose yaw_motion = {quat_from_rotation_vector(v3(0, 0, angle_rad)), v3(0, 0, 0)};
+    yaw_motion.translation = v3_sub(him, quat_rotate(yaw_motion.rotation, him));
+    return pose_multiply(yaw_motion, e->world_from_camera);
 }

@@ -21,7 +21,7 @@ static void add_frame(struct recording_writer *writer, struct take *take, int64_
     const struct lens *lens = &take_calibration(take)->color;
     const struct take_entry *e = take_entry(take, i);
     const size_t pixels = (size_t)lens->width * (size_t)lens->height;
-    struct take_pictures seen;
+    struct take_images seen;
     uint8_t *jpeg;
     size_t bytes;
     EXPECT_STATUS(take_read(take, i, TAKE_COLOR | TAKE_DEPTH | TAKE_MASK, &seen), OK);

@@ -139,7 +139,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     enum { SIDE = 6, MOST = 16 };
     struct tag_picture_plane planes[MOST];
     struct pose camera_from_world = pose_inverse(p->world_from_camera);
-    uint64_t dice = p->seed;
+    uint64_t rng = p->seed;
     assert(p->tag_count <= MOST);
     for (int i = 0; i < p->tag_count; i++) {
         struct pose c = pose_multiply(camera_from_world, p->tags[i].world_from_tag);
@@ -184,7 +184,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
                 light = sum / (SIDE * SIDE);
             for (int c = 0; c < 3; c++)
                 p->rgb[3 * at + (size_t)c] =
-                    tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * tag_picture_normal(&dice) : 0);
+                    tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * tag_picture_normal(&rng) : 0);
             if (p->depth)
                 p->depth[at] = (uint16_t)(z * 1000 + 0.5);
         }
@@ -198,10 +198,10 @@ static inline bool tag_picture_draw(struct tag_picture *p)
 static inline struct pose tag_picture_view(double distance, double yaw, double pitch, double roll)
 {
     struct quat face = {1, 0, 0, 0}; // camera y down and z into the wall
-    struct quat turn =
+    struct quat view_rotation =
         quat_multiply(quat_from_rotation_vector(v3(0, yaw, 0)), quat_from_rotation_vector(v3(pitch, 0, 0)));
-    turn = quat_multiply(turn, quat_from_rotation_vector(v3(0, 0, roll)));
-    struct pose world_from_camera = {quat_multiply(turn, face), {0, 0, 0}};
+    view_rotation = quat_multiply(view_rotation, quat_from_rotation_vector(v3(0, 0, roll)));
+    struct pose world_from_camera = {quat_multiply(view_rotation, face), {0, 0, 0}};
     world_from_camera.translation = v3_scale(quat_rotate(world_from_camera.rotation, v3(0, 0, 1)), -distance);
     return world_from_camera;
 }

@@ -65,7 +65,7 @@
         enum status actual_ = (actual), wanted_ = (wanted);                                                            \
         if (actual_ != wanted_) {                                                                                      \
             print_error("%s:%d: %s is %s (%s), wanted %s\n", __FILE__, __LINE__, #actual, status_name(actual_),        \
-                        status_sentence(), status_name(wanted_));                                                      \
+                        status_message(), status_name(wanted_));                                                       \
             fail_test();                                                                                               \
         }                                                                                                              \
     } while (0)
@@ -73,8 +73,8 @@
 // In the sentence that tells of the last failure.
 #define EXPECT_SAYS(part)                                                                                              \
     do {                                                                                                               \
-        if (!strstr(status_sentence(), (part))) {                                                                      \
-            print_error("%s:%d: '%s' does not say '%s'\n", __FILE__, __LINE__, status_sentence(), (part));             \
+        if (!strstr(status_message(), (part))) {                                                                       \
+            print_error("%s:%d: '%s' does not say '%s'\n", __FILE__, __LINE__, status_message(), (part));              \
             fail_test();                                                                                               \
         }                                                                                                              \
     } while (0)

@@ -48,7 +48,7 @@ struct work work_so_far(void)
         const bool draws = atoi(task->d_name) == getpid() || !strncmp(name, "llvmpipe", 8);
         w.cpu_ms += draws ? ran_ns * 1e-6 : 0;
         w.waited_ms += draws ? waited_ns * 1e-6 : 0;
-        w.beside_ms += draws ? 0 : ran_ns * 1e-6;
+        w.other_threads_ms += draws ? 0 : ran_ns * 1e-6;
     }
     if (dir)
         closedir(dir);
@@ -59,6 +59,6 @@ struct work work_since(const struct work *before)
 {
     const struct work now = work_so_far();
     return (struct work){now.cpu_ms - before->cpu_ms, now.waited_ms - before->waited_ms,
-                         now.beside_ms - before->beside_ms, now.faults - before->faults,
+                         now.other_threads_ms - before->other_threads_ms, now.faults - before->faults,
                          now.stolen_ms - before->stolen_ms};
 }

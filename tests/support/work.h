@@ -4,10 +4,10 @@
 #include "base/status.h"
 
 struct work {
-    double cpu_ms;    // processor time of those that draw: the program's first thread and the driver's
-    double waited_ms; // that they were ready and had no processor
-    double beside_ms; // processor time of all others: loading, looking for the camera, preparing
-    double faults;    // pages that were touched for the first time
+    double cpu_ms;           // processor time of those that draw: the program's first thread and the driver's
+    double waited_ms;        // that they were ready and had no processor
+    double other_threads_ms; // processor time of all others: loading, looking for the camera, preparing
+    double faults;           // pages that were touched for the first time
     double stolen_ms; // of all processors, that the host of a virtual machine gave them to others; in steps of 10 ms.
                       // Times of whatever kind hold it.
 };

@@ -69,14 +69,14 @@ static const char *uri(const char *name)
 
 static void record_into(const char *file)
 {
-    struct said said = PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--out", file, "--take", "one");
+    struct process_result said = PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--out", file, "--take", "one");
     if (said.exit_code)
         print_error("%s", said.err);
     EXPECT_INT(said.exit_code, 0);
 }
 
 // Exit code 1, nothing on stdout but what was asked for, and one sentence that names `word`.
-static void expect_sentence(struct said said, const char *word, int line)
+static void expect_sentence(struct process_result said, const char *word, int line)
 {
     size_t lines = 0;
     for (const char *at = said.err; *at; at++)
@@ -98,7 +98,7 @@ static void test_help_and_usage(void **state)
     (void)state;
     const char *const capture[] = {"devices", "map", "record", "info", "verify", "repair", "export"};
     for (size_t i = 0; i < COUNT_OF(capture); i++) {
-        struct said said = PROCESS(CAPTURE, capture[i], "--help");
+        struct process_result said = PROCESS(CAPTURE, capture[i], "--help");
         if (said.exit_code || !strstr(said.out, "Usage"))
             print_error("reenact-capture %s --help: exit code %d: %s\n", capture[i], said.exit_code, said.err);
         EXPECT_INT(said.exit_code, 0);
@@ -119,11 +119,11 @@ static void test_help_and_usage(void **state)
     EXPECT_INT(PROCESS(CAPTURE, "map", "--sensor", "openni", "--camera", "libcamera", "--out", "a").exit_code, 2);
 }
 
-static void test_an_empty_room_is_recorded_all_the_same(void **state)
+static void test_empty_room_is_recorded(void **state)
 {
     (void)state;
     const char *file = scratch_file(&scratch, "empty.reenact");
-    struct said said = PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--out", file, "--take", "one");
+    struct process_result said = PROCESS(CAPTURE, "record", "--sensor", uri("good"), "--out", file, "--take", "one");
     EXPECT_INT(said.exit_code, 0);
     EXPECT_TRUE(strstr(said.err, "no person"));
     EXPECT_INT(PROCESS(CAPTURE, "verify", file).exit_code, 0);
@@ -178,7 +178,7 @@ static void test_bad_sensors(void **state)
 }
 
 // Two tags on a wall, 0.4 m between their middles, filmed by a camera that has no depth.
-static void test_a_camera_maps_tags(void **state)
+static void test_camera_maps_tags(void **state)
 {
     (void)state;
     enum { ACROSS = 320, DOWN = 240, PICTURES = 4 };
@@ -210,7 +210,7 @@ static void test_a_camera_maps_tags(void **state)
     char file[512];
     snprintf(file, sizeof file, "%s", scratch_file(&scratch, "wall.reenact"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--out", file), "tags");
-    struct said said =
+    struct process_result said =
         PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--tags", scratch_file(&scratch, "pair.json"), "--out", file);
     if (said.exit_code)
         print_error("%s", said.err);
@@ -316,8 +316,8 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_help_and_usage),      cmocka_unit_test(test_an_empty_room_is_recorded_all_the_same),
-        cmocka_unit_test(test_bad_sensors),         cmocka_unit_test(test_a_camera_maps_tags),
+        cmocka_unit_test(test_help_and_usage),      cmocka_unit_test(test_empty_room_is_recorded),
+        cmocka_unit_test(test_bad_sensors),         cmocka_unit_test(test_camera_maps_tags),
         cmocka_unit_test(test_bad_places_and_tags), cmocka_unit_test(test_bad_recordings),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

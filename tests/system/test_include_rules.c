@@ -166,7 +166,7 @@ static int read_includes(const char *path)
     return broken;
 }
 
-static void test_rooms_include_only_what_they_may(void **state)
+static void test_modules_include_only_allowed_modules(void **state)
 {
     (void)state;
     int broken = 0;
@@ -176,7 +176,7 @@ static void test_rooms_include_only_what_they_may(void **state)
     EXPECT_INT(broken, 0);
 }
 
-static void test_foreign_headers_stay_in_their_wrappers(void **state)
+static void test_foreign_headers_only_in_wrappers(void **state)
 {
     (void)state;
     int broken = 0;
@@ -237,8 +237,8 @@ int main(void)
     for (size_t i = 0; i < COUNT_OF(rooms); i++)
         list(rooms[i]);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rooms_include_only_what_they_may),
-        cmocka_unit_test(test_foreign_headers_stay_in_their_wrappers),
+        cmocka_unit_test(test_modules_include_only_allowed_modules),
+        cmocka_unit_test(test_foreign_headers_only_in_wrappers),
         cmocka_unit_test(test_cpp_lives_in_platform_and_tests_only),
         cmocka_unit_test(test_the_table_has_floors),
         cmocka_unit_test(test_the_rule_can_fail),

@@ -91,17 +91,17 @@ static int64_t film_and_kill(const char *path, double filmed_ms)
     return at_first + elapsed_ns * 30 / 1000000000;
 }
 
-static void test_a_killed_take_is_at_most_a_second_short(void **state)
+static void test_killed_take_loses_at_most_a_second(void **state)
 {
     (void)state;
-    struct dice dice = {SEED};
+    struct rng rng = {SEED};
     print_message("seed %llu, %d kills\n", (unsigned long long)SEED, kills);
     int64_t worst = 0;
     for (int i = 0; i < kills; i++) {
         char name[32], path[512];
         snprintf(name, sizeof name, "killed%d.reenact", i);
         snprintf(path, sizeof path, "%s", scratch_file(&scratch, name));
-        int64_t filmed = film_and_kill(path, 1500 * dice_uniform(&dice));
+        int64_t filmed = film_and_kill(path, 1500 * rng_uniform(&rng));
         struct recording_report report;
         EXPECT_STATUS(recording_verify(path, &report), OK);
         EXPECT_INT(report.interrupted_takes, 1);
@@ -118,7 +118,7 @@ static void test_a_killed_take_is_at_most_a_second_short(void **state)
 }
 
 // Ctrl-C is no kill: the take ends in good order with all its frames.
-static void test_an_interrupt_ends_the_take_in_good_order(void **state)
+static void test_interrupt_ends_take_cleanly(void **state)
 {
     (void)state;
     const char *path = scratch_file(&scratch, "stopped.reenact");
@@ -162,8 +162,8 @@ static int tear_down(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_a_killed_take_is_at_most_a_second_short),
-        cmocka_unit_test(test_an_interrupt_ends_the_take_in_good_order),
+        cmocka_unit_test(test_killed_take_loses_at_most_a_second),
+        cmocka_unit_test(test_interrupt_ends_take_cleanly),
     };
     if (argc > 1)
         kills = atoi(argv[1]);

@@ -19,22 +19,22 @@
 enum { W = 64, H = 48, FRAMES = 20, STEP_US = 33333 };
 static const int64_t BEGIN_US = 1305031102000123;
 
-struct room {
+struct openni_case {
     struct scratch scratch;
     char oni[256]; // the URI of a recording
 };
 
 static void picture(int index, uint16_t mm[W * H], uint8_t rgb[W * H * 3])
 {
-    struct dice dice = {(uint64_t)index};
+    struct rng rng = {(uint64_t)index};
     for (int i = 0; i < W * H; i++)
-        mm[i] = i % 5 ? (uint16_t)(400 + dice_uniform(&dice) * 6000) : 0;
+        mm[i] = i % 5 ? (uint16_t)(400 + rng_uniform(&rng) * 6000) : 0;
     for (int i = 0; i < W * H * 3; i++)
-        rgb[i] = (uint8_t)(dice_uniform(&dice) * 256);
+        rgb[i] = (uint8_t)(rng_uniform(&rng) * 256);
 }
 
 // Every `color_every`-th frame has colour.
-static void put_lists(const struct room *room, int color_every)
+static void put_lists(const struct openni_case *room, int color_every)
 {
     char depth[FRAMES * 48] = "", rgb[FRAMES * 48] = "";
     for (int i = 0; i < FRAMES; i++) {
@@ -50,7 +50,7 @@ static void put_lists(const struct room *room, int color_every)
     scratch_text(&room->scratch, "rgb.txt", rgb);
 }
 
-static void put_calibration(const struct room *room, const char *relation)
+static void put_calibration(const struct openni_case *room, const char *relation)
 {
     char text[600];
     snprintf(text, sizeof text,
@@ -70,9 +70,9 @@ static void set(const char *name, const char *value)
         unsetenv(full);
 }
 
-static int make_room(void **state)
+static int make_case(void **state)
 {
-    struct room *room = calloc(1, sizeof *room);
+    struct openni_case *room = calloc(1, sizeof *room);
     room->scratch = scratch_make();
     snprintf(room->oni, sizeof room->oni, "oni:%s/take.oni", room->scratch.path);
     static uint16_t mm[W * H];
@@ -96,9 +96,9 @@ static int make_room(void **state)
     return 0;
 }
 
-static int clear_room(void **state)
+static int clear_case(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     scratch_remove(&room->scratch);
     free(room);
     return 0;
@@ -155,9 +155,9 @@ static void read_live(const char *uri, int wanted_frames)
     source_close(&s);
 }
 
-static void record(const struct room *room)
+static void record(const struct openni_case *room)
 {
-    struct said said = PROCESS(MAKE_ONI, "--from", room->scratch.path, "--out", room->oni + 4);
+    struct process_result said = PROCESS(MAKE_ONI, "--from", room->scratch.path, "--out", room->oni + 4);
     EXPECT_INT(said.exit_code, 0);
 }
 
@@ -220,7 +220,7 @@ static void test_looping_time_rises(void **state)
 
 static void test_calibration(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     struct source *s = open_it("openni");
     const struct calibration *c = source_calibration(s);
     assert_true(c->registered);
@@ -245,7 +245,7 @@ static void test_calibration(void **state)
 
 static void test_devices(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     struct source_device list[8];
     struct source *s;
     int count;
@@ -278,7 +278,7 @@ static void test_devices(void **state)
 
 static void test_recording(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     record(room);
     for (int slow = 0; slow < 2; slow++) {
         struct source *s = open_it(room->oni);
@@ -306,7 +306,7 @@ static void test_recording(void **state)
 
 static void test_recording_with_less_colour(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     put_lists(room, 3);
     record(room);
     struct source *s = open_it(room->oni);
@@ -321,7 +321,7 @@ static void test_recording_with_less_colour(void **state)
 
 static void test_recording_mirrored(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     set("MIRROR", "fixed");
     record(room);
     struct source *s = open_it(room->oni);
@@ -335,7 +335,7 @@ static void test_recording_mirrored(void **state)
 
 static void test_recording_closed_unread(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     record(room);
     int64_t begin_ns = clock_now_ns();
     for (int i = 0; i < 5; i++) {
@@ -347,7 +347,7 @@ static void test_recording_closed_unread(void **state)
 
 static void test_recording_damaged(void **state)
 {
-    struct room *room = *state;
+    struct openni_case *room = *state;
     struct source *s;
     EXPECT_STATUS(source_open(&s, room->oni, SOURCE_SENSOR), ERR_MISSING);
     EXPECT_SAYS("take.oni");
@@ -392,20 +392,20 @@ static void test_recording_damaged(void **state)
 int main(void)
 {
     keep_player();
-#define IN_A_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, clear_room)
+#define WITH_CASE(test) cmocka_unit_test_setup_teardown(test, make_case, clear_case)
     const struct CMUnitTest tests[] = {
-        IN_A_ROOM(test_sensor),
-        IN_A_ROOM(test_sensor_in_tenths_of_millimetres),
-        IN_A_ROOM(test_unplugged),
-        IN_A_ROOM(test_silent),
-        IN_A_ROOM(test_looping_time_rises),
-        IN_A_ROOM(test_calibration),
-        IN_A_ROOM(test_devices),
-        IN_A_ROOM(test_recording),
-        IN_A_ROOM(test_recording_with_less_colour),
-        IN_A_ROOM(test_recording_mirrored),
-        IN_A_ROOM(test_recording_closed_unread),
-        IN_A_ROOM(test_recording_damaged),
+        WITH_CASE(test_sensor),
+        WITH_CASE(test_sensor_in_tenths_of_millimetres),
+        WITH_CASE(test_unplugged),
+        WITH_CASE(test_silent),
+        WITH_CASE(test_looping_time_rises),
+        WITH_CASE(test_calibration),
+        WITH_CASE(test_devices),
+        WITH_CASE(test_recording),
+        WITH_CASE(test_recording_with_less_colour),
+        WITH_CASE(test_recording_mirrored),
+        WITH_CASE(test_recording_closed_unread),
+        WITH_CASE(test_recording_damaged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

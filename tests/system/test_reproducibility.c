@@ -33,73 +33,73 @@ static void expect_sum(const char *what, uint64_t sum, uint64_t wanted)
     }
 }
 
-static double within(struct dice *dice, double most) { return most * (2 * dice_uniform(dice) - 1); }
+static double within(struct rng *rng, double most) { return most * (2 * rng_uniform(rng) - 1); }
 
 // One after the other: compilers differ in which argument of a call they work out first.
-static struct vec3 place_within(struct dice *dice, double x_most, double y_most, double z_most)
+static struct vec3 place_within(struct rng *rng, double x_most, double y_most, double z_most)
 {
-    double x = within(dice, x_most), y = within(dice, y_most), z = within(dice, z_most);
+    double x = within(rng, x_most), y = within(rng, y_most), z = within(rng, z_most);
     return v3(x, y, z);
 }
 
-static struct quat turn_within(struct dice *dice, double x_most, double y_most, double z_most, double w)
+static struct quat rotation_within(struct rng *rng, double x_most, double y_most, double z_most, double w)
 {
-    struct vec3 axis = place_within(dice, x_most, y_most, z_most);
+    struct vec3 axis = place_within(rng, x_most, y_most, z_most);
     return quat_unit((struct quat){axis.x, axis.y, axis.z, w});
 }
 
 // A figure whose joints wander, without a sine.
-static void step(struct skeleton *s, struct dice *dice)
+static void step(struct skeleton *s, struct rng *rng)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
-        s->joint[j] = v3_add(s->joint[j], place_within(dice, 0.03, 0.03, 0.03));
-        s->confidence[j] = dice_uniform(dice) < 0.05 ? 0 : 1;
+        s->joint[j] = v3_add(s->joint[j], place_within(rng, 0.03, 0.03, 0.03));
+        s->confidence[j] = rng_uniform(rng) < 0.05 ? 0 : 1;
     }
 }
 
-static void choices_of_frames(void **state)
+static void test_frame_selection(void **state)
 {
     (void)state;
     static const struct body body = {.radius_rate = {0.4, 0.4, 0.5, 0.15, 0.12, 0.15, 0.12, 0.17, 0.12, 0.17, 0.12}};
-    struct dice dice = {SEED};
+    struct rng rng = {SEED};
     static struct skeleton frames[FRAMES];
     struct skeleton s = {.confidence = {0}};
     for (int j = 0; j < JOINT_COUNT; j++)
-        s.joint[j] = v3_add(v3(0, 0, 3), place_within(&dice, 0.5, 0.9, 0.3));
-    struct selector *selector;
-    EXPECT_STATUS(selector_open(&selector, FRAMES), OK);
+        s.joint[j] = v3_add(v3(0, 0, 3), place_within(&rng, 0.5, 0.9, 0.3));
+    struct frame_selector *selector;
+    EXPECT_STATUS(frame_selector_open(&selector, FRAMES), OK);
     for (int n = 0; n < FRAMES; n++) {
-        step(&s, &dice);
+        step(&s, &rng);
         frames[n] = s;
-        EXPECT_STATUS(selector_add(selector, n, &s, &body), OK);
+        EXPECT_STATUS(frame_selector_add(selector, n, &s, &body), OK);
     }
     uint64_t sum = NOTHING_YET;
     for (int i = 0; i < VIEWS; i++) {
-        struct quat turn = turn_within(&dice, 0.2, 1, 0.2, 1);
+        struct quat turn = rotation_within(&rng, 0.2, 1, 0.2, 1);
         struct pose viewer_from_camera = {turn, v3(0, 0, 1)};
-        struct skeleton k = skeleton_transform(viewer_from_camera, &frames[(int)(dice_uniform(&dice) * FRAMES)]);
+        struct skeleton k = skeleton_transform(viewer_from_camera, &frames[(int)(rng_uniform(&rng) * FRAMES)]);
         for (int p = 0; p <= PART_COUNT; p++) {
-            struct selection got = {-1, -1};
-            enum status status =
-                p < PART_COUNT ? select_part(selector, &k, (enum part)p, &got) : select_whole(selector, &k, &got);
+            struct frame_selection got = {-1, -1};
+            enum status status = p < PART_COUNT ? frame_selector_find_part(selector, &k, (enum part)p, &got)
+                                                : frame_selector_find_body(selector, &k, &got);
             EXPECT_TRUE(status >= 0);
             sum = mixed(sum, &got.frame, sizeof got.frame);
             sum = mixed(sum, &got.cost_m, sizeof got.cost_m);
         }
     }
-    selector_close(&selector);
+    frame_selector_close(&selector);
     expect_sum("frames chosen and their costs", sum, UINT64_C(0x83246c6d5a2f5ffd));
 }
 
-static void coded_depth(void **state)
+static void test_coded_depth(void **state)
 {
     (void)state;
     enum { WIDTH = 160, HEIGHT = 120 };
-    struct dice dice = {SEED + 1};
+    struct rng rng = {SEED + 1};
     static uint16_t depth[WIDTH * HEIGHT];
     for (int i = 0; i < WIDTH * HEIGHT; i++) {
-        double z = 1500 + 10 * (i % WIDTH) + 300 * (i / WIDTH > 60) + within(&dice, 4);
-        depth[i] = dice_uniform(&dice) < 0.03 ? 0 : (uint16_t)z;
+        double z = 1500 + 10 * (i % WIDTH) + 300 * (i / WIDTH > 60) + within(&rng, 4);
+        depth[i] = rng_uniform(&rng) < 0.03 ? 0 : (uint16_t)z;
     }
     struct depth_coder *coder;
     const uint8_t *bytes;
@@ -110,15 +110,15 @@ static void coded_depth(void **state)
     depth_coder_close(&coder);
 }
 
-static void rigid_motions(void **state)
+static void test_rigid_motions(void **state)
 {
     (void)state;
-    struct dice dice = {SEED + 2};
+    struct rng rng = {SEED + 2};
     struct pose p = POSE_IDENTITY;
     uint64_t sum = NOTHING_YET;
     for (int i = 0; i < 200; i++) {
-        struct quat turn = turn_within(&dice, 1, 1, 1, 0.5);
-        struct pose next = {turn, place_within(&dice, 2, 2, 2)};
+        struct quat turn = rotation_within(&rng, 1, 1, 1, 0.5);
+        struct pose next = {turn, place_within(&rng, 2, 2, 2)};
         p = i % 2 ? pose_multiply(p, next) : pose_multiply(pose_inverse(next), p);
         double m[3][3];
         quat_to_matrix(p.rotation, m);
@@ -134,14 +134,14 @@ static struct pose pose_of_sensor(const struct place *place, const uint8_t *colo
     struct sensor_pose *sensor;
     struct pose pose;
     EXPECT_STATUS(sensor_pose_open(&sensor, place, &c), OK);
-    EXPECT_STATUS(sensor_pose_look(sensor, color, NULL), OK);
+    EXPECT_STATUS(sensor_pose_update(sensor, color, NULL), OK);
     EXPECT_TRUE(sensor_pose_get(sensor, &pose));
     sensor_pose_close(&sensor);
     return pose;
 }
 
-// Another machine's solver, played by tags that hang some nanometres elsewhere.
-static void where_the_sensor_stands(void **state)
+// Another machine's solver, played by tags that hang some nanometres moved_pose.
+static void test_sensor_pose(void **state)
 {
     (void)state;
     struct world *world;
@@ -150,14 +150,14 @@ static void where_the_sensor_stands(void **state)
     struct place place = film_true_place(world, 1);
     struct world_shot shot = {world_calibration(1).color, world_sensor_pose(world), 0, false};
     uint8_t *color = malloc(3 * (size_t)shot.lens.width * (size_t)shot.lens.height);
-    EXPECT_STATUS(world_render(world, &shot, &(struct world_picture){.color = color}), OK);
+    EXPECT_STATUS(world_render(world, &shot, &(struct world_image){.color = color}), OK);
     struct pose here = pose_of_sensor(&place, color), true_pose = shot.world_from_camera;
     for (int32_t i = 0; i < place.tag_count; i++)
         place.tags[i].world_from_tag.translation.x += 3e-9;
-    struct pose elsewhere = pose_of_sensor(&place, color);
+    struct pose moved_pose = pose_of_sensor(&place, color);
     print_message("the sensor at (%.9f, %.9f, %.9f) and (%.9f, %.9f, %.9f)\n", here.translation.x, here.translation.y,
-                  here.translation.z, elsewhere.translation.x, elsewhere.translation.y, elsewhere.translation.z);
-    EXPECT_TRUE(!memcmp(&here, &elsewhere, sizeof here));
+                  here.translation.z, moved_pose.translation.x, moved_pose.translation.y, moved_pose.translation.z);
+    EXPECT_TRUE(!memcmp(&here, &moved_pose, sizeof here));
     EXPECT_AT_MOST(v3_distance(here.translation, true_pose.translation), 0.02);
     free(color);
     place_free(&place);
@@ -167,10 +167,10 @@ static void where_the_sensor_stands(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(choices_of_frames),
-        cmocka_unit_test(coded_depth),
-        cmocka_unit_test(rigid_motions),
-        cmocka_unit_test(where_the_sensor_stands),
+        cmocka_unit_test(test_frame_selection),
+        cmocka_unit_test(test_coded_depth),
+        cmocka_unit_test(test_rigid_motions),
+        cmocka_unit_test(test_sensor_pose),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

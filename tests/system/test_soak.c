@@ -28,12 +28,12 @@ static const double PATIENCE_S = 9;
 // One picture's way.
 struct way {
     double total_ms, ms[FRAME_STAGES];
-    struct work work; // of drawing it, whoever else is busy meanwhile
-    double stolen_ms; // since the picture before
-    double at_s;      // since the beginning
-    double take_s;    // of the take
-    double fineness;  // that the actor was drawn at
-    bool placed;      // the camera knew where it was
+    struct work work;        // of drawing it, whoever else is busy meanwhile
+    double stolen_ms;        // since the picture before
+    double at_s;             // since the beginning
+    double take_s;           // of the take
+    double resolution_scale; // that the actor was drawn at
+    bool placed;             // the camera knew where it was
 };
 
 static double resident_mib(void)
@@ -64,8 +64,8 @@ struct soak {
     // Most memory and fewest descriptors seen in the second and in the last third of the time: a picture that is being
     // located, or drawn, takes some for a moment, and the camera opens a file for each; one that is lost with every
     // picture, or now and then, is open in all the pictures after.
-    double settled_mib, last_mib;
-    int descriptors_settled, descriptors_last;
+    double warm_mib, last_mib;
+    int descriptors_warm, descriptors_last;
     double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
     struct way slowest[SLOWEST];             // of the same, the slowest first
     int64_t slow, slow_stolen;               // of the same, over twice the median; while something was stolen
@@ -79,11 +79,11 @@ struct soak {
 struct bath {
     struct gpu *gpu;
     struct gpu_target *target;
-    struct tablet tablet;
-    struct tablet_glass glass;
+    struct viewer viewer;
+    struct viewer_surface glass;
     uint8_t *rgba;
     struct way *ways;
-    int64_t count, references, last_sight;
+    int64_t count, references, last_camera_number;
     double stolen_ms;              // when the last picture was shown
     double alone_ms, cpu_alone_ms; // sums
 };
@@ -97,14 +97,14 @@ static int slowest_first(const void *a, const void *b)
 // The camera's picture alone, drawn and waited for.
 static double draw_camera_alone(struct bath *b)
 {
-    struct tablet *t = &b->tablet;
+    struct viewer *t = &b->viewer;
     const struct ui_input input = {.width_px = WIDTH, .height_px = HEIGHT, .px_per_dp = ui_px_per_dp(t->ui)};
     const struct brush brush = {t->ui, theme_of(true)};
-    struct show alone = t->show;
+    struct view_state alone = t->state;
     alone.presence = 0;
     int64_t began = clock_now_ns();
     EXPECT_STATUS(ui_begin(t->ui, &input), OK);
-    scene_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->picture, &alone);
+    compositor_draw(&brush, (struct ui_box){0, 0, ui_width(t->ui), ui_height(t->ui)}, &t->image, &alone);
     ui_end(t->ui);
     EXPECT_STATUS(ui_draw(t->ui, b->target, 0), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK);
@@ -114,44 +114,44 @@ static double draw_camera_alone(struct bath *b)
 // Draws what is new. False: nothing is.
 static bool draw_next(struct bath *b, int64_t now, struct way *way)
 {
-    struct tablet *t = &b->tablet;
-    if (!t->sight || t->sight->number == b->last_sight || t->show.page != PAGE_WATCH)
+    struct viewer *t = &b->viewer;
+    if (!t->frame || t->frame->number == b->last_camera_number || t->state.page != PAGE_WATCH)
         return false;
-    b->last_sight = t->sight->number;
+    b->last_camera_number = t->frame->number;
     const struct work before = work_so_far();
-    EXPECT_STATUS(tablet_draw(t, &b->glass, now), OK);
+    EXPECT_STATUS(viewer_draw(t, &b->glass, now), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
-    tablet_shown(t, clock_now_ns());
-    *way = (struct way){.total_ms = (double)(clock_now_ns() - t->sight->came_ns) * 1e-6,
-                        .take_s = (double)t->look.time_ns * 1e-9,
-                        .fineness = t->look.fineness};
+    viewer_presented(t, clock_now_ns());
+    *way = (struct way){.total_ms = (double)(clock_now_ns() - t->frame->came_ns) * 1e-6,
+                        .take_s = (double)t->request.time_ns * 1e-9,
+                        .resolution_scale = t->request.resolution_scale};
     for (int i = 0; i < FRAME_STAGES; i++)
         way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
     way->work = work_since(&before);
     const double stolen_ms = before.stolen_ms + way->work.stolen_ms;
     way->stolen_ms = stolen_ms - b->stolen_ms;
     b->stolen_ms = stolen_ms;
-    way->placed = t->sight->placed;
+    way->placed = t->frame->placed;
     return true;
 }
 
 // What that costs must not be seen in the way of the next picture: one that came meanwhile does not count.
 static void refer(struct bath *b)
 {
-    const struct sight *sight = b->tablet.sight;
+    const struct camera_frame *frame = b->viewer.frame;
     const struct work before = work_so_far();
-    b->alone_ms += draw_camera_alone(b) + (double)(sight->located_ns - sight->locating_ns) * 1e-6;
+    b->alone_ms += draw_camera_alone(b) + (double)(frame->located_ns - frame->locating_ns) * 1e-6;
     b->cpu_alone_ms += work_since(&before).cpu_ms;
     b->references++;
-    tablet_update(&b->tablet, clock_now_ns());
-    b->last_sight = b->tablet.sight->number;
+    viewer_update(&b->viewer, clock_now_ns());
+    b->last_camera_number = b->viewer.frame->number;
 }
 
-static void look_at_memory(struct soak *s, bool late)
+static void measure_memory(struct soak *s, bool late)
 {
     const int open_now = descriptors();
-    int *fewest = late ? &s->descriptors_last : &s->descriptors_settled;
-    double *most_mib = late ? &s->last_mib : &s->settled_mib;
+    int *fewest = late ? &s->descriptors_last : &s->descriptors_warm;
+    double *most_mib = late ? &s->last_mib : &s->warm_mib;
     *most_mib = fmax(*most_mib, resident_mib());
     *fewest = *fewest && *fewest < open_now ? *fewest : open_now; // 0: none was counted yet
 }
@@ -189,43 +189,45 @@ static void sum_up(struct soak *s, struct bath *b)
 // is drawn at the display's size, for what memory is needed must not hang on how busy the machine is.
 static struct soak soak(const char *file, const char *camera, double seconds, bool reference)
 {
-    const struct tablet_options how = {.file = file, .camera = camera, .refresh_hz = 60, .fixed_fineness = !reference};
+    const struct viewer_options how = {
+        .file = file, .camera = camera, .refresh_hz = 60, .fixed_resolution = !reference};
     struct bath b = {.ways = malloc(sizeof *b.ways * MOST_FRAMES), .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
     struct soak s = {0};
     assert_non_null(b.ways);
     EXPECT_STATUS(gpu_open(&b.gpu), OK);
     EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT), OK);
-    EXPECT_STATUS(tablet_open(&b.tablet, b.gpu, &how), OK);
-    b.glass = (struct tablet_glass){b.target, WIDTH, HEIGHT, 0, tablet_px_per_dp(149)};
-    show_choose(&b.tablet.show, 0);
+    EXPECT_STATUS(viewer_open(&b.viewer, b.gpu, &how), OK);
+    b.glass = (struct viewer_surface){b.target, WIDTH, HEIGHT, 0, viewer_px_per_dp(149)};
+    view_state_choose_take(&b.viewer.state, 0);
     int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9);
     for (int64_t now = began; now < began + length; now = clock_now_ns()) {
-        tablet_update(&b.tablet, now);
-        const struct stage *stage = b.tablet.stage;
-        if (!stage || stage_prepared(stage) < 1 || !stage_settled(stage)) { // it counts from when the take is prepared
+        viewer_update(&b.viewer, now);
+        const struct take_view *stage = b.viewer.take_view;
+        if (!stage || take_view_progress(stage) < 1 ||
+            !take_view_final(stage)) { // it counts from when the take is prepared
             began = now;
             s.frames = 0;
         }
-        bool settled = now - began > length / 3, late = now - began > 2 * length / 3;
+        bool warm = now - began > length / 3, late = now - began > 2 * length / 3;
         struct way way;
         if (!draw_next(&b, now, &way)) {
             clock_sleep_until_ns(now + 1000000);
             continue;
         }
         s.frames++;
-        if (!settled)
+        if (!warm)
             continue;
         way.at_s = (double)(now - began) * 1e-9;
         if (b.count < MOST_FRAMES)
             b.ways[b.count++] = way;
-        look_at_memory(&s, late);
+        measure_memory(&s, late);
         if (reference && s.frames % REFERENCE_EACH == 0)
             refer(&b);
     }
     sum_up(&s, &b);
     free(b.ways);
     free(b.rgba);
-    tablet_close(&b.tablet);
+    viewer_close(&b.viewer);
     gpu_target_close(&b.target);
     gpu_close(&b.gpu);
     return s;
@@ -236,11 +238,11 @@ static void test_memory_stays_flat(void **state)
     (void)state;
     struct rehearsal r = rehearsal_make();
     struct soak s = soak(r.file, r.camera, PATIENCE_S, false);
-    print_message("%lld pictures, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.settled_mib,
-                  s.last_mib, s.descriptors_settled, s.descriptors_last);
+    print_message("%lld pictures, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.warm_mib,
+                  s.last_mib, s.descriptors_warm, s.descriptors_last);
     EXPECT_AT_LEAST(s.frames, 5);
-    EXPECT_AT_MOST(s.last_mib, s.settled_mib * 1.05 + 4); // in seconds, caches still fill
-    EXPECT_AT_MOST(s.descriptors_last, s.descriptors_settled);
+    EXPECT_AT_MOST(s.last_mib, s.warm_mib * 1.05 + 4); // in seconds, caches still fill
+    EXPECT_AT_MOST(s.descriptors_last, s.descriptors_warm);
     EXPECT_AT_LEAST(s.median_ms, 0.1);
     rehearsal_end(&r);
 }
@@ -248,10 +250,9 @@ static void test_memory_stays_flat(void **state)
 static void say(const struct soak *s)
 {
     printf("pictures      %lld\n", (long long)s->frames);
-    printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->settled_mib,
-           s->last_mib, 100 * (s->last_mib / s->settled_mib - 1));
-    printf("descriptors   %d at least in the second third, %d in the last\n", s->descriptors_settled,
-           s->descriptors_last);
+    printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->warm_mib,
+           s->last_mib, 100 * (s->last_mib / s->warm_mib - 1));
+    printf("descriptors   %d at least in the second third, %d in the last\n", s->descriptors_warm, s->descriptors_last);
     for (int i = 0; i < FRAME_STAGES; i++)
         printf("%-13s %.1f ms\n", frame_stage_names[i], s->mean_ms[i]);
     printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->slowest[0].total_ms,
@@ -265,9 +266,9 @@ static void say(const struct soak *s)
     for (int i = 0; i < SLOWEST; i++) {
         const struct way *w = &s->slowest[i];
         printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f%s; ", w->total_ms, w->at_s, w->take_s,
-               w->fineness, w->placed ? "" : ", its place unknown");
+               w->resolution_scale, w->placed ? "" : ", its place unknown");
         printf("processor %.1f ms, waited for it %.1f, beside it %.1f, stolen %.0f, %.0f pages;", w->work.cpu_ms,
-               w->work.waited_ms, w->work.beside_ms, w->stolen_ms, w->work.faults);
+               w->work.waited_ms, w->work.other_threads_ms, w->stolen_ms, w->work.faults);
         for (int k = 0; k < FRAME_STAGES; k++)
             printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
         printf("\n");

@@ -169,7 +169,7 @@ static void test_on_wayland(void **state)
 }
 
 // It says one sentence, and that is all.
-static void expect_refusal(const struct said *said, const char *word)
+static void expect_refusal(const struct process_result *said, const char *word)
 {
     const char *end = strchr(said->err, '\n');
     print_message("%s", said->err);
@@ -178,23 +178,24 @@ static void expect_refusal(const struct said *said, const char *word)
     EXPECT_TRUE(end && !end[1]);
 }
 
-static void test_without_a_display_it_says_so(void **state)
+static void test_missing_display_is_reported(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "wayland", 1);
     setenv("WAYLAND_DISPLAY", "nowhere", 1);
-    struct said said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
+    struct process_result said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
     expect_refusal(&said, "display");
 }
 
-static void test_without_a_graphics_driver_it_says_so(void **state)
+static void test_missing_graphics_driver_is_reported(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "x11", 1);
     setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null", 1); // no EGL at all
-    struct said watched = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
-    struct said rendered = PROCESS(PROGRAM_DIR "/reenact", "render", rehearsal.file, "--take", "turn", "--camera",
-                                   rehearsal.camera, "--out", scratch_file(&rehearsal.scratch, "out"));
+    struct process_result watched = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--camera", "none");
+    struct process_result rendered =
+        PROCESS(PROGRAM_DIR "/reenact", "render", rehearsal.file, "--take", "turn", "--camera", rehearsal.camera,
+                "--out", scratch_file(&rehearsal.scratch, "out"));
     unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
     expect_refusal(&watched, "OpenGL ES 3");
     expect_refusal(&rendered, "graphics driver");
@@ -210,13 +211,13 @@ static int times_said(const char *text, const char *what)
     return times;
 }
 
-static void test_lost_graphics_are_made_anew(void **state)
+static void test_lost_graphics_context_is_recreated(void **state)
 {
     (void)state;
     setenv("SDL_VIDEODRIVER", "x11", 1);
     setenv("LD_PRELOAD", LOSE_CONTEXT, 1);
-    struct said said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--take", "turn", "--camera", rehearsal.camera,
-                               "--size", "480x320", "--stats");
+    struct process_result said = PROCESS(PROGRAM_DIR "/reenact", rehearsal.file, "--take", "turn", "--camera",
+                                         rehearsal.camera, "--size", "480x320", "--stats");
     unsetenv("LD_PRELOAD");
     print_message("%s%s", said.out, said.err);
     EXPECT_INT(said.exit_code, 0);
@@ -258,9 +259,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_on_x11),
         cmocka_unit_test(test_on_wayland),
-        cmocka_unit_test(test_lost_graphics_are_made_anew),
-        cmocka_unit_test(test_without_a_display_it_says_so),
-        cmocka_unit_test(test_without_a_graphics_driver_it_says_so),
+        cmocka_unit_test(test_lost_graphics_context_is_recreated),
+        cmocka_unit_test(test_missing_display_is_reported),
+        cmocka_unit_test(test_missing_graphics_driver_is_reported),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-struct rgb_picture {
+struct rgb_image {
     uint8_t *rgb;
     int width, height;
 };
@@ -23,7 +23,7 @@ struct difference {
 };
 
 // The middle of the screen, where neither controls nor sentences lie; from the screen's pixels to the picture's.
-static struct difference compare(const struct rgb_picture *screen, const uint8_t *camera, const uint8_t *drawn,
+static struct difference compare(const struct rgb_image *screen, const uint8_t *camera, const uint8_t *drawn,
                                  const uint8_t *actor, const struct lens *lens)
 {
     struct cover cover = cover_of(lens, (struct ui_box){0, 0, screen->width, screen->height});
@@ -55,8 +55,8 @@ static struct difference compare(const struct rgb_picture *screen, const uint8_t
 }
 
 // What `render` made of the picture of that name; compared with the screen.
-static enum status look(const struct rgb_picture *screen, const char *folder, const struct frame *frame,
-                        const struct lens *lens, struct difference *out)
+static enum status compare_with_camera(const struct rgb_image *screen, const char *folder, const struct frame *frame,
+                                       const struct lens *lens, struct difference *out)
 {
     char path[4096];
     void *drawn = NULL, *actor = NULL;
@@ -75,7 +75,7 @@ static enum status look(const struct rgb_picture *screen, const char *folder, co
     return status;
 }
 
-static enum status find(const struct rgb_picture *screen, const char *camera_uri, const char *folder, char name[32],
+static enum status find(const struct rgb_image *screen, const char *camera_uri, const char *folder, char name[32],
                         struct difference *best)
 {
     struct source *camera;
@@ -86,7 +86,7 @@ static enum status find(const struct rgb_picture *screen, const char *camera_uri
     best->room = INFINITY;
     while ((status = source_next(camera, &frame)) == OK) {
         struct difference d;
-        status = look(screen, folder, &frame, &source_calibration(camera)->color, &d);
+        status = compare_with_camera(screen, folder, &frame, &source_calibration(camera)->color, &d);
         if (status != OK)
             break;
         if (d.room < best->room) {
@@ -104,7 +104,7 @@ int main(int argc, char **argv)
         fprintf(stderr, "usage: screen-check SCREEN.png CAMERA_FOLDER DRAWN_FOLDER\n");
         return 2;
     }
-    struct rgb_picture screen = {0};
+    struct rgb_image screen = {0};
     struct difference d = {0};
     char name[32] = "", uri[4096];
     void *pixels = NULL;
@@ -115,7 +115,7 @@ int main(int argc, char **argv)
         status = find(&screen, uri, argv[3], name, &d);
     free(pixels);
     if (status != OK) {
-        fprintf(stderr, "screen-check: %s\n", status_sentence());
+        fprintf(stderr, "screen-check: %s\n", status_message());
         return 1;
     }
     printf("%s: the camera's picture %s, %.1f grey values off; where the actor should be, %.1f off with him, %.1f "

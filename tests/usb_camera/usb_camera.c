@@ -15,7 +15,7 @@
 enum { MOST_WAITING = 32, QUALITY = 95 };
 enum { KEY_FORMAT = COMMAND_KEY, KEY_RATE, KEY_BT709, KEY_CROP };
 
-struct arguments {
+struct camera_arguments {
     const char *pictures;
     enum uvc_format format;
     double rate_hz;
@@ -23,16 +23,16 @@ struct arguments {
     int crop_width, crop_height; // 0: all
 };
 
-struct picture {
+struct usb_image {
     uint8_t *bytes;
     size_t count;
 };
 
 struct camera {
-    const struct arguments *arguments;
+    const struct camera_arguments *arguments;
     struct uvc_camera uvc;
-    struct picture *pictures;
-    int picture_count;
+    struct usb_image *pictures;
+    int image_count;
     int socket;
     struct usb_request *waiting; // for a payload, oldest first
     int waiting_count;
@@ -51,7 +51,7 @@ static const struct argp_option options[] = {
 
 static error_t parse(int key, char *value, struct argp_state *state)
 {
-    struct arguments *a = state->input;
+    struct camera_arguments *a = state->input;
     switch (key) {
     case KEY_FORMAT:
         if (strcmp(value, "mjpeg") && strcmp(value, "yuyv"))
@@ -69,7 +69,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
             argp_error(state, "--crop takes a size like 321x251, not '%s'", value);
         return 0;
     case ARGP_KEY_ARG: a->pictures = value; return 0;
-    case ARGP_KEY_END: command_need(state, a->pictures, "folder:DIR"); return 0;
+    case ARGP_KEY_END: command_require(state, a->pictures, "folder:DIR"); return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
 }
@@ -95,7 +95,7 @@ static void to_yuyv(const uint8_t *rgb, size_t pixels, bool bt709, uint8_t *out)
     }
 }
 
-static enum status code(const struct camera *c, const uint8_t *rgb, struct picture *p)
+static enum status code(const struct camera *c, const uint8_t *rgb, struct usb_image *p)
 {
     const int width = c->uvc.width, height = c->uvc.height;
     if (c->arguments->format == UVC_MJPEG)
@@ -113,7 +113,7 @@ static enum status code(const struct camera *c, const uint8_t *rgb, struct pictu
 static enum status keep(struct camera *c, const uint8_t *rgb, int from_width)
 {
     const size_t row = 3 * (size_t)c->uvc.width, rows = (size_t)c->uvc.height;
-    struct picture *more = realloc(c->pictures, sizeof *more * (size_t)(c->picture_count + 1));
+    struct usb_image *more = realloc(c->pictures, sizeof *more * (size_t)(c->image_count + 1));
     if (more)
         c->pictures = more;
     uint8_t *part = more ? malloc(row * rows) : NULL;
@@ -121,8 +121,8 @@ static enum status keep(struct camera *c, const uint8_t *rgb, int from_width)
         return fail(ERR_MEMORY, "out of memory");
     for (size_t y = 0; y < rows; y++)
         memcpy(part + y * row, rgb + y * 3 * (size_t)from_width, row);
-    struct picture *p = &more[c->picture_count++];
-    *p = (struct picture){0};
+    struct usb_image *p = &more[c->image_count++];
+    *p = (struct usb_image){0};
     enum status status = code(c, part, p);
     free(part);
     return status;
@@ -134,7 +134,7 @@ static enum status load(struct camera *c)
     enum status status = source_open(&source, c->arguments->pictures, SOURCE_CAMERA);
     if (status != OK)
         return status;
-    const struct arguments *a = c->arguments;
+    const struct camera_arguments *a = c->arguments;
     const struct lens *lens = &source_calibration(source)->color;
     const bool cropped = a->crop_width && a->crop_width <= lens->width && a->crop_height <= lens->height;
     c->uvc = (struct uvc_camera){.format = a->format,
@@ -147,7 +147,7 @@ static enum status load(struct camera *c)
         if (frame.color && (status = keep(c, frame.color, lens->width)) != OK)
             break;
     source_close(&source);
-    if (status == NOTHING && !c->picture_count)
+    if (status == NOTHING && !c->image_count)
         status = fail(ERR_INPUT, "%s holds no picture", c->arguments->pictures);
     return status == NOTHING ? OK : status;
 }
@@ -167,7 +167,7 @@ static bool feed(struct camera *c)
 {
     uint8_t payload[UVC_PAYLOAD_BYTES];
     while (c->waiting_count > 0 && clock_now_ns() >= c->due_ns && !frozen) {
-        const struct picture *p = &c->pictures[c->sent % c->picture_count];
+        const struct usb_image *p = &c->pictures[c->sent % c->image_count];
         int count = uvc_payload(p->bytes, p->count, &c->at, c->sent & 1, payload);
         if (!usbip_answer(c->socket, &c->waiting[0], 0, payload, count))
             return false;
@@ -200,7 +200,7 @@ static bool cancel(struct camera *c, const struct usb_request *r)
 static bool serve_one(struct camera *c, struct usb_request *r)
 {
     int64_t left = c->waiting_count > 0 && !frozen ? (c->due_ns - clock_now_ns()) / 1000000 + 1 : 100;
-    switch (usbip_hear(c->socket, left < 0 ? 0 : (int)left, r)) {
+    switch (usbip_receive(c->socket, left < 0 ? 0 : (int)left, r)) {
     case USB_GONE: return false;
     case USB_CANCELLED: return cancel(c, r);
     case USB_REQUEST:
@@ -221,7 +221,7 @@ static enum status serve(struct camera *c)
     c->waiting = malloc(sizeof *c->waiting * MOST_WAITING);
     enum status status = heard && c->waiting ? usbip_plug(&c->socket) : fail(ERR_MEMORY, "out of memory");
     if (status == OK) {
-        printf("plugged in: %d pictures of %d x %d\n", c->picture_count, c->uvc.width, c->uvc.height);
+        printf("plugged in: %d pictures of %d x %d\n", c->image_count, c->uvc.width, c->uvc.height);
         fflush(stdout);
         while (!command_stopped() && serve_one(c, heard) && feed(c))
             ;
@@ -244,15 +244,15 @@ int main(int argc, char **argv)
         0,
         0,
         0};
-    struct arguments arguments = {.format = UVC_MJPEG, .rate_hz = 10};
+    struct camera_arguments arguments = {.format = UVC_MJPEG, .rate_hz = 10};
     argp_parse(&argp, argc, argv, 0, NULL, &arguments);
-    command_catch_stop();
+    command_catch_signals();
     signal(SIGUSR1, freeze);
     struct camera camera = {.arguments = &arguments};
     enum status status = load(&camera);
     if (status == OK)
         status = serve(&camera);
-    for (int i = 0; i < camera.picture_count; i++)
+    for (int i = 0; i < camera.image_count; i++)
         free(camera.pictures[i].bytes);
     free(camera.pictures);
     return status == OK ? 0 : command_failed(argv[0]);

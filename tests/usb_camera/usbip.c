@@ -76,7 +76,7 @@ static bool write_all(int socket, const void *bytes, size_t count)
     return true;
 }
 
-enum usb_said usbip_hear(int socket, int wait_ms, struct usb_request *r)
+enum usb_event usbip_receive(int socket, int wait_ms, struct usb_request *r)
 {
     struct pollfd ready = {socket, POLLIN, 0};
     uint32_t head[HEADER_BYTES / 4];

@@ -15,7 +15,7 @@ struct usb_request {
     uint8_t data[USB_MOST_BYTES]; // what it sends
 };
 
-enum usb_said {
+enum usb_event {
     USB_REQUEST,   // *request is filled and waits for usbip_answer
     USB_CANCELLED, // the host no longer wants the request `number`; usbip_cancelled says so to it
     USB_GONE,      // the host has let go of the device
@@ -26,7 +26,7 @@ enum usb_said {
 // socket's end in *socket. ERR_DEVICE: no vhci-hcd, or it refuses; ERR_IO.
 MUST_CHECK enum status usbip_plug(int *socket);
 
-enum usb_said usbip_hear(int socket, int wait_ms, struct usb_request *request);
+enum usb_event usbip_receive(int socket, int wait_ms, struct usb_request *request);
 
 // status: 0, or -EPIPE for what the device does not do. count: bytes given or taken. False: gone.
 bool usbip_answer(int socket, const struct usb_request *request, int status, const void *data, int count);

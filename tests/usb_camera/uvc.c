@@ -21,11 +21,11 @@ static void put(struct bytes *b, const uint8_t *what, int count)
 #define LE16(x)     (uint8_t)(x), (uint8_t)((x) >> 8)
 #define LE32(x)     LE16(x), LE16((uint32_t)(x) >> 16)
 
-static uint32_t picture_bytes(const struct uvc_camera *c) { return (uint32_t)(2 * c->width * c->height); }
+static uint32_t image_bytes(const struct uvc_camera *c) { return (uint32_t)(2 * c->width * c->height); }
 
 static void put_streaming(const struct uvc_camera *c, struct bytes *b)
 {
-    const uint32_t interval = (uint32_t)(c->frame_ns / 100), rate = 8 * picture_bytes(c) * 30;
+    const uint32_t interval = (uint32_t)(c->frame_ns / 100), rate = 8 * image_bytes(c) * 30;
     const bool jpeg = c->format == UVC_MJPEG;
     const int total = 14 + (jpeg ? 11 : 27) + 30 + 6;
     PUT(b, 9, 4, 1, 0, 1, 0x0e, 2, 0, 0);                                          // video streaming
@@ -35,8 +35,8 @@ static void put_streaming(const struct uvc_camera *c, struct bytes *b)
     else
         PUT(b, 27, 0x24, 4, 1, 1, 'Y', 'U', 'Y', '2', 0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71, 16, 1, 0, 0,
             0, 0);
-    PUT(b, 30, 0x24, jpeg ? 7 : 5, 1, 0, LE16(c->width), LE16(c->height), LE32(rate), LE32(rate),
-        LE32(picture_bytes(c)), LE32(interval), 1, LE32(interval));
+    PUT(b, 30, 0x24, jpeg ? 7 : 5, 1, 0, LE16(c->width), LE16(c->height), LE32(rate), LE32(rate), LE32(image_bytes(c)),
+        LE32(interval), 1, LE32(interval));
     PUT(b, 6, 0x24, 13, 1, 1, c->bt709 ? 1 : 4); // primaries, transfer and matrix of its colours
     PUT(b, 7, 5, 0x80 | UVC_ENDPOINT, 2, LE16(512), 0);
 }
@@ -81,7 +81,7 @@ static bool put_descriptor(const struct uvc_camera *c, int kind, int index, stru
 static void put_probe(const struct uvc_camera *c, struct bytes *b)
 {
     PUT(b, LE16(1), 1, 1, LE32((uint32_t)(c->frame_ns / 100)), LE16(0), LE16(0), LE16(0), LE16(0), LE16(0),
-        LE32(picture_bytes(c)), LE32(UVC_PAYLOAD_BYTES));
+        LE32(image_bytes(c)), LE32(UVC_PAYLOAD_BYTES));
 }
 
 // False: it does not do that.

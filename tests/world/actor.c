@@ -9,12 +9,12 @@
 
 enum { CHUNK = 2048 }; // vertices of one piece of work
 
-struct sample {
+struct actor_sample {
     float z; // 0: nothing
     int triangle;
 };
 
-struct corner { // a vertex in the picture
+struct screen_corner { // a vertex in the picture
     double x, y, z;
 };
 
@@ -28,11 +28,11 @@ struct actor {
     struct shadow *shadow; // NULL: not lit
     double low_z;          // of the lowest vertex
 
-    struct corner *corner;
+    struct screen_corner *corner;
     struct vec3 eye;
-    int x0, y0, x1, y1;    // pixels
-    struct sample *centre; // (x1 - x0) x (y1 - y0)
-    struct sample *fine;   // the same, ACTOR_SAMPLES each, NULL: not asked for
+    int x0, y0, x1, y1;          // pixels
+    struct actor_sample *centre; // (x1 - x0) x (y1 - y0)
+    struct actor_sample *fine;   // the same, ACTOR_SAMPLES each, NULL: not asked for
 };
 
 // ---------------------------------------------------------------- pose and light
@@ -54,8 +54,8 @@ static void light_chunk(void *context, int chunk)
         float *out = a->light[i];
         shadow_light(a->shadow, a->at[i], n, out);
         // The floor gives warm light back, less of it where one is close and looks down.
-        float near_floor = minf(1, 0.45f + (float)a->at[i].z);
-        float low = (1 - up) * near_floor;
+        float close_to_floor = minf(1, 0.45f + (float)a->at[i].z);
+        float low = (1 - up) * close_to_floor;
         out[0] += open * (0.43f * up + 0.38f * low);
         out[1] += open * (0.43f * up + 0.33f * low);
         out[2] += open * (0.43f * up + 0.28f * low);
@@ -82,12 +82,12 @@ enum status actor_open(struct actor **out, const struct world *w, double time_s,
     struct stance stance = world_stance(w, time_s);
     physique_pose(&w->physique, &stance, &a->posed);
     int chunks = (a->mesh->vertex_count + CHUNK - 1) / CHUNK;
-    parallel(w->options.threads, chunks, pose_chunk, a);
+    parallel_for(w->options.threads, chunks, pose_chunk, a);
     enum status status = OK;
     if (lit) {
         status = shadow_open(&a->shadow, &w->scene, a->mesh, a->at, &a->posed.joints, w->options.threads);
         if (!status)
-            parallel(w->options.threads, chunks, light_chunk, a);
+            parallel_for(w->options.threads, chunks, light_chunk, a);
     }
     if (status)
         actor_close(&a);
@@ -128,11 +128,11 @@ enum status actor_aim(struct actor *a, const struct lens *lens, struct pose worl
                m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z + t.z);
         // Behind the camera, or so far aside that the lens's polynomial means nothing: not drawn.
         if (c.z < 0.05 || fabs(c.x) > 1.6 * c.z || fabs(c.y) > 1.6 * c.z) {
-            a->corner[i] = (struct corner){0, 0, 0};
+            a->corner[i] = (struct screen_corner){0, 0, 0};
             continue;
         }
         struct pixel px = lens_project(lens, c);
-        a->corner[i] = (struct corner){px.x, px.y, c.z};
+        a->corner[i] = (struct screen_corner){px.x, px.y, c.z};
         x0 = least(x0, px.x), x1 = most(x1, px.x);
         y0 = least(y0, px.y), y1 = most(y1, px.y);
     }
@@ -151,15 +151,16 @@ struct edges { // of a triangle in the picture: the barycentric share of each ve
     double iz[3]; // 1 / z
 };
 
-static bool edges_of(const struct corner *p, const struct corner *q, const struct corner *r, struct edges *e)
+static bool edges_of(const struct screen_corner *p, const struct screen_corner *q, const struct screen_corner *r,
+                     struct edges *e)
 {
     double area = (q->x - p->x) * (r->y - p->y) - (q->y - p->y) * (r->x - p->x);
     // y points down: what is anticlockwise from outside turns the other way in the picture.
     if (!(area < -1e-9))
         return false;
-    const struct corner *v[3] = {p, q, r};
+    const struct screen_corner *v[3] = {p, q, r};
     for (int i = 0; i < 3; i++) {
-        const struct corner *m = v[(i + 1) % 3], *n = v[(i + 2) % 3];
+        const struct screen_corner *m = v[(i + 1) % 3], *n = v[(i + 2) % 3];
         e->a[i] = (m->y - n->y) / area;
         e->b[i] = (n->x - m->x) / area;
         e->c[i] = (m->x * n->y - n->x * m->y) / area;
@@ -169,11 +170,11 @@ static bool edges_of(const struct corner *p, const struct corner *q, const struc
 }
 
 // Draws one triangle into samples of `side` a pixel's side, rows [first, end) of pixels.
-static void draw(struct actor *a, int triangle, const struct edges *e, struct sample *samples, int side, int first,
-                 int end)
+static void draw(struct actor *a, int triangle, const struct edges *e, struct actor_sample *samples, int side,
+                 int first, int end)
 {
     const int *t = a->mesh->triangles[triangle];
-    const struct corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
+    const struct screen_corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
     double low_x = least(p->x, least(q->x, r->x)), high_x = most(p->x, most(q->x, r->x));
     double low_y = least(p->y, least(q->y, r->y)), high_y = most(p->y, most(q->y, r->y));
     // Sample s of a row is at x = x0 - 0.5 + (s + 0.5) / side.
@@ -194,9 +195,10 @@ static void draw(struct actor *a, int triangle, const struct edges *e, struct sa
             float z = (float)(1 / (u * e->iz[0] + v * e->iz[1] + w * e->iz[2]));
             // all samples of a pixel lie together
             size_t pixel = (size_t)(row / side) * (size_t)(a->x1 - a->x0) + (size_t)(s / side);
-            struct sample *to = &samples[pixel * (size_t)(side * side) + (size_t)((row % side) * side + s % side)];
+            struct actor_sample *to =
+                &samples[pixel * (size_t)(side * side) + (size_t)((row % side) * side + s % side)];
             if (to->z == 0 || z < to->z)
-                *to = (struct sample){z, triangle};
+                *to = (struct actor_sample){z, triangle};
         }
     }
 }
@@ -209,7 +211,7 @@ void actor_draw_rows(struct actor *a, int first, int end)
         return;
     for (int i = 0; i < a->mesh->triangle_count; i++) {
         const int *t = a->mesh->triangles[i];
-        const struct corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
+        const struct screen_corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
         if (p->z == 0 || q->z == 0 || r->z == 0 || most(p->y, most(q->y, r->y)) < first - 0.5 ||
             least(p->y, least(q->y, r->y)) > end - 0.5)
             continue;
@@ -222,7 +224,8 @@ void actor_draw_rows(struct actor *a, int first, int end)
     }
 }
 
-static const struct sample *samples_at(const struct actor *a, int x, int y, const struct sample *samples, int count)
+static const struct actor_sample *samples_at(const struct actor *a, int x, int y, const struct actor_sample *samples,
+                                             int count)
 {
     if (x < a->x0 || x >= a->x1 || y < a->y0 || y >= a->y1)
         return NULL;
@@ -231,21 +234,21 @@ static const struct sample *samples_at(const struct actor *a, int x, int y, cons
 
 double actor_depth(const struct actor *a, int x, int y)
 {
-    const struct sample *s = samples_at(a, x, y, a->centre, 1);
+    const struct actor_sample *s = samples_at(a, x, y, a->centre, 1);
     return s ? (double)s->z : 0;
 }
 
-int actor_cover(const struct actor *a, int x, int y, double *near, double *far)
+int actor_cover(const struct actor *a, int x, int y, double *z_near, double *z_far)
 {
-    const struct sample *s = samples_at(a, x, y, a->fine, ACTOR_SAMPLES);
+    const struct actor_sample *s = samples_at(a, x, y, a->fine, ACTOR_SAMPLES);
     int count = 0;
-    *near = 1e9;
-    *far = 0;
+    *z_near = 1e9;
+    *z_far = 0;
     for (int i = 0; s && i < ACTOR_SAMPLES; i++)
         if (s[i].z > 0) {
             count++;
-            *near = least(*near, (double)s[i].z);
-            *far = most(*far, (double)s[i].z);
+            *z_near = least(*z_near, (double)s[i].z);
+            *z_far = most(*z_far, (double)s[i].z);
         }
     return count;
 }
@@ -264,19 +267,19 @@ static void shade(const struct actor *a, int triangle, double x, double y, float
         share[i] = most(0, e.a[i] * x + e.b[i] * y + e.c[i]) * e.iz[i];
         sum += share[i];
     }
-    struct vec3f rest = {0, 0, 0}, n = {0, 0, 0};
+    struct vec3f bind_point = {0, 0, 0}, n = {0, 0, 0};
     struct vec3 at = {0, 0, 0};
     float light[3] = {0};
     for (int i = 0; i < 3; i++) {
         float k = (float)(share[i] / sum);
         const struct vec3f *p = &a->mesh->at[t[i]], *m = &a->normal[t[i]];
-        rest.x += k * p->x, rest.y += k * p->y, rest.z += k * p->z;
+        bind_point.x += k * p->x, bind_point.y += k * p->y, bind_point.z += k * p->z;
         n.x += k * m->x, n.y += k * m->y, n.z += k * m->z;
         at = v3_add(at, v3_scale(a->at[t[i]], (double)k));
         for (int c = 0; c < 3; c++)
             light[c] += k * a->light[t[i]][c];
     }
-    float albedo[3], shine = figure_albedo(&a->w->physique, rest, albedo);
+    float albedo[3], shine = figure_albedo(&a->w->physique, bind_point, albedo);
     // Where it shines it mirrors the lamps, broadly, and the room at its edges.
     struct vec3 normal = v3_unit(v3((double)n.x, (double)n.y, (double)n.z)), view = v3_unit(v3_sub(a->eye, at));
     float facing = (float)most(0, v3_dot(normal, view)), edge = 1 - facing, rim = edge * edge * edge * edge;
@@ -293,7 +296,7 @@ static void shade(const struct actor *a, int triangle, double x, double y, float
 
 void actor_color(const struct actor *a, int x, int y, const double *room_z, float color[3], int *count)
 {
-    const struct sample *s = samples_at(a, x, y, a->fine, ACTOR_SAMPLES);
+    const struct actor_sample *s = samples_at(a, x, y, a->fine, ACTOR_SAMPLES);
     color[0] = color[1] = color[2] = 0;
     *count = 0;
     // One shading a quarter of the pixel, at the sample next to the pixel's middle, for all of its samples.

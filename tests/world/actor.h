@@ -23,7 +23,7 @@ void actor_draw_rows(struct actor *a, int first, int end);
 double actor_depth(const struct actor *a, int x, int y);
 
 // How many of the pixel's samples see the figure, and the nearest and farthest z among them.
-int actor_cover(const struct actor *a, int x, int y, double *near, double *far);
+int actor_cover(const struct actor *a, int x, int y, double *z_near, double *z_far);
 
 // The figure's light towards the camera, the mean over its samples whose z is less
 // than room_z[sample]; *count how many those are. room_z NULL: all of them.

@@ -30,7 +30,7 @@ enum { LEFT = 0, RIGHT = 1 };
 
 struct physique {
     struct world_figure figure;
-    struct vec3 rest[JOINT_COUNT]; // the joints in the rest frame
+    struct vec3 bind_joint[JOINT_COUNT]; // the joints in the rest frame
     struct vec3 wrist[2];
     struct vec3 skull; // where the head turns on the neck
     struct vec3 arm;   // the left arm's direction at rest; the right's has -x
@@ -49,7 +49,7 @@ struct stance {
 };
 
 struct posed {
-    struct pose world_from_rest[BONE_COUNT];
+    struct pose world_from_bind[BONE_COUNT];
     struct skeleton joints; // world axes
 };
 

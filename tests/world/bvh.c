@@ -25,14 +25,14 @@ struct bvh {
 };
 
 // The text still to read, a word at a time.
-struct words {
+struct word_reader {
     const char *name, *at, *end;
     int line;
     char word[NAME_BYTES];
 };
 
 // False at the end of the text. Words longer than the buffer are cut; none that we know is.
-static bool next_word(struct words *w)
+static bool next_word(struct word_reader *w)
 {
     while (w->at < w->end && isspace((unsigned char)*w->at))
         w->line += *w->at++ == '\n';
@@ -46,12 +46,12 @@ static bool next_word(struct words *w)
     return n > 0;
 }
 
-static enum status cut(const struct words *w)
+static enum status cut(const struct word_reader *w)
 {
     return fail(ERR_INPUT, "%s, line %d: the motion file ends in the middle; get a whole one", w->name, w->line);
 }
 
-static enum status need_word(struct words *w, const char *wanted)
+static enum status need_word(struct word_reader *w, const char *wanted)
 {
     if (!next_word(w))
         return cut(w);
@@ -60,7 +60,7 @@ static enum status need_word(struct words *w, const char *wanted)
     return OK;
 }
 
-static enum status need_number(struct words *w, const char *what, double *out)
+static enum status need_number(struct word_reader *w, const char *what, double *out)
 {
     if (!next_word(w))
         return cut(w);
@@ -73,7 +73,7 @@ static enum status need_number(struct words *w, const char *what, double *out)
     return OK;
 }
 
-static enum status need_count(struct words *w, const char *what, int most, int *out)
+static enum status need_count(struct word_reader *w, const char *what, int most, int *out)
 {
     double number;
     enum status status = need_number(w, what, &number);
@@ -86,7 +86,7 @@ static enum status need_count(struct words *w, const char *what, int most, int *
     return OK;
 }
 
-static enum status read_offset(struct words *w, struct vec3 *out)
+static enum status read_offset(struct word_reader *w, struct vec3 *out)
 {
     enum status status = need_number(w, "an offset", &out->x);
     if (!status)
@@ -96,7 +96,7 @@ static enum status read_offset(struct words *w, struct vec3 *out)
     return status;
 }
 
-static enum status read_channels(struct words *w, struct bvh *b, struct bvh_joint *joint)
+static enum status read_channels(struct word_reader *w, struct bvh *b, struct bvh_joint *joint)
 {
     static const char *const names[] = {"Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation"};
     enum status status = need_count(w, "the number of channels", 6, &joint->channel_count);
@@ -120,7 +120,7 @@ static enum status read_channels(struct words *w, struct bvh *b, struct bvh_join
 
 // ROOT name { OFFSET … CHANNELS … JOINT … End Site { OFFSET … } }, without recursion:
 // stack[depth] is the joint whose braces are open, -1 an end site.
-static enum status read_hierarchy(struct words *w, struct bvh *b)
+static enum status read_hierarchy(struct word_reader *w, struct bvh *b)
 {
     int stack[MAX_DEPTH], depth = 0;
     bool opens = false; // a joint was named, its brace must follow
@@ -174,7 +174,7 @@ static enum status read_hierarchy(struct words *w, struct bvh *b)
     }
 }
 
-static enum status read_frames(struct words *w, struct bvh *b)
+static enum status read_frames(struct word_reader *w, struct bvh *b)
 {
     enum status status = need_word(w, "Frames:");
     if (!status)
@@ -213,7 +213,7 @@ enum status bvh_parse(struct bvh **out, const char *name, const uint8_t *bytes, 
         bvh_free(&b);
         return fail(ERR_MEMORY, "out of memory for the motion of %s", name);
     }
-    struct words w = {name, (const char *)bytes, (const char *)bytes + count, 1, ""};
+    struct word_reader w = {name, (const char *)bytes, (const char *)bytes + count, 1, ""};
     enum status status = need_word(&w, "HIERARCHY");
     if (!status)
         status = read_hierarchy(&w, b);

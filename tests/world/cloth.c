@@ -33,7 +33,7 @@ struct wear {
 
 static struct vec3f joint(const struct wear *w, enum joint j)
 {
-    struct vec3 v = w->p->rest[j];
+    struct vec3 v = w->p->bind_joint[j];
     return (struct vec3f){(float)v.x * w->k, (float)v.y * w->k, (float)v.z * w->k};
 }
 
@@ -247,10 +247,10 @@ static struct rgb arm(struct wear *w, float along)
     return dim(cloth, weave(w, 240, 31));
 }
 
-float figure_albedo(const struct physique *p, struct vec3f rest, float albedo[3])
+float figure_albedo(const struct physique *p, struct vec3f bind_point, float albedo[3])
 {
     float k = 1.75f / (float)p->figure.height_m;
-    struct wear w = {p, &palettes[p->figure.palette], k, {rest.x * k, rest.y * k, rest.z * k}, 0};
+    struct wear w = {p, &palettes[p->figure.palette], k, {bind_point.x * k, bind_point.y * k, bind_point.z * k}, 0};
     struct vec3f neck = joint(&w, JOINT_NECK), shoulder = joint(&w, JOINT_LEFT_SHOULDER),
                  waist = joint(&w, JOINT_WAIST);
     float side = fabsf(w.at.x);

@@ -69,7 +69,7 @@ static void bind(const struct form *form, const struct physique *p, struct vec3f
             closest = distance[k], nearest = k;
     float weight[BONE_COUNT] = {0};
     if (hanging < closest) { // a skirt: from the hips down more and more with the thigh of its side
-        float hip = (float)p->rest[JOINT_LEFT_HIP].z, knee = (float)p->rest[JOINT_LEFT_KNEE].z;
+        float hip = (float)p->bind_joint[JOINT_LEFT_HIP].z, knee = (float)p->bind_joint[JOINT_LEFT_KNEE].z;
         float leg = 0.85f * ramp(hip + 0.02f, knee, at.z), left = ramp(-0.10f * form->scale, 0.10f * form->scale, at.x);
         weight[BONE_PELVIS] = 1 - leg;
         weight[BONE_LEFT_THIGH] = leg * left;
@@ -85,15 +85,15 @@ static void bind(const struct form *form, const struct physique *p, struct vec3f
 }
 
 // How much of the light from all round gets past the body's own bulk.
-static float openness(const struct form *form, struct vec3f at, struct vec3f n, struct near *near)
+static float openness(const struct form *form, struct vec3f at, struct vec3f n, struct shape_subset *subset)
 {
     static const float steps[2] = {0.035f, 0.11f};
     float lost = 0;
-    form_near(form, at, 0.12f * form->scale, 0.16f * form->scale, near);
+    form_select_shapes(form, at, 0.12f * form->scale, 0.16f * form->scale, subset);
     for (int i = 0; i < 2; i++) {
         float r = steps[i] * form->scale;
         struct vec3f q = {at.x + r * n.x, at.y + r * n.y, at.z + r * n.z};
-        float d = form_distance(form, q, near);
+        float d = form_distance(form, q, subset);
         lost += 0.40f * maxf(0, (r - d) / r);
     }
     return maxf(0.15f, 1 - lost);
@@ -132,13 +132,13 @@ enum status figure_build(struct figure *f, const struct physique *p, bool plain)
         figure_free(f);
         return fail(ERR_MEMORY, "out of memory for the figure's skin");
     }
-    struct near near = {.reach = 0};
+    struct shape_subset subset = {.reach = 0};
     for (int i = 0; i < f->mesh.vertex_count; i++) {
         bind(&form, p, f->mesh.at[i], &f->bindings[i]);
-        f->bindings[i].open = openness(&form, f->mesh.at[i], f->mesh.normal[i], &near);
+        f->bindings[i].open = openness(&form, f->mesh.at[i], f->mesh.normal[i], &subset);
     }
     for (int j = 0; j < JOINT_COUNT; j++)
-        f->joint_radius[j] = radius_at(&form, p->rest[j]);
+        f->joint_radius[j] = radius_at(&form, p->bind_joint[j]);
     return OK;
 }
 
@@ -171,7 +171,7 @@ void figure_pose(const struct figure *f, const struct posed *posed, int first, i
 {
     struct dual bone[BONE_COUNT];
     for (int k = 0; k < BONE_COUNT; k++)
-        bone[k] = dual_of(posed->world_from_rest[k]);
+        bone[k] = dual_of(posed->world_from_bind[k]);
     for (int i = first; i < first + count; i++) {
         const struct binding *b = &f->bindings[i];
         struct dual sum = {{0, 0, 0, 0}, {0, 0, 0, 0}};

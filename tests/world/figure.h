@@ -29,4 +29,4 @@ void figure_pose(const struct figure *f, const struct posed *posed, int first, i
                  struct vec3f *normal);
 
 // What a point of the surface looks like: linear albedo; returns how much it shines, 0..1.
-float figure_albedo(const struct physique *p, struct vec3f rest, float albedo[3]);
+float figure_albedo(const struct physique *p, struct vec3f bind_point, float albedo[3]);

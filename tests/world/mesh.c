@@ -6,7 +6,7 @@
 
 enum { BLOCK = 8 };
 
-struct grid {
+struct net_grid {
     const struct form *form;
     float cell;
     struct vec3f low;
@@ -17,17 +17,17 @@ struct grid {
     uint8_t *active; // blocks that the surface may cross
 };
 
-static size_t point(const struct grid *g, int x, int y, int z)
+static size_t point(const struct net_grid *g, int x, int y, int z)
 {
     return ((size_t)z * (size_t)g->n[1] + (size_t)y) * (size_t)g->n[0] + (size_t)x;
 }
 
-static struct vec3f place(const struct grid *g, float x, float y, float z)
+static struct vec3f place(const struct net_grid *g, float x, float y, float z)
 {
     return (struct vec3f){g->low.x + x * g->cell, g->low.y + y * g->cell, g->low.z + z * g->cell};
 }
 
-static void fill_block(struct grid *g, int bx, int by, int bz)
+static void fill_block(struct net_grid *g, int bx, int by, int bz)
 {
     struct vec3f middle = place(g, ((float)bx + 0.5f) * BLOCK, ((float)by + 0.5f) * BLOCK, ((float)bz + 0.5f) * BLOCK);
     float reach = 0.87f * BLOCK * g->cell; // half the diagonal
@@ -36,19 +36,20 @@ static void fill_block(struct grid *g, int bx, int by, int bz)
     g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx] = active;
     if (!active)
         return;
-    struct near near = {.reach = 0};
-    form_near(g->form, middle, reach, reach, &near);
+    struct shape_subset subset = {.reach = 0};
+    form_select_shapes(g->form, middle, reach, reach, &subset);
     for (int z = bz * BLOCK; z <= (bz + 1) * BLOCK; z++)
         for (int y = by * BLOCK; y <= (by + 1) * BLOCK; y++)
             for (int x = bx * BLOCK; x <= (bx + 1) * BLOCK; x++) {
                 float *v = &g->value[point(g, x, y, z)];
                 if (isnan(*v)) // else a neighbouring block's point, exact already
-                    *v = form_distance(g->form, place(g, (float)x, (float)y, (float)z), &near);
+                    *v = form_distance(g->form, place(g, (float)x, (float)y, (float)z), &subset);
             }
 }
 
 // Calls visit for every cell of every active block.
-static void each_cell(struct grid *g, void (*visit)(struct grid *, int, int, int, struct mesh *), struct mesh *m)
+static void each_cell(struct net_grid *g, void (*visit)(struct net_grid *, int, int, int, struct mesh *),
+                      struct mesh *m)
 {
     for (int bz = 0; bz < g->blocks[2]; bz++)
         for (int by = 0; by < g->blocks[1]; by++)
@@ -62,7 +63,7 @@ static void each_cell(struct grid *g, void (*visit)(struct grid *, int, int, int
             }
 }
 
-static bool crossed(const struct grid *g, int x, int y, int z)
+static bool crossed(const struct net_grid *g, int x, int y, int z)
 {
     bool inside = false, outside = false;
     for (int i = 0; i < 8; i++) {
@@ -73,14 +74,14 @@ static bool crossed(const struct grid *g, int x, int y, int z)
     return inside && outside;
 }
 
-static void count_cell(struct grid *g, int x, int y, int z, struct mesh *m)
+static void count_cell(struct net_grid *g, int x, int y, int z, struct mesh *m)
 {
     if (crossed(g, x, y, z))
         g->vertex[point(g, x, y, z)] = m->vertex_count++;
 }
 
 // The vertex of a cell: the mean of its edges' crossings.
-static void place_vertex(struct grid *g, int x, int y, int z, struct mesh *m)
+static void place_vertex(struct net_grid *g, int x, int y, int z, struct mesh *m)
 {
     int index = g->vertex[point(g, x, y, z)];
     if (index < 0)
@@ -104,7 +105,7 @@ static void place_vertex(struct grid *g, int x, int y, int z, struct mesh *m)
 }
 
 // A quad for each crossed edge that starts at the cell's low corner.
-static void make_quads(struct grid *g, int x, int y, int z, struct mesh *m)
+static void make_quads(struct net_grid *g, int x, int y, int z, struct mesh *m)
 {
     float here = g->value[point(g, x, y, z)];
     for (int axis = 0; axis < 3; axis++) {
@@ -132,7 +133,7 @@ static void make_quads(struct grid *g, int x, int y, int z, struct mesh *m)
     }
 }
 
-static enum status grid_make(struct grid *g, const struct form *form, float cell)
+static enum status grid_make(struct net_grid *g, const struct form *form, float cell)
 {
     // A box round all shapes.
     float low[3] = {10, 10, 10}, high[3] = {-10, -10, -10};
@@ -146,7 +147,7 @@ static enum status grid_make(struct grid *g, const struct form *form, float cell
         }
     }
     low[2] = maxf(low[2], 0); // soles
-    *g = (struct grid){.form = form, .cell = cell};
+    *g = (struct net_grid){.form = form, .cell = cell};
     size_t points = 1, blocks = 1;
     for (int k = 0; k < 3; k++) {
         low[k] -= 2.5f * cell + 0.005f;
@@ -169,12 +170,12 @@ static enum status grid_make(struct grid *g, const struct form *form, float cell
 // Steps onto the folded surface: that also evens out the grid's own pattern.
 static void finish_vertices(struct mesh *m, const struct form *f, float cell)
 {
-    struct near near = {.reach = 0};
-    for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `near` lasts
+    struct shape_subset subset = {.reach = 0};
+    for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `subset` lasts
         struct vec3f *p = &m->at[i];
-        form_near(f, *p, 0.01f, 0.04f, &near);
-        struct vec3f normal = m->normal[i] = form_normal(f, *p, &near);
-        float d = maxf(-0.7f * cell, minf(0.7f * cell, form_folded(f, *p, &near)));
+        form_select_shapes(f, *p, 0.01f, 0.04f, &subset);
+        struct vec3f normal = m->normal[i] = form_normal(f, *p, &subset);
+        float d = maxf(-0.7f * cell, minf(0.7f * cell, form_folded(f, *p, &subset)));
         p->x -= d * normal.x, p->y -= d * normal.y, p->z -= d * normal.z;
     }
 }
@@ -183,7 +184,7 @@ enum status mesh_of(struct mesh *out, const struct form *form, float cell_m)
 {
     memset(out, 0, sizeof *out);
     struct mesh m = {0};
-    struct grid g;
+    struct net_grid g;
     enum status status = grid_make(&g, form, cell_m);
     if (!status) {
         for (int z = 0; z < g.blocks[2]; z++)

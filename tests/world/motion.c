@@ -8,14 +8,14 @@
 #include <string.h>
 
 // Either key poses or a file.
-struct motion {
+struct figure_motion {
     const struct named_motion *named;
     struct retarget *file;
 };
 
 static const double DEGREE = 3.14159265358979323846 / 180;
 
-static struct quat turn(double yaw, double pitch, double roll) // degrees: about z, then own x, then own y
+static struct quat rotation_of(double yaw, double pitch, double roll) // degrees: about z, then own x, then own y
 {
     struct quat q = quat_from_rotation_vector(v3(0, 0, yaw * DEGREE));
     q = quat_multiply(q, quat_from_rotation_vector(v3(pitch * DEGREE, 0, 0)));
@@ -60,9 +60,9 @@ struct footing {
 static struct footing planted(const struct named_motion *m, const struct physique *p, int side, double t)
 {
     struct key k = key_at(m, t);
-    double scale = p->figure.height_m / 1.75, apart = p->rest[JOINT_LEFT_FOOT].x + k.apart * scale;
+    double scale = p->figure.height_m / 1.75, apart = p->bind_joint[JOINT_LEFT_FOOT].x + k.apart * scale;
     double x = side == LEFT ? apart : -apart;
-    struct vec3 o = quat_rotate(turn(k.heading, 0, 0), v3(x, 0, 0));
+    struct vec3 o = quat_rotate(rotation_of(k.heading, 0, 0), v3(x, 0, 0));
     return (struct footing){v3(k.x + o.x, k.y + o.y, 0), k.heading + (side == LEFT ? 9 : -9), 0};
 }
 
@@ -91,16 +91,16 @@ static void place_foot(const struct physique *p, const struct key *k, struct foo
     double scale = p->figure.height_m / 1.75;
     const struct vec3 *kick = side == LEFT ? &k->left_foot : &k->right_foot;
     double pitch = f.pitch + (side == LEFT ? k->left_toes : k->right_toes);
-    struct quat heading = turn(k->heading, 0, 0);
-    struct vec3 ankle = v3(f.at.x, f.at.y, p->rest[JOINT_LEFT_FOOT].z + f.at.z * scale);
+    struct quat heading = rotation_of(k->heading, 0, 0);
+    struct vec3 ankle = v3(f.at.x, f.at.y, p->bind_joint[JOINT_LEFT_FOOT].z + f.at.z * scale);
     ankle = v3_add(ankle, quat_rotate(heading, v3_scale(*kick, scale)));
-    s->foot[side] = turn(f.yaw, pitch, 0);
+    s->foot[side] = rotation_of(f.yaw, pitch, 0);
     // The heel (positive pitch: it is up) or the toes must not go through the floor.
-    double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->rest[JOINT_LEFT_FOOT].z;
+    double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->bind_joint[JOINT_LEFT_FOOT].z;
     double tip =
         least(quat_rotate(s->foot[side], v3(0, -toe, -sole)).z, quat_rotate(s->foot[side], v3(0, heel, -sole)).z);
     s->ankle[side] = v3(ankle.x, ankle.y, most(ankle.z, -tip));
-    struct vec3 forward = quat_rotate(turn(f.yaw + (side == LEFT ? 4 : -4), 0, 0), v3(0, -1, 0));
+    struct vec3 forward = quat_rotate(rotation_of(f.yaw + (side == LEFT ? 4 : -4), 0, 0), v3(0, -1, 0));
     s->knee[side] = v3_add(forward, v3(0, 0, 0.25)); // up as well, for a leg stretched forward
 }
 
@@ -113,12 +113,12 @@ static struct stance named_at(const struct named_motion *m, const struct physiqu
     // The pelvis leans over the foot that carries.
     struct footing feet[2] = {footing_at(m, p, LEFT, t), footing_at(m, p, RIGHT, t)};
     double carry = (feet[RIGHT].at.z - feet[LEFT].at.z) / 0.075; // 1: on the left foot
-    struct vec3 shift = quat_rotate(turn(k.heading, 0, 0), v3(0.022 * carry + 0.004 * sway, 0.003 * breath, 0));
-    s.waist = v3_add(v3(k.x, k.y, p->rest[JOINT_WAIST].z - (k.sink + 0.012) * scale), v3_scale(shift, scale));
-    s.waist = v3_add(s.waist, quat_rotate(turn(k.heading, 0, 0), v3_scale(k.hips, scale)));
-    s.pelvis = turn(k.heading + k.pelvis_yaw, k.pelvis_pitch, 2.2 * carry);
-    s.chest = turn(k.heading + k.chest_yaw, k.chest_pitch + 0.6 * breath, k.chest_roll - 1.5 * carry);
-    s.head = turn(k.heading + k.head_yaw, k.head_pitch, 0.4 * k.chest_roll);
+    struct vec3 shift = quat_rotate(rotation_of(k.heading, 0, 0), v3(0.022 * carry + 0.004 * sway, 0.003 * breath, 0));
+    s.waist = v3_add(v3(k.x, k.y, p->bind_joint[JOINT_WAIST].z - (k.sink + 0.012) * scale), v3_scale(shift, scale));
+    s.waist = v3_add(s.waist, quat_rotate(rotation_of(k.heading, 0, 0), v3_scale(k.hips, scale)));
+    s.pelvis = rotation_of(k.heading + k.pelvis_yaw, k.pelvis_pitch, 2.2 * carry);
+    s.chest = rotation_of(k.heading + k.chest_yaw, k.chest_pitch + 0.6 * breath, k.chest_roll - 1.5 * carry);
+    s.head = rotation_of(k.heading + k.head_yaw, k.head_pitch, 0.4 * k.chest_roll);
     for (int side = LEFT; side <= RIGHT; side++) {
         const struct arm_key *arm = side == LEFT ? &k.left_arm : &k.right_arm;
         // Right-arm keys are written as if for the left, mirrored.
@@ -130,10 +130,10 @@ static struct stance named_at(const struct named_motion *m, const struct physiqu
     return s;
 }
 
-enum status world_motion_open(struct motion **out, const char *name, const struct physique *p)
+enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p)
 {
     *out = NULL;
-    struct motion *m = calloc(1, sizeof *m);
+    struct figure_motion *m = calloc(1, sizeof *m);
     if (!m)
         return fail(ERR_MEMORY, "out of memory for a motion");
     size_t length = strlen(name);
@@ -157,7 +157,7 @@ enum status world_motion_open(struct motion **out, const char *name, const struc
     return OK;
 }
 
-void world_motion_close(struct motion **m)
+void world_motion_close(struct figure_motion **m)
 {
     if (*m) {
         retarget_close(&(*m)->file);
@@ -166,12 +166,12 @@ void world_motion_close(struct motion **m)
     }
 }
 
-double motion_seconds(const struct motion *m)
+double motion_seconds(const struct figure_motion *m)
 {
     return m->file ? retarget_seconds(m->file) : m->named->keys[m->named->count - 1].t;
 }
 
-struct stance world_motion_at(const struct motion *m, const struct physique *p, double time_s)
+struct stance world_motion_at(const struct figure_motion *m, const struct physique *p, double time_s)
 {
     double t = least(most(time_s, 0), motion_seconds(m));
     return m->file ? retarget_at(m->file, p, t) : named_at(m->named, p, t);

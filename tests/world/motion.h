@@ -4,11 +4,11 @@
 #pragma once
 #include "tests/world/body.h"
 
-struct motion;
+struct figure_motion;
 
 // ERR_INPUT: no such name (the sentence lists them), a bad BVH file. ERR_MISSING, ERR_IO, ERR_MEMORY.
-MUST_CHECK enum status world_motion_open(struct motion **out, const char *name, const struct physique *p);
-void world_motion_close(struct motion **m);
+MUST_CHECK enum status world_motion_open(struct figure_motion **out, const char *name, const struct physique *p);
+void world_motion_close(struct figure_motion **m);
 
-double motion_seconds(const struct motion *m);
-struct stance world_motion_at(const struct motion *m, const struct physique *p, double time_s);
+double motion_seconds(const struct figure_motion *m);
+struct stance world_motion_at(const struct figure_motion *m, const struct physique *p, double time_s);

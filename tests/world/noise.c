@@ -47,14 +47,14 @@ static void find_shadow(const struct lens *l, const uint16_t *row, uint8_t *dark
     }
 }
 
-struct spot {
+struct noise_spot {
     const struct lens *lens;
     const uint16_t *ideal;
     const uint8_t *dark;
     uint64_t seed;
 };
 
-static uint16_t read_pixel(const struct spot *s, int x, int y)
+static uint16_t read_pixel(const struct noise_spot *s, int x, int y)
 {
     int w = s->lens->width, h = s->lens->height;
     size_t at = (size_t)y * (size_t)w + (size_t)x;
@@ -106,7 +106,7 @@ enum status world_depth_noise(const struct lens *lens, const uint16_t *ideal, ui
         memcpy(copy, ideal, w * h * sizeof *copy);
         for (size_t y = 0; y < h; y++)
             find_shadow(lens, copy + y * w, dark + y * w);
-        struct spot s = {lens, copy, dark, draw(seed, 0, 7)};
+        struct noise_spot s = {lens, copy, dark, draw(seed, 0, 7)};
         for (int y = 0; y < lens->height; y++)
             for (int x = 0; x < lens->width; x++)
                 out[(size_t)y * w + (size_t)x] = read_pixel(&s, x, y);

@@ -17,13 +17,13 @@ static const uint32_t schemes[6][5] = {
 };
 
 // Where a texel is: metres from the lower left corner, the picture's size, a texel's.
-struct spot {
+struct paint_spot {
     float x, y, w, h, texel;
     uint32_t seed;
     const uint32_t *scheme;
 };
 
-static struct rgb landscape(const struct spot *s)
+static struct rgb landscape(const struct paint_spot *s)
 {
     float u = s->x / s->w, v = s->y / s->h;
     struct rgb sky = mix(hex(s->scheme[4]), hex(s->scheme[0]), 1.5f * (1 - v));
@@ -41,7 +41,7 @@ static struct rgb landscape(const struct spot *s)
     return c;
 }
 
-static struct rgb circles(const struct spot *s)
+static struct rgb circles(const struct paint_spot *s)
 {
     float cell = s->w / 4;
     int i = (int)floorf(s->x / cell), j = (int)floorf(s->y / cell);
@@ -68,7 +68,7 @@ static struct rgb circles(const struct spot *s)
     return c;
 }
 
-static struct rgb contours(const struct spot *s)
+static struct rgb contours(const struct paint_spot *s)
 {
     float n = fractal2(s->x * 4.5f, s->y * 4.5f, 4, s->seed);
     float step = n * 22, line = fabsf(step - floorf(step) - 0.5f);
@@ -80,7 +80,7 @@ static struct rgb contours(const struct spot *s)
     return mix(c, hex(s->scheme[1]), 0.35f * cover(minf(gx, gy) - 0.0008f, s->texel));
 }
 
-static struct rgb stripes(const struct spot *s)
+static struct rgb stripes(const struct paint_spot *s)
 {
     // Halve the rectangle again and again; the path gives the colour.
     float x0 = 0, y0 = 0, x1 = s->w, y1 = s->h, edge = 10;
@@ -101,7 +101,7 @@ static struct rgb stripes(const struct spot *s)
     return mix(c, hex(0x1b1b1e), cover(edge - 0.007f, s->texel));
 }
 
-static struct rgb night(const struct spot *s)
+static struct rgb night(const struct paint_spot *s)
 {
     float v = s->y / s->h;
     struct rgb c = mix(hex(0x2b2d6e), hex(0x0b0c2a), v);
@@ -126,7 +126,7 @@ static struct rgb night(const struct spot *s)
     return c;
 }
 
-static struct rgb words(const struct spot *s)
+static struct rgb words(const struct paint_spot *s)
 {
     static const char *const lines[8][4] = {
         {"MOVE", "AGAIN", "2014", "SLOWLY"}, {"DANCE", "HALL", "FRI 9", "OPEN"}, {"LEFT", "RIGHT", "TURN", "STOP"},
@@ -146,7 +146,7 @@ static struct rgb words(const struct spot *s)
     return mix(c, ink, cover(d - 0.62f * scale, s->texel));
 }
 
-static struct rgb books(const struct spot *s)
+static struct rgb books(const struct paint_spot *s)
 {
     float shelf = s->h / 5;
     int row = (int)minf(4, floorf(s->y / shelf));
@@ -177,7 +177,7 @@ static struct rgb books(const struct spot *s)
     return wood;
 }
 
-static struct rgb rug(const struct spot *s)
+static struct rgb rug(const struct paint_spot *s)
 {
     float in = minf(minf(s->x, s->w - s->x), minf(s->y, s->h - s->y));
     float weave = 0.86f + 0.28f * noise2(s->x * 260, s->y * 260, 5);
@@ -209,7 +209,7 @@ static struct rgb rug(const struct spot *s)
     return dim(c, weave);
 }
 
-static struct rgb window_view(const struct spot *s)
+static struct rgb window_view(const struct paint_spot *s)
 {
     float u = s->x / s->w, v = s->y / s->h;
     float frame = minf(minf(s->x, s->w - s->x), minf(s->y, s->h - s->y));
@@ -232,7 +232,7 @@ static struct rgb window_view(const struct spot *s)
     return c;
 }
 
-static struct rgb door(const struct spot *s)
+static struct rgb door(const struct paint_spot *s)
 {
     float frame = minf(minf(s->x, s->w - s->x), s->h - s->y);
     struct rgb c = hex(0xd8cdb8);
@@ -248,7 +248,7 @@ static struct rgb door(const struct spot *s)
     return mix(c, dim(hex(0xd9b24c), 1.1f - 12 * knob), cover(knob - 0.03f, s->texel));
 }
 
-static struct rgb drawers(const struct spot *s)
+static struct rgb drawers(const struct paint_spot *s)
 {
     float wide = s->w / 3;
     float x = fmodf(s->x, wide), y = fmodf(s->y, s->h / 2);
@@ -259,7 +259,7 @@ static struct rgb drawers(const struct spot *s)
     return mix(c, dim(hex(0xe8c15a), 1.2f - 20 * knob), cover(knob - 0.02f, s->texel));
 }
 
-static struct rgb pixel_of(enum painting kind, const struct spot *s)
+static struct rgb pixel_of(enum painting kind, const struct paint_spot *s)
 {
     switch (kind) {
     case PAINTING_LANDSCAPE: return landscape(s);
@@ -294,13 +294,13 @@ enum status paint(struct texture *t, enum painting kind, double width_m, double 
             if (edge < margin) {
                 c = edge < 0.010f ? hex(0x2c2622) : hex(0xf3efe6);
             } else {
-                struct spot s = {px - margin,
-                                 py - margin,
-                                 (float)width_m - 2 * margin,
-                                 (float)height_m - 2 * margin,
-                                 (float)texel_m,
-                                 seed,
-                                 schemes[seed % 6]};
+                struct paint_spot s = {px - margin,
+                                       py - margin,
+                                       (float)width_m - 2 * margin,
+                                       (float)height_m - 2 * margin,
+                                       (float)texel_m,
+                                       seed,
+                                       schemes[seed % 6]};
                 c = pixel_of(kind, &s);
             }
             texture_set(t, x, y, (float[3]){0.9f * c.r, 0.9f * c.g, 0.9f * c.b});

@@ -7,8 +7,8 @@
 
 enum { TILE = 16, SIDE = ACTOR_SIDE }; // pixels of a tile's side; samples of a pixel's side
 
-struct corner {      // what the ray through a corner of pixels meets
-    struct vec3 ray; // world, z = 1 in the camera
+struct pixel_corner { // what the ray through a corner of pixels meets
+    struct vec3 ray;  // world, z = 1 in the camera
     struct hit hit;
     int decal;
 };
@@ -16,28 +16,28 @@ struct corner {      // what the ray through a corner of pixels meets
 struct job {
     const struct world *w;
     const struct world_shot *shot;
-    struct world_picture *out;
-    struct actor *actor; // NULL: nobody there
-    double turn[3][3];   // world_from_camera
+    struct world_image *out;
+    struct actor *actor;          // NULL: nobody there
+    double rotation_matrix[3][3]; // world_from_camera
     struct vec3 eye;
     int tiles_across, bands;
-    uint32_t *boxes;        // bands x tiles_across: the boxes a tile may see
-    struct corner *corners; // for each band two rows of width + 1
+    uint32_t *boxes;              // bands x tiles_across: the boxes a tile may see
+    struct pixel_corner *corners; // for each band two rows of width + 1
 };
 
 static struct vec3 ray_at(const struct job *j, double x, double y)
 {
     struct vec3 d = lens_ray(&j->shot->lens, (struct pixel){x, y});
-    return v3(j->turn[0][0] * d.x + j->turn[0][1] * d.y + j->turn[0][2],
-              j->turn[1][0] * d.x + j->turn[1][1] * d.y + j->turn[1][2],
-              j->turn[2][0] * d.x + j->turn[2][1] * d.y + j->turn[2][2]);
+    return v3(j->rotation_matrix[0][0] * d.x + j->rotation_matrix[0][1] * d.y + j->rotation_matrix[0][2],
+              j->rotation_matrix[1][0] * d.x + j->rotation_matrix[1][1] * d.y + j->rotation_matrix[1][2],
+              j->rotation_matrix[2][0] * d.x + j->rotation_matrix[2][1] * d.y + j->rotation_matrix[2][2]);
 }
 
 // Marks the tiles that a box's outline may fall on; all of them when it reaches behind the camera.
 static void mark_box(struct job *j, int box)
 {
     const struct lens *l = &j->shot->lens;
-    const struct box *b = &j->w->scene.boxes[box];
+    const struct room_box *b = &j->w->scene.boxes[box];
     struct pose camera_from_world = pose_inverse(j->shot->world_from_camera);
     double x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
     for (int i = 0; i < 8; i++) {
@@ -76,8 +76,8 @@ static void tone(const float linear[3], uint8_t rgb[3])
 static void shade(const struct job *j, const struct hit *h, int decal, struct vec3 at, struct footprint foot,
                   float color[3])
 {
-    const struct scene *s = &j->w->scene;
-    const struct surface *f = &s->surfaces[h->surface];
+    const struct world_scene *s = &j->w->scene;
+    const struct room_surface *f = &s->surfaces[h->surface];
     float albedo[3], light[3];
     float glow = scene_albedo(s, h->surface, decal, h->u, h->v, foot, albedo);
     scene_light(f, h->u, h->v, light);
@@ -91,7 +91,7 @@ static void shade(const struct job *j, const struct hit *h, int decal, struct ve
         color[c] = albedo[c] * (glow > 0 ? glow : light[c]);
 }
 
-static struct footprint footprint_of(const struct corner *top, const struct corner *low, float scale)
+static struct footprint footprint_of(const struct pixel_corner *top, const struct pixel_corner *low, float scale)
 {
     return (struct footprint){
         scale * 0.5f * (float)(top[1].hit.u - top[0].hit.u + low[1].hit.u - low[0].hit.u),
@@ -102,16 +102,16 @@ static struct footprint footprint_of(const struct corner *top, const struct corn
 }
 
 // The ray through (a, b) of a pixel, 0..1 from its upper left corner.
-static struct vec3 ray_inside(const struct corner *top, const struct corner *low, double a, double b)
+static struct vec3 ray_inside(const struct pixel_corner *top, const struct pixel_corner *low, double a, double b)
 {
     return v3_mix(v3_mix(top[0].ray, top[1].ray, a), v3_mix(low[0].ray, low[1].ray, a), b);
 }
 
 // How far u and v run over a sample at a hit, from the rays' spread.
 static struct footprint footprint_at(const struct job *j, const struct hit *h, struct vec3 ray,
-                                     const struct corner *top, const struct corner *low, float scale)
+                                     const struct pixel_corner *top, const struct pixel_corner *low, float scale)
 {
-    const struct surface *f = &j->w->scene.surfaces[h->surface];
+    const struct room_surface *f = &j->w->scene.surfaces[h->surface];
     double against = v3_dot(ray, f->normal);
     struct vec3 d[2] = {v3_sub(top[1].ray, top[0].ray), v3_sub(low[0].ray, top[0].ray)};
     float out[4];
@@ -124,22 +124,22 @@ static struct footprint footprint_at(const struct job *j, const struct hit *h, s
     return (struct footprint){out[0], out[1], out[2], out[3]};
 }
 
-static bool same_thing(const struct corner *a, const struct corner *b)
+static bool same_thing(const struct pixel_corner *a, const struct pixel_corner *b)
 {
     return a->hit.surface == b->hit.surface && a->decal == b->decal;
 }
 
 // One pixel of the room: one sample where it shows one thing, else SIDE x SIDE.
-static void room_color(const struct job *j, const struct corner *top, const struct corner *low, uint32_t boxes,
-                       float color[3])
+static void room_color(const struct job *j, const struct pixel_corner *top, const struct pixel_corner *low,
+                       uint32_t boxes, float color[3])
 {
-    const struct scene *s = &j->w->scene;
+    const struct world_scene *s = &j->w->scene;
     bool one = same_thing(&top[0], &top[1]) && same_thing(&top[0], &low[0]) && same_thing(&top[0], &low[1]) &&
                !(top[0].decal >= 0 && s->decals[top[0].decal].tag);
     if (one) {
         struct hit h = top[0].hit;
         struct vec3 ray = ray_inside(top, low, 0.5, 0.5);
-        const struct surface *f = &s->surfaces[h.surface];
+        const struct room_surface *f = &s->surfaces[h.surface];
         h.distance = v3_dot(v3_sub(f->corner, j->eye), f->normal) / v3_dot(ray, f->normal);
         struct vec3 at = v3_add(j->eye, v3_scale(ray, h.distance)), in = v3_sub(at, f->corner);
         h.u = v3_dot(in, f->u);
@@ -161,17 +161,17 @@ static void room_color(const struct job *j, const struct corner *top, const stru
         color[c] = sum[c] / (SIDE * SIDE);
 }
 
-static void color_pixel(const struct job *j, int x, int y, const struct corner *top, const struct corner *low,
-                        uint32_t boxes)
+static void color_pixel(const struct job *j, int x, int y, const struct pixel_corner *top,
+                        const struct pixel_corner *low, uint32_t boxes)
 {
     float room[3] = {0}, body[3];
     int seen = 0;
-    double near, far;
-    int cover = j->actor ? actor_cover(j->actor, x, y, &near, &far) : 0;
+    double z_near, z_far;
+    int cover = j->actor ? actor_cover(j->actor, x, y, &z_near, &z_far) : 0;
     if (cover) {
         double room_z[ACTOR_SAMPLES], nearest = least(least(top[0].hit.distance, top[1].hit.distance),
                                                       least(low[0].hit.distance, low[1].hit.distance));
-        bool clear = far < nearest - 0.05;
+        bool clear = z_far < nearest - 0.05;
         for (int i = 0; i < ACTOR_SAMPLES && !clear; i++)
             room_z[i] = scene_hit(&j->w->scene, j->eye,
                                   ray_inside(top, low, (i % SIDE + 0.5) / SIDE, (i / SIDE + 0.5) / SIDE), boxes)
@@ -185,9 +185,9 @@ static void color_pixel(const struct job *j, int x, int y, const struct corner *
     tone(room, j->out->color + ((size_t)y * (size_t)j->shot->lens.width + (size_t)x) * 3);
 }
 
-static void corner_row(const struct job *j, int band, int y, struct corner *row)
+static void corner_row(const struct job *j, int band, int y, struct pixel_corner *row)
 {
-    const struct scene *s = &j->w->scene;
+    const struct world_scene *s = &j->w->scene;
     for (int x = 0; x <= j->shot->lens.width; x++) {
         int tile = x / TILE < j->tiles_across ? x / TILE : j->tiles_across - 1;
         row[x].ray = ray_at(j, x - 0.5, y - 0.5);
@@ -216,8 +216,8 @@ static void draw_band(void *context, int band)
     end = end < j->shot->lens.height ? end : j->shot->lens.height;
     if (j->actor)
         actor_draw_rows(j->actor, first, end);
-    struct corner *rows[2] = {j->corners + (size_t)(2 * band) * (size_t)(width + 1),
-                              j->corners + (size_t)(2 * band + 1) * (size_t)(width + 1)};
+    struct pixel_corner *rows[2] = {j->corners + (size_t)(2 * band) * (size_t)(width + 1),
+                                    j->corners + (size_t)(2 * band + 1) * (size_t)(width + 1)};
     if (j->out->color)
         corner_row(j, band, first, rows[first & 1]);
     for (int y = first; y < end; y++) {
@@ -233,14 +233,14 @@ static void draw_band(void *context, int band)
     }
 }
 
-enum status world_render(const struct world *w, const struct world_shot *shot, struct world_picture *out)
+enum status world_render(const struct world *w, const struct world_shot *shot, struct world_image *out)
 {
     enum status status = lens_check(&shot->lens, "small world's");
     if (status)
         return status;
     int width = shot->lens.width, height = shot->lens.height;
     struct job j = {.w = w, .shot = shot, .out = out, .eye = shot->world_from_camera.translation};
-    quat_to_matrix(shot->world_from_camera.rotation, j.turn);
+    quat_to_matrix(shot->world_from_camera.rotation, j.rotation_matrix);
     j.tiles_across = (width + TILE - 1) / TILE;
     j.bands = (height + TILE - 1) / TILE;
     j.boxes = calloc((size_t)j.tiles_across * (size_t)j.bands, sizeof *j.boxes);
@@ -255,7 +255,7 @@ enum status world_render(const struct world *w, const struct world_shot *shot, s
             status = actor_aim(j.actor, &shot->lens, shot->world_from_camera, out->color != NULL);
     }
     if (!status)
-        parallel(w->options.threads, j.bands, draw_band, &j);
+        parallel_for(w->options.threads, j.bands, draw_band, &j);
     actor_close(&j.actor);
     free(j.boxes);
     free(j.corners);
@@ -268,20 +268,20 @@ struct rolling {
     world_path *path;
     const void *context;
     double time_s;
-    struct world_picture *out;
+    struct world_image *out;
     bool *done; // for each row
 };
 
 static void render_row(void *context, int y)
 {
     const struct rolling *r = context;
-    const struct world_picture *out = r->out;
+    const struct world_image *out = r->out;
     size_t at = (size_t)y * (size_t)r->shot->lens.width;
     int height = r->shot->lens.height;
     double middle = (height - 1) / 2.0, rows = height > 1 ? height - 1 : 1;
     struct world_shot row = *r->shot;
-    struct world_picture part = {out->color ? out->color + 3 * at : NULL, out->depth ? out->depth + at : NULL,
-                                 out->mask ? out->mask + at : NULL};
+    struct world_image part = {out->color ? out->color + 3 * at : NULL, out->depth ? out->depth + at : NULL,
+                               out->mask ? out->mask + at : NULL};
     row.lens.height = 1;
     row.lens.cy -= y;
     row.world_from_camera = r->path(r->context, r->time_s + r->shot->lens.readout_s * (y - middle) / rows);
@@ -289,7 +289,7 @@ static void render_row(void *context, int y)
 }
 
 enum status world_render_rolling(const struct world *w, const struct world_shot *shot, world_path *path,
-                                 const void *context, double time_s, struct world_picture *out)
+                                 const void *context, double time_s, struct world_image *out)
 {
     enum status status = lens_check(&shot->lens, "small world's");
     if (status != OK)
@@ -297,7 +297,7 @@ enum status world_render_rolling(const struct world *w, const struct world_shot 
     bool *done = calloc((size_t)shot->lens.height, sizeof *done), all = done != NULL;
     struct rolling r = {w, shot, path, context, time_s, out, done};
     if (done)
-        parallel(w->options.threads, shot->lens.height, render_row, &r);
+        parallel_for(w->options.threads, shot->lens.height, render_row, &r);
     for (int y = 0; y < shot->lens.height && all; y++)
         all = done[y];
     free(done);

@@ -108,7 +108,7 @@ static void keep_longest(struct retarget *r, double within)
 
 // From the file's axes and units to ours: legs as long as the figure's, facing the
 // sensor at first, the way covered centred, ankles as high over the floor as ours.
-static enum status settle(struct retarget *r, const struct physique *p, const char *path)
+static enum status centre_in_room(struct retarget *r, const struct physique *p, const char *path)
 {
     struct vec3 *first = r->at[0];
     double leg = 0, ours = p->thigh_m + p->shin_m;
@@ -137,7 +137,8 @@ static enum status settle(struct retarget *r, const struct physique *p, const ch
     qsort(heights, (size_t)r->count, sizeof *heights, by_value);
     double floor_z = heights[r->count / 20];
     free(heights);
-    struct vec3 shift = v3(-(low_x + high_x) / 2, 0.25 - (low_y + high_y) / 2, p->rest[JOINT_LEFT_FOOT].z - floor_z);
+    struct vec3 shift =
+        v3(-(low_x + high_x) / 2, 0.25 - (low_y + high_y) / 2, p->bind_joint[JOINT_LEFT_FOOT].z - floor_z);
     for (int f = 0; f < r->count; f++)
         for (int k = 0; k < ROLE_COUNT; k++)
             r->at[f][k] = v3_add(r->at[f][k], shift);
@@ -186,7 +187,7 @@ enum status retarget_open(struct retarget **out, const char *path, const struct 
     if (!status)
         status = fill(r, b, joint, path);
     if (!status)
-        status = settle(r, p, path);
+        status = centre_in_room(r, p, path);
     bvh_free(&b);
     if (status)
         retarget_close(&r);
@@ -237,8 +238,8 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
     } else {
         s.head = upright(shoulders, v3_sub(q[ROLE_HEAD], q[ROLE_NECK]));
     }
-    struct vec3 rest_hips = v3_scale(v3_add(p->rest[JOINT_LEFT_HIP], p->rest[JOINT_RIGHT_HIP]), 0.5);
-    s.waist = v3_add(hips, quat_rotate(s.pelvis, v3_sub(p->rest[JOINT_WAIST], rest_hips)));
+    struct vec3 bind_hips = v3_scale(v3_add(p->bind_joint[JOINT_LEFT_HIP], p->bind_joint[JOINT_RIGHT_HIP]), 0.5);
+    s.waist = v3_add(hips, quat_rotate(s.pelvis, v3_sub(p->bind_joint[JOINT_WAIST], bind_hips)));
     for (int side = LEFT; side <= RIGHT; side++) {
         s.upper_arm[side] = v3_unit(v3_sub(q[ROLE_LEFT_FOREARM + side], q[ROLE_LEFT_UPPER_ARM + side]));
         s.forearm[side] = v3_unit(v3_sub(q[ROLE_LEFT_HAND + side], q[ROLE_LEFT_FOREARM + side]));
@@ -256,7 +257,8 @@ struct stance retarget_at(const struct retarget *r, const struct physique *p, do
             across = quat_rotate(s.pelvis, v3(1, 0, 0));
         struct quat foot = upright(across, v3_cross(toes, across));
         s.foot[side] = r->toes ? quat_multiply(foot, quat_from_rotation_vector(v3(-0.56, 0, 0))) : foot;
-        double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m, sole = p->rest[JOINT_LEFT_FOOT].z;
+        double toe = 0.115 * p->figure.height_m, heel = 0.035 * p->figure.height_m,
+               sole = p->bind_joint[JOINT_LEFT_FOOT].z;
         double tip =
             least(quat_rotate(s.foot[side], v3(0, -toe, -sole)).z, quat_rotate(s.foot[side], v3(0, heel, -sole)).z);
         s.ankle[side].z = most(s.ankle[side].z, -tip);

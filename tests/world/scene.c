@@ -7,17 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void add_surface(struct scene *s, struct vec3 corner, struct vec3 u, struct vec3 v, double width, double height,
-                        enum material material, uint32_t color)
+static void add_surface(struct world_scene *s, struct vec3 corner, struct vec3 u, struct vec3 v, double width,
+                        double height, enum material material, uint32_t color)
 {
     assert(s->surface_count < MAX_SURFACES);
-    struct surface *f = &s->surfaces[s->surface_count++];
-    *f = (struct surface){corner, u, v, v3_cross(u, v), width, height, material, {0}, 0, 0, NULL};
+    struct room_surface *f = &s->surfaces[s->surface_count++];
+    *f = (struct room_surface){corner, u, v, v3_cross(u, v), width, height, material, {0}, 0, 0, NULL};
     for (int c = 0; c < 3; c++)
         f->tint[c] = 0.9f * srgb_to_linear((uint8_t)(color >> (16 - 8 * c)));
 }
 
-static void add_room(struct scene *s)
+static void add_room(struct world_scene *s)
 {
     double x = ROOM_HALF_X, y = ROOM_HALF_Y, h = ROOM_HEIGHT;
     struct vec3 ex = v3(1, 0, 0), ey = v3(0, 1, 0), ez = v3(0, 0, 1), mx = v3(-1, 0, 0), my = v3(0, -1, 0);
@@ -29,11 +29,11 @@ static void add_room(struct scene *s)
     add_surface(s, v3(x, y, 0), my, ez, 2 * y, h, MATERIAL_WALL, 0xe4e0d8);
 }
 
-static int add_box(struct scene *s, struct vec3 a, struct vec3 b, enum material m, uint32_t color)
+static int add_box(struct world_scene *s, struct vec3 a, struct vec3 b, enum material m, uint32_t color)
 {
     assert(s->box_count < MAX_BOXES);
     struct vec3 ex = v3(1, 0, 0), ey = v3(0, 1, 0), ez = v3(0, 0, 1), mx = v3(-1, 0, 0), my = v3(0, -1, 0);
-    s->boxes[s->box_count] = (struct box){a, b, s->surface_count};
+    s->boxes[s->box_count] = (struct room_box){a, b, s->surface_count};
     double dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z;
     add_surface(s, v3(a.x, b.y, a.z), my, ez, dy, dz, m, color);
     add_surface(s, v3(b.x, a.y, a.z), ey, ez, dy, dz, m, color);
@@ -45,7 +45,7 @@ static int add_box(struct scene *s, struct vec3 a, struct vec3 b, enum material 
 }
 
 // The decal is the next free one; its texture is filled by the caller.
-static struct decal *add_decal(struct scene *s, int surface, double u, double v, double width, double height,
+static struct decal *add_decal(struct world_scene *s, int surface, double u, double v, double width, double height,
                                double turn_deg)
 {
     assert(s->decal_count < MAX_DECALS);
@@ -67,7 +67,7 @@ static const struct {
     {SIDE_LEFT, 4.20, 0.58, 0.20, 0},   {SIDE_RIGHT, 0.60, 0.62, 0.20, 2},  {SIDE_REAR, 3.80, 0.78, 0.20, 0},
 };
 
-static enum status add_tags(struct scene *s, uint32_t hang, const struct world_moved *moved)
+static enum status add_tags(struct world_scene *s, uint32_t hang, const struct world_moved *moved)
 {
     enum { TEXELS = 24 }; // a cell's: fine enough that the filter never sees the texels themselves
     for (int i = 0; i < TAG_COUNT; i++) {
@@ -91,7 +91,7 @@ static enum status add_tags(struct scene *s, uint32_t hang, const struct world_m
                 texture_set(&d->texture, x, y, (float[3]){c, c, c});
             }
         texture_finish(&d->texture);
-        const struct surface *f = &s->surfaces[d->surface];
+        const struct room_surface *f = &s->surfaces[d->surface];
         struct vec3 u = v3_add(v3_scale(f->u, d->cosine), v3_scale(f->v, d->sine)), v = v3_cross(f->normal, u);
         double m[3][3] = {{u.x, v.x, f->normal.x}, {u.y, v.y, f->normal.y}, {u.z, v.z, f->normal.z}};
         struct vec3 at = v3_add(f->corner, v3_add(v3_scale(f->u, d->u), v3_scale(f->v, d->v)));
@@ -101,7 +101,7 @@ static enum status add_tags(struct scene *s, uint32_t hang, const struct world_m
     return OK;
 }
 
-static enum status add_painting(struct scene *s, int surface, double u, double v, double width, double height,
+static enum status add_painting(struct world_scene *s, int surface, double u, double v, double width, double height,
                                 double turn_deg, enum painting kind, uint32_t seed)
 {
     struct decal *d = add_decal(s, surface, u, v, width, height, turn_deg);
@@ -116,7 +116,7 @@ static enum status add_painting(struct scene *s, int surface, double u, double v
     return paint(&d->texture, kind, width, height, kind == PAINTING_RUG ? 0.006 : 0.0034, seed);
 }
 
-static enum status light_lamps(struct scene *s)
+static enum status light_lamps(struct world_scene *s)
 {
     enum status status = OK;
     for (int i = 0; i < LAMP_COUNT && !status; i++) {
@@ -131,7 +131,7 @@ static enum status light_lamps(struct scene *s)
     return status;
 }
 
-static enum status hang_pictures(struct scene *s, uint32_t seed)
+static enum status add_posters(struct world_scene *s, uint32_t seed)
 {
     static const struct {
         int side;
@@ -169,7 +169,7 @@ static enum status hang_pictures(struct scene *s, uint32_t seed)
     return status;
 }
 
-static enum status add_furniture(struct scene *s, uint32_t seed)
+static enum status add_furniture(struct world_scene *s, uint32_t seed)
 {
     int shelf = add_box(s, v3(1.85, 3.28, 0), v3(2.75, 3.6, 1.95), MATERIAL_WOOD, 0x8a6642);
     add_box(s, v3(-2.75, 3.05, 0), v3(-1.75, 3.6, 0.52), MATERIAL_WOOD, 0xa5713f); // chest
@@ -200,13 +200,13 @@ static enum status add_furniture(struct scene *s, uint32_t seed)
     return status;
 }
 
-enum status scene_build(struct scene *s, const struct world_options *options)
+enum status scene_build(struct world_scene *s, const struct world_options *options)
 {
     memset(s, 0, sizeof *s);
     const bool plain = s->plain = options->plain;
     uint32_t mixed = hash_of((uint32_t)options->seed, (uint32_t)(options->seed >> 32), 1);
     add_room(s);
-    enum status status = options->bare ? OK : hang_pictures(s, mixed);
+    enum status status = options->bare ? OK : add_posters(s, mixed);
     if (!status)
         status = light_lamps(s);
     if (!status)
@@ -226,7 +226,7 @@ enum status scene_build(struct scene *s, const struct world_options *options)
     return status;
 }
 
-void scene_free(struct scene *s)
+void scene_free(struct world_scene *s)
 {
     for (int i = 0; i < s->decal_count; i++)
         texture_free(&s->decals[i].texture);
@@ -238,7 +238,7 @@ void scene_free(struct scene *s)
 }
 
 // Where the ray enters a box: distance, and the face as add_box orders them; -1: it misses.
-static int box_entry(const struct box *b, struct vec3 from, struct vec3 inverse, double *distance)
+static int box_entry(const struct room_box *b, struct vec3 from, struct vec3 inverse, double *distance)
 {
     double x0 = (b->low.x - from.x) * inverse.x, x1 = (b->high.x - from.x) * inverse.x;
     double y0 = (b->low.y - from.y) * inverse.y, y1 = (b->high.y - from.y) * inverse.y;
@@ -246,13 +246,13 @@ static int box_entry(const struct box *b, struct vec3 from, struct vec3 inverse,
     double xn = x0 < x1 ? x0 : x1, xf = x0 < x1 ? x1 : x0;
     double yn = y0 < y1 ? y0 : y1, yf = y0 < y1 ? y1 : y0;
     double zn = z0 < z1 ? z0 : z1, zf = z0 < z1 ? z1 : z0;
-    double near = xn > yn ? xn : yn, far = xf < yf ? xf : yf;
-    near = near > zn ? near : zn;
+    double entry = xn > yn ? xn : yn, far = xf < yf ? xf : yf;
+    entry = entry > zn ? entry : zn;
     far = far < zf ? far : zf;
-    if (!(near < far) || near <= 0)
+    if (!(entry < far) || entry <= 0)
         return -1;
-    *distance = near;
-    return near == xn ? (inverse.x > 0 ? 0 : 1) : near == yn ? (inverse.y > 0 ? 2 : 3) : inverse.z > 0 ? 4 : 5;
+    *distance = entry;
+    return entry == xn ? (inverse.x > 0 ? 0 : 1) : entry == yn ? (inverse.y > 0 ? 2 : 3) : inverse.z > 0 ? 4 : 5;
 }
 
 static struct vec3 inverse_of(struct vec3 d)
@@ -262,7 +262,7 @@ static struct vec3 inverse_of(struct vec3 d)
               1 / (fabs(d.z) > 1e-12 ? d.z : 1e-12));
 }
 
-struct hit scene_hit(const struct scene *s, struct vec3 from, struct vec3 direction, uint32_t boxes)
+struct hit scene_hit(const struct world_scene *s, struct vec3 from, struct vec3 direction, uint32_t boxes)
 {
     struct vec3 inv = inverse_of(direction);
     double x = ((inv.x > 0 ? ROOM_HALF_X : -ROOM_HALF_X) - from.x) * inv.x;
@@ -280,14 +280,14 @@ struct hit scene_hit(const struct scene *s, struct vec3 from, struct vec3 direct
         if (face >= 0 && d < h.distance)
             h.distance = d, h.surface = s->boxes[i].first_surface + face;
     }
-    const struct surface *f = &s->surfaces[h.surface];
+    const struct room_surface *f = &s->surfaces[h.surface];
     struct vec3 at = v3_sub(v3_add(from, v3_scale(direction, h.distance)), f->corner);
     h.u = v3_dot(at, f->u);
     h.v = v3_dot(at, f->v);
     return h;
 }
 
-bool scene_blocked(const struct scene *s, struct vec3 from, struct vec3 to)
+bool scene_blocked(const struct world_scene *s, struct vec3 from, struct vec3 to)
 {
     struct vec3 inv = inverse_of(v3_sub(to, from));
     for (int i = 0; i < s->box_count; i++) {
@@ -298,7 +298,7 @@ bool scene_blocked(const struct scene *s, struct vec3 from, struct vec3 to)
     return false;
 }
 
-int scene_decal(const struct scene *s, int surface, double u, double v)
+int scene_decal(const struct world_scene *s, int surface, double u, double v)
 {
     for (int i = s->decal_count - 1; i >= 0; i--) {
         const struct decal *d = &s->decals[i];
@@ -330,8 +330,8 @@ static void tile(const struct texture *t, double u, double v, double texel_m, st
 }
 
 // Planks 15 cm wide and 1.5 m long, each with its own tint and piece of grain.
-static void floor_albedo(const struct scene *s, const struct surface *f, double u, double v, struct footprint foot,
-                         float albedo[3])
+static void floor_albedo(const struct world_scene *s, const struct room_surface *f, double u, double v,
+                         struct footprint foot, float albedo[3])
 {
     const double width = 0.15, length = 1.5;
     double row = floor(u / width), shift = (double)hash_unit((uint32_t)(int)row, 5, 9) * length;
@@ -350,8 +350,8 @@ static void floor_albedo(const struct scene *s, const struct surface *f, double 
         albedo[c] = f->tint[c] * tone * 2 * grain[c] * (1 + warm * (float)(1 - c));
 }
 
-static void wall_albedo(const struct scene *s, const struct surface *f, double u, double v, struct footprint foot,
-                        float albedo[3])
+static void wall_albedo(const struct world_scene *s, const struct room_surface *f, double u, double v,
+                        struct footprint foot, float albedo[3])
 {
     float plaster[3] = {0.5f, 0.5f, 0.5f};
     if (!s->plain)
@@ -376,10 +376,10 @@ static void wall_albedo(const struct scene *s, const struct surface *f, double u
         albedo[c] *= 2 * plaster[c];
 }
 
-float scene_albedo(const struct scene *s, int surface, int decal, double u, double v, struct footprint foot,
+float scene_albedo(const struct world_scene *s, int surface, int decal, double u, double v, struct footprint foot,
                    float albedo[3])
 {
-    const struct surface *f = &s->surfaces[surface];
+    const struct room_surface *f = &s->surfaces[surface];
     if (decal >= 0) {
         const struct decal *d = &s->decals[decal];
         double du = u - d->u, dv = v - d->v;

@@ -19,7 +19,7 @@ enum { SIDE_FLOOR, SIDE_CEILING, SIDE_REAR, SIDE_BACK, SIDE_LEFT, SIDE_RIGHT };
 
 // A rectangle: corner + u * [0, width] + v * [0, height]; u, v, normal of unit length,
 // normal = u x v towards whoever sees it, u to their right.
-struct surface {
+struct room_surface {
     struct vec3 corner, u, v, normal;
     double width, height;
     enum material material;
@@ -38,7 +38,7 @@ struct decal {
     float glow; // 0: paper; else it shines by itself, this many times its albedo
 };
 
-struct box {
+struct room_box {
     struct vec3 low, high;
     int first_surface; // its six faces: -x +x -y +y -z +z
 };
@@ -49,10 +49,10 @@ struct lamp { // a bright rectangle in the ceiling, facing down
 };
 extern const struct lamp scene_lamps[LAMP_COUNT];
 
-struct scene {
-    struct surface surfaces[MAX_SURFACES];
+struct world_scene {
+    struct room_surface surfaces[MAX_SURFACES];
     int surface_count;
-    struct box boxes[MAX_BOXES];
+    struct room_box boxes[MAX_BOXES];
     int box_count;
     struct decal decals[MAX_DECALS];
     int decal_count;
@@ -69,21 +69,21 @@ struct hit {
 };
 
 // The room that the options tell of. ERR_MEMORY.
-MUST_CHECK enum status scene_build(struct scene *s, const struct world_options *options);
-void scene_free(struct scene *s); // zeroed is fine
+MUST_CHECK enum status scene_build(struct world_scene *s, const struct world_options *options);
+void scene_free(struct world_scene *s); // zeroed is fine
 
 // scene_light.c: fills surface.light of all surfaces. ERR_MEMORY.
-MUST_CHECK enum status scene_bake(struct scene *s);
+MUST_CHECK enum status scene_bake(struct world_scene *s);
 
 // What a ray from inside the room meets first, of the room itself and the boxes
 // whose bit is set in `boxes`. There is always something.
-struct hit scene_hit(const struct scene *s, struct vec3 from, struct vec3 direction, uint32_t boxes);
+struct hit scene_hit(const struct world_scene *s, struct vec3 from, struct vec3 direction, uint32_t boxes);
 
 // Whether furniture stands between two points.
-bool scene_blocked(const struct scene *s, struct vec3 from, struct vec3 to);
+bool scene_blocked(const struct world_scene *s, struct vec3 from, struct vec3 to);
 
 // The decal at a point of a surface, the last one put there; -1 for none.
-int scene_decal(const struct scene *s, int surface, double u, double v);
+int scene_decal(const struct world_scene *s, int surface, double u, double v);
 
 // How far a sample runs over the surface, metres: along the picture's x and its y.
 struct footprint {
@@ -91,11 +91,11 @@ struct footprint {
 };
 
 // The albedo there, linear, filtered over the footprint. Returns the glow.
-float scene_albedo(const struct scene *s, int surface, int decal, double u, double v, struct footprint foot,
+float scene_albedo(const struct world_scene *s, int surface, int decal, double u, double v, struct footprint foot,
                    float albedo[3]);
 
 // Irradiance / pi there without the figure.
-void scene_light(const struct surface *surface, double u, double v, float light[3]);
+void scene_light(const struct room_surface *surface, double u, double v, float light[3]);
 
 // The k-th of n points spread over a lamp.
 struct vec3 lamp_point(const struct lamp *lamp, int k, int n);

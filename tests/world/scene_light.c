@@ -22,7 +22,7 @@ struct vec3 lamp_point(const struct lamp *lamp, int k, int n)
 }
 
 // Irradiance / pi of the lamps at a point, furniture in the way.
-static void direct(const struct scene *s, struct vec3 at, struct vec3 normal, float out[3])
+static void direct(const struct world_scene *s, struct vec3 at, struct vec3 normal, float out[3])
 {
     enum { SAMPLES = 8 };
     for (int i = 0; i < LAMP_COUNT; i++)
@@ -39,7 +39,7 @@ static void direct(const struct scene *s, struct vec3 at, struct vec3 normal, fl
 
 // How open a point is to the room, 0..1: furniture near by takes light away, and so,
 // less, do walls, floor and ceiling, which are bright themselves.
-static float openness(const struct scene *s, struct vec3 at, struct vec3 normal)
+static float openness(const struct world_scene *s, struct vec3 at, struct vec3 normal)
 {
     enum { RAYS = 20 };
     const double reach = 1.2;
@@ -56,11 +56,11 @@ static float openness(const struct scene *s, struct vec3 at, struct vec3 normal)
     return (float)(1 - lost / RAYS);
 }
 
-enum status scene_bake(struct scene *s)
+enum status scene_bake(struct world_scene *s)
 {
     const double spacing = 0.15;
     for (int i = 0; i < s->surface_count; i++) {
-        struct surface *f = &s->surfaces[i];
+        struct room_surface *f = &s->surfaces[i];
         f->light_width = 2 + (int)(f->width / spacing);
         f->light_height = 2 + (int)(f->height / spacing);
         f->light = calloc((size_t)(f->light_width * f->light_height), sizeof *f->light);
@@ -85,7 +85,7 @@ enum status scene_bake(struct scene *s)
     return OK;
 }
 
-void scene_light(const struct surface *f, double u, double v, float light[3])
+void scene_light(const struct room_surface *f, double u, double v, float light[3])
 {
     double x = u / f->width * (f->light_width - 1), y = v / f->height * (f->light_height - 1);
     x = least(most(x, 0), f->light_width - 1.000001);

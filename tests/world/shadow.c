@@ -9,7 +9,7 @@
 enum { MAP_SIDE = 192, POINTS_A_LAMP = 6, MAPS = LAMP_COUNT * POINTS_A_LAMP };
 
 // What one point of a lamp sees of the figure: distances over a square of directions round it.
-struct map {
+struct shadow_map {
     struct vec3 from, x, y, z; // z towards the figure
     double spread;             // half the square's side at z = 1
     float *depth;              // MAP_SIDE x MAP_SIDE, along z; large: nothing
@@ -21,8 +21,8 @@ struct reach { // a rectangle on a surface
 };
 
 struct shadow {
-    const struct scene *scene;
-    struct map maps[MAPS];
+    const struct world_scene *scene;
+    struct shadow_map maps[MAPS];
     struct reach reach[MAX_SURFACES];
     struct vec3 sphere[JOINT_COUNT];
     const struct mesh *mesh;
@@ -31,7 +31,7 @@ struct shadow {
     double radius;
 };
 
-static void splat(struct map *m, const struct vec3 p[3])
+static void splat(struct shadow_map *m, const struct vec3 p[3])
 {
     double x[3], y[3], z[3];
     for (int i = 0; i < 3; i++) {
@@ -63,7 +63,7 @@ static void splat(struct map *m, const struct vec3 p[3])
 static void fill_map(void *context, int index)
 {
     struct shadow *s = context;
-    struct map *m = &s->maps[index];
+    struct shadow_map *m = &s->maps[index];
     const struct lamp *lamp = &scene_lamps[index / POINTS_A_LAMP];
     m->from = lamp_point(lamp, index % POINTS_A_LAMP, POINTS_A_LAMP);
     m->z = v3_unit(v3_sub(s->middle, m->from));
@@ -83,7 +83,7 @@ static void fill_map(void *context, int index)
 }
 
 // The share of a point's light that map m lets through, 0..1: four neighbours, weighted.
-static float passes(const struct map *m, struct vec3 at, double bias)
+static float passes(const struct shadow_map *m, struct vec3 at, double bias)
 {
     struct vec3 d = v3_sub(at, m->from);
     double z = v3_dot(d, m->z);
@@ -105,7 +105,7 @@ static float passes(const struct map *m, struct vec3 at, double bias)
 static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
 {
     for (int f = 0; f < s->scene->surface_count; f++) {
-        const struct surface *surface = &s->scene->surfaces[f];
+        const struct room_surface *surface = &s->scene->surfaces[f];
         struct reach r = {1e9, 1e9, -1e9, -1e9};
         for (int k = 0; k < MAPS + 1; k++)
             for (int i = 0; i < 8; i++) {
@@ -132,8 +132,8 @@ static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
     }
 }
 
-enum status shadow_open(struct shadow **out, const struct scene *scene, const struct mesh *mesh, const struct vec3 *at,
-                        const struct skeleton *joints, int threads)
+enum status shadow_open(struct shadow **out, const struct world_scene *scene, const struct mesh *mesh,
+                        const struct vec3 *at, const struct skeleton *joints, int threads)
 {
     *out = NULL;
     struct shadow *s = calloc(1, sizeof *s);
@@ -157,7 +157,7 @@ enum status shadow_open(struct shadow **out, const struct scene *scene, const st
         s->radius = most(s->radius, v3_distance(at[i], s->middle));
     for (int i = 0; i < MAPS; i++)
         s->maps[i].depth = depth + (size_t)i * MAP_SIDE * MAP_SIDE;
-    parallel(threads, MAPS, fill_map, s);
+    parallel_for(threads, MAPS, fill_map, s);
     find_reach(s, low, high);
     *out = s;
     return OK;
@@ -177,7 +177,7 @@ void shadow_light(const struct shadow *s, struct vec3 at, struct vec3f normal, f
     struct vec3 n = v3((double)normal.x, (double)normal.y, (double)normal.z);
     out[0] = out[1] = out[2] = 0;
     for (int i = 0; i < MAPS; i++) {
-        const struct map *m = &s->maps[i];
+        const struct shadow_map *m = &s->maps[i];
         struct vec3 to = v3_sub(m->from, at);
         double d2 = v3_dot(to, to), d = sqrt(d2), here = v3_dot(to, n) / d, lamp = to.z / d;
         if (!(here > 0) || !(lamp > 0))
@@ -199,7 +199,7 @@ void shadow_on(const struct shadow *s, struct vec3 at, struct vec3 normal, float
 {
     lost[0] = lost[1] = lost[2] = 0;
     for (int i = 0; i < MAPS; i++) {
-        const struct map *m = &s->maps[i];
+        const struct shadow_map *m = &s->maps[i];
         float stopped = 1 - passes(m, at, 0.02);
         if (!(stopped > 0))
             continue;

@@ -8,7 +8,7 @@
 struct shadow;
 
 // Keeps `scene` and `joints`. ERR_MEMORY.
-MUST_CHECK enum status shadow_open(struct shadow **out, const struct scene *scene, const struct mesh *mesh,
+MUST_CHECK enum status shadow_open(struct shadow **out, const struct world_scene *scene, const struct mesh *mesh,
                                    const struct vec3 *at, const struct skeleton *joints, int threads);
 void shadow_close(struct shadow **s); // NULL is fine
 

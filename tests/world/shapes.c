@@ -54,7 +54,7 @@ static float melt(float a, float b, float k)
     return minf(a, b) - h * h * k * 0.25f;
 }
 
-static float plain_distance(const struct form *f, struct vec3f p, const struct near *n, bool *cloth)
+static float plain_distance(const struct form *f, struct vec3f p, const struct shape_subset *n, bool *cloth)
 {
     float d = 10, covered = 10;
     int count = n ? n->count : f->count;
@@ -69,13 +69,13 @@ static float plain_distance(const struct form *f, struct vec3f p, const struct n
     return d;
 }
 
-float form_distance(const struct form *f, struct vec3f p, const struct near *n)
+float form_distance(const struct form *f, struct vec3f p, const struct shape_subset *n)
 {
     bool cloth;
     return maxf(plain_distance(f, p, n, &cloth), -p.z); // soles are flat
 }
 
-float form_folded(const struct form *f, struct vec3f p, const struct near *n)
+float form_folded(const struct form *f, struct vec3f p, const struct shape_subset *n)
 {
     bool cloth;
     float d = plain_distance(f, p, n, &cloth);
@@ -86,7 +86,7 @@ float form_folded(const struct form *f, struct vec3f p, const struct near *n)
     return maxf(d, -p.z);
 }
 
-struct vec3f form_normal(const struct form *f, struct vec3f p, const struct near *n)
+struct vec3f form_normal(const struct form *f, struct vec3f p, const struct shape_subset *n)
 {
     const float e = 0.003f;
     static const float k[4][3] = {{1, -1, -1}, {-1, -1, 1}, {-1, 1, -1}, {1, 1, 1}};
@@ -99,7 +99,7 @@ struct vec3f form_normal(const struct form *f, struct vec3f p, const struct near
     return l > 1e-12f ? (struct vec3f){sum.x / l, sum.y / l, sum.z / l} : (struct vec3f){0, 0, 1};
 }
 
-void form_near(const struct form *f, struct vec3f p, float need, float reach, struct near *n)
+void form_select_shapes(const struct form *f, struct vec3f p, float need, float reach, struct shape_subset *n)
 {
     assert(reach >= need);
     struct vec3f moved = sub(p, n->middle);
@@ -220,7 +220,7 @@ static void add_arm(struct maker *m, int side)
     struct vec3f shoulder = m->joint[a], elbow = m->joint[a + 1], wrist = f_of(m->p->wrist[side]);
     add(m, SHAPE_ROUND_CONE, upper, shoulder, elbow, 0.052 * t, 0.038 * t, 0.04);
     add(m, SHAPE_ROUND_CONE, fore, elbow, wrist, 0.039 * t, 0.027 * t, 0.02);
-    struct vec3 s3 = m->p->rest[a], e3 = m->p->rest[a + 1], w3 = m->p->wrist[side];
+    struct vec3 s3 = m->p->bind_joint[a], e3 = m->p->bind_joint[a + 1], w3 = m->p->wrist[side];
     if (m->p->figure.clothes == CLOTHES_COAT) {
         add(m, SHAPE_TUBE, upper, shoulder, elbow, 0.066 * t, 0.055 * t, 0.04)->cloth = true;
         struct shape *s = add(m, SHAPE_TUBE, fore, f_of(v3_mix(s3, e3, 0.96)), f_of(v3_mix(e3, w3, 0.96)), 0.055 * t,
@@ -253,7 +253,7 @@ static void add_leg(struct maker *m, int side)
     enum bone thigh = side == LEFT ? BONE_LEFT_THIGH : BONE_RIGHT_THIGH, shin = (enum bone)(thigh + 1),
               foot = (enum bone)(thigh + 2);
     struct vec3f hip = m->joint[l], knee = m->joint[l + 1], ankle = m->joint[l + 2];
-    struct vec3 k3 = m->p->rest[l + 1], a3 = m->p->rest[l + 2];
+    struct vec3 k3 = m->p->bind_joint[l + 1], a3 = m->p->bind_joint[l + 2];
     bool bare = m->p->figure.clothes == CLOTHES_SKIRT;
     double wide = bare ? 0 : 0.008;                                      // of the trousers
     double top = least(0.084 * t, (double)(fabsf(hip.x) / m->s) * 0.96); // thighs must not melt into one
@@ -306,7 +306,7 @@ struct form form_of(const struct physique *p)
     form.scale = m.s;
     m.limb = (0.55f + 0.45f * m.g) * (p->figure.woman ? 0.94f : 1.03f);
     for (int j = 0; j < JOINT_COUNT; j++)
-        m.joint[j] = f_of(p->rest[j]);
+        m.joint[j] = f_of(p->bind_joint[j]);
     add_trunk(&m);
     for (int side = LEFT; side <= RIGHT; side++) {
         add_arm(&m, side);

@@ -34,7 +34,7 @@ struct form form_of(const struct physique *p);
 float shape_distance(const struct shape *s, struct vec3f p);
 
 // The shapes that matter to the distance at points within `reach` of a middle.
-struct near {
+struct shape_subset {
     struct vec3f middle;
     float reach; // 0: not filled yet
     int some[MAX_SHAPES], count;
@@ -42,16 +42,16 @@ struct near {
 
 // Makes `n` serve all points within `need` of p; when it does not do so already it is
 // made anew for those within `reach`, >= need, of p.
-void form_near(const struct form *f, struct vec3f p, float need, float reach, struct near *n);
+void form_select_shapes(const struct form *f, struct vec3f p, float need, float reach, struct shape_subset *n);
 
 // The distance, of all shapes (n NULL) or of those near.
-float form_distance(const struct form *f, struct vec3f p, const struct near *n);
+float form_distance(const struct form *f, struct vec3f p, const struct shape_subset *n);
 
 // The same with the folds of the cloth, good near the surface.
-float form_folded(const struct form *f, struct vec3f p, const struct near *n);
+float form_folded(const struct form *f, struct vec3f p, const struct shape_subset *n);
 
 // The outward normal of the folded surface, unit length.
-struct vec3f form_normal(const struct form *f, struct vec3f p, const struct near *n);
+struct vec3f form_normal(const struct form *f, struct vec3f p, const struct shape_subset *n);
 
 // Head and hair, for painting them: all relative to the head's joint, for a height of 1.75 m.
 struct ellipsoid {

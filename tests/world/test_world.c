@@ -38,7 +38,7 @@ static struct shot_pixels shoot(const struct world *w, struct lens lens, struct 
         p.depth = calloc(n, 2);
     }
     struct world_shot shot = {lens, pose, t, actor};
-    EXPECT_STATUS(world_render(w, &shot, &(struct world_picture){p.color, p.depth, p.mask}), OK);
+    EXPECT_STATUS(world_render(w, &shot, &(struct world_image){p.color, p.depth, p.mask}), OK);
     return p;
 }
 
@@ -143,7 +143,7 @@ static void test_bones_keep_their_length_and_feet_the_floor(void **state)
     }
 }
 
-static void test_pirouette_turns_all_the_way_round(void **state)
+static void test_pirouette_is_full_rotation(void **state)
 {
     (void)state;
     struct world *w = open_world("woman", "pirouette", true);
@@ -162,7 +162,7 @@ static void test_pirouette_turns_all_the_way_round(void **state)
     world_close(&w);
 }
 
-static void test_front_and_back_look_different(void **state)
+static void test_front_and_back_differ(void **state)
 {
     (void)state;
     struct world *w = open_world("woman", "still", false);
@@ -246,7 +246,7 @@ static double crossing(const struct shot_pixels *p, struct pixel edge, double ox
     return 100;
 }
 
-static void test_tags_are_drawn_where_they_are(void **state)
+static void test_tags_are_drawn_at_their_poses(void **state)
 {
     (void)state;
     struct world *w = open_world("woman", "still", true);
@@ -316,7 +316,7 @@ static void test_the_sweep_sees_every_tag(void **state)
     world_close(&w);
 }
 
-static void test_the_viewer_keeps_the_actor_in_sight(void **state)
+static void test_viewer_keeps_actor_in_view(void **state)
 {
     (void)state;
     struct world *w = open_world("woman", "walk", true);
@@ -373,7 +373,7 @@ static void test_depth_noise_grows_as_the_sensor_s_does(void **state)
     free(out);
 }
 
-static void test_shadow_and_flyers_lie_beside_near_edges(void **state)
+static void test_shadow_and_flying_pixels_lie_at_edges(void **state)
 {
     (void)state;
     struct lens lens = world_calibration(1).color;
@@ -404,7 +404,7 @@ static void test_shadow_and_flyers_lie_beside_near_edges(void **state)
     free(out);
 }
 
-static void test_open_refuses_nonsense(void **state)
+static void test_open_refuses_invalid(void **state)
 {
     (void)state;
     struct world *w = NULL;
@@ -437,15 +437,15 @@ int main(void)
         cmocka_unit_test(test_joints_lie_behind_the_skin),
         cmocka_unit_test(test_skin_is_a_radius_before_the_joint),
         cmocka_unit_test(test_bones_keep_their_length_and_feet_the_floor),
-        cmocka_unit_test(test_pirouette_turns_all_the_way_round),
-        cmocka_unit_test(test_front_and_back_look_different),
+        cmocka_unit_test(test_pirouette_is_full_rotation),
+        cmocka_unit_test(test_front_and_back_differ),
         cmocka_unit_test(test_same_seed_same_bytes_at_any_thread_count),
-        cmocka_unit_test(test_tags_are_drawn_where_they_are),
+        cmocka_unit_test(test_tags_are_drawn_at_their_poses),
         cmocka_unit_test(test_the_sweep_sees_every_tag),
-        cmocka_unit_test(test_the_viewer_keeps_the_actor_in_sight),
+        cmocka_unit_test(test_viewer_keeps_actor_in_view),
         cmocka_unit_test(test_depth_noise_grows_as_the_sensor_s_does),
-        cmocka_unit_test(test_shadow_and_flyers_lie_beside_near_edges),
-        cmocka_unit_test(test_open_refuses_nonsense),
+        cmocka_unit_test(test_shadow_and_flying_pixels_lie_at_edges),
+        cmocka_unit_test(test_open_refuses_invalid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

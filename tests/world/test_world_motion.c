@@ -78,7 +78,7 @@ static void test_bvh_refuses_what_is_broken(void **state)
         if (parse(text, (size_t)n, &b) != ERR_INPUT)
             print_error("'%s' was let through\n", bad[i][1]);
         EXPECT_STATUS(parse(text, (size_t)n, &b), ERR_INPUT);
-        EXPECT_AT_LEAST(strlen(status_sentence()), 20);
+        EXPECT_AT_LEAST(strlen(status_message()), 20);
     }
     // Braces without end, joints without end.
     size_t room = 200000, n = 0;

@@ -137,7 +137,7 @@ void texture_at(const struct texture *t, double x, double y, float dxdu, float d
 }
 
 // a 32-bit finaliser (lowbias32, Wellons 2018)
-static inline uint32_t stir(uint32_t h)
+static inline uint32_t hash_mix(uint32_t h)
 {
     h = (h ^ (h >> 16)) * 0x7feb352du;
     h = (h ^ (h >> 15)) * 0x846ca68bu;
@@ -146,7 +146,7 @@ static inline uint32_t stir(uint32_t h)
 
 uint32_t hash_of(uint32_t a, uint32_t b, uint32_t c)
 {
-    return stir(stir(a * 0x9e3779b1u + b) ^ (c * 0x85ebca6bu + 0x7f4a7c15u));
+    return hash_mix(hash_mix(a * 0x9e3779b1u + b) ^ (c * 0x85ebca6bu + 0x7f4a7c15u));
 }
 
 float hash_unit(uint32_t a, uint32_t b, uint32_t c) { return (float)(hash_of(a, b, c) >> 8) * 0x1p-24f; }

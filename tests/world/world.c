@@ -112,19 +112,19 @@ double world_seconds(const struct world *w) { return motion_seconds(w->motion); 
 struct stance world_stance(const struct world *w, double time_s)
 {
     const struct world_spot *spot = &w->options.spot;
-    const struct quat turn = quat_from_rotation_vector(v3(0, 0, spot->turned));
-    const struct pose room_from_motion = {turn, v3(spot->x, spot->y, 0)};
+    const struct quat rotation = quat_from_rotation_vector(v3(0, 0, spot->turned));
+    const struct pose room_from_motion = {rotation, v3(spot->x, spot->y, 0)};
     struct stance s = world_motion_at(w->motion, &w->physique, time_s);
     s.waist = pose_apply(room_from_motion, s.waist);
-    s.pelvis = quat_multiply(turn, s.pelvis);
-    s.chest = quat_multiply(turn, s.chest);
-    s.head = quat_multiply(turn, s.head);
+    s.pelvis = quat_multiply(rotation, s.pelvis);
+    s.chest = quat_multiply(rotation, s.chest);
+    s.head = quat_multiply(rotation, s.head);
     for (int side = LEFT; side <= RIGHT; side++) {
-        s.upper_arm[side] = quat_rotate(turn, s.upper_arm[side]);
-        s.forearm[side] = quat_rotate(turn, s.forearm[side]);
+        s.upper_arm[side] = quat_rotate(rotation, s.upper_arm[side]);
+        s.forearm[side] = quat_rotate(rotation, s.forearm[side]);
         s.ankle[side] = pose_apply(room_from_motion, s.ankle[side]);
-        s.foot[side] = quat_multiply(turn, s.foot[side]);
-        s.knee[side] = quat_rotate(turn, s.knee[side]);
+        s.foot[side] = quat_multiply(rotation, s.foot[side]);
+        s.knee[side] = quat_rotate(rotation, s.knee[side]);
     }
     return s;
 }
@@ -184,7 +184,7 @@ struct calibration world_viewer_calibration(double scale)
 }
 
 // From `eye`, towards `target`, upright but for `roll`.
-static struct pose look(struct vec3 eye, struct vec3 target, double roll)
+static struct pose look_at(struct vec3 eye, struct vec3 target, double roll)
 {
     struct vec3 z = v3_unit(v3_sub(target, eye)), x = v3_unit(v3_cross(z, v3(0, 0, 1))), y = v3_cross(z, x);
     double m[3][3] = {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}};
@@ -192,8 +192,11 @@ static struct pose look(struct vec3 eye, struct vec3 target, double roll)
     return (struct pose){q, eye};
 }
 
-// The slow tremor of a hand: about -1..1, smooth.
-static double tremor(double t, uint32_t seed) { return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2; }
+// The slow camera_shake of a hand: about -1..1, smooth.
+static double camera_shake(double t, uint32_t seed)
+{
+    return (double)(fractal2((float)(t * 1.3), 0.5f, 3, seed) - 0.5f) * 2;
+}
 
 static uint32_t seed_of(const struct world *w, uint32_t what)
 {
@@ -203,7 +206,7 @@ static uint32_t seed_of(const struct world *w, uint32_t what)
 struct pose world_sensor_pose(const struct world *w)
 {
     const struct world_stand *s = &w->options.stand;
-    return look(s->eye, s->target, s->roll);
+    return look_at(s->eye, s->target, s->roll);
 }
 
 struct pose world_sweep_pose(const struct world *w, double time_s)
@@ -213,10 +216,11 @@ struct pose world_sweep_pose(const struct world *w, double time_s)
     // Round the middle at arm's length, looking outwards, now up, now down at the floor.
     struct vec3 out = v3(sin(a), cos(a), 0);
     struct vec3 eye = v3_add(v3(0, 0.1, 1.42 + 0.12 * sin(2.1 * a)), v3_scale(out, -0.95 + 0.25 * sin(3 * a)));
-    eye = v3_add(eye, v3(0.03 * tremor(t, seed), 0.03 * tremor(t, seed + 1), 0.02 * tremor(t, seed + 2)));
-    double down = 0.30 + 0.28 * sin(5.0 * a + 0.6) + 0.03 * tremor(t, seed + 3);
-    struct vec3 target = v3_add(eye, v3_add(out, v3(0.10 * tremor(t, seed + 4), 0, -down)));
-    return look(eye, target, 0.05 * tremor(t, seed + 5));
+    eye = v3_add(eye,
+                 v3(0.03 * camera_shake(t, seed), 0.03 * camera_shake(t, seed + 1), 0.02 * camera_shake(t, seed + 2)));
+    double down = 0.30 + 0.28 * sin(5.0 * a + 0.6) + 0.03 * camera_shake(t, seed + 3);
+    struct vec3 target = v3_add(eye, v3_add(out, v3(0.10 * camera_shake(t, seed + 4), 0, -down)));
+    return look_at(eye, target, 0.05 * camera_shake(t, seed + 5));
 }
 
 struct pose world_viewer_pose(const struct world *w, double time_s)
@@ -235,7 +239,8 @@ struct pose world_viewer_pose(const struct world *w, double time_s)
                          spot->y + 0.35 * (actor.y - spot->y) - 0.1 - r * cos(a), 1.52);
     eye.x = least(most(eye.x, -2.5), 2.5);
     eye.y = least(most(eye.y, -3.2), 2.7);
-    eye = v3_add(eye, v3(0.03 * tremor(t, seed), 0.03 * tremor(t, seed + 1), 0.03 * tremor(t, seed + 2)));
-    struct vec3 target = v3_add(actor, v3(0.06 * tremor(t, seed + 3), 0.06 * tremor(t, seed + 4), -0.06));
-    return look(eye, target, 0.04 * tremor(t, seed + 5));
+    eye = v3_add(eye,
+                 v3(0.03 * camera_shake(t, seed), 0.03 * camera_shake(t, seed + 1), 0.03 * camera_shake(t, seed + 2)));
+    struct vec3 target = v3_add(actor, v3(0.06 * camera_shake(t, seed + 3), 0.06 * camera_shake(t, seed + 4), -0.06));
+    return look_at(eye, target, 0.04 * camera_shake(t, seed + 5));
 }

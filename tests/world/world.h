@@ -15,7 +15,7 @@
 //     if (world_open(&w, &o)) ...                             // about 0.5 s
 //     struct world_shot shot = {world_calibration(0.5).color, world_sensor_pose(w), 1.2, true};
 //     uint16_t *depth = malloc(...);                          // 320 x 240
-//     if (world_render(w, &shot, &(struct world_picture){.depth = depth})) ...
+//     if (world_render(w, &shot, &(struct world_image){.depth = depth})) ...
 //     world_depth_noise(&shot.lens, depth, 7, depth);         // as a Kinect sees it
 //     struct skeleton s = world_joints_in_camera(w, 1.2, world_sensor_pose(w));
 //
@@ -147,14 +147,14 @@ struct world_shot {
 };
 
 // Where to put the picture; NULL for what is not wanted. lens.width * lens.height each.
-struct world_picture {
+struct world_image {
     uint8_t *color;  // RGB, sRGB
     uint16_t *depth; // millimetres along z at the pixel's centre, exact to the rounding; 0 behind 65 m
     uint8_t *mask;   // 1 where the figure is what the pixel's centre sees, else 0
 };
 
 // ERR_INPUT: a senseless lens. ERR_MEMORY. Deterministic.
-MUST_CHECK enum status world_render(const struct world *w, const struct world_shot *shot, struct world_picture *out);
+MUST_CHECK enum status world_render(const struct world *w, const struct world_shot *shot, struct world_image *out);
 
 // Where a camera is, world_from_camera, at a time in seconds.
 typedef struct pose world_path(const void *context, double time_s);
@@ -163,7 +163,7 @@ typedef struct pose world_path(const void *context, double time_s);
 // read, within shot->lens.readout_s, the middle one at `time_s` of the path. shot->world_from_camera is not
 // read; the figure does not move meanwhile.
 MUST_CHECK enum status world_render_rolling(const struct world *w, const struct world_shot *shot, world_path *path,
-                                            const void *context, double time_s, struct world_picture *out);
+                                            const void *context, double time_s, struct world_image *out);
 
 // ---------------------------------------------------------------- a sensor's weaknesses
 

@@ -7,8 +7,8 @@
 struct world {
     struct world_options options;
     struct physique physique;
-    struct motion *motion;
-    struct scene scene;
+    struct figure_motion *motion;
+    struct world_scene scene;
     struct figure figure;
 };
 

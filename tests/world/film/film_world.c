@@ -16,7 +16,7 @@ enum { PATH_BYTES = 4096, QUALITY = 93 };
 
 enum set { SET_PLACE = 1, SET_SENSOR = 2, SET_VIEWER = 4, SET_ALL = 7 };
 
-struct film {
+struct film_options {
     const char *out;
     int sets;
     double seconds; // < 0: all
@@ -43,14 +43,14 @@ static const struct reel reels[] = {
 };
 
 // A text that grows, written to its file at the end.
-struct text {
+struct text_buffer {
     char *bytes;
     size_t count, room;
     bool failed;
 };
 
-static void add(struct text *t, const char *format, ...) __attribute__((format(printf, 2, 3)));
-static void add(struct text *t, const char *format, ...)
+static void add(struct text_buffer *t, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void add(struct text_buffer *t, const char *format, ...)
 {
     char line[512];
     va_list list;
@@ -72,20 +72,20 @@ static void add(struct text *t, const char *format, ...)
     t->count += (size_t)n;
 }
 
-static enum status save_text(struct text *t, const char *folder, const char *name)
+static enum status save_text(struct text_buffer *t, const char *folder, const char *name)
 {
     char path[PATH_BYTES];
     snprintf(path, sizeof path, "%s/%s", folder, name);
     enum status status = t->failed ? fail(ERR_MEMORY, "out of memory for %s", path)
                                    : file_write(path, t->bytes ? t->bytes : "", t->count);
     free(t->bytes);
-    *t = (struct text){0};
+    *t = (struct text_buffer){0};
     return status;
 }
 
 static enum status save_json(struct json *root, const char *folder, const char *name)
 {
-    struct text t = {.bytes = json_print(root)};
+    struct text_buffer t = {.bytes = json_print(root)};
     if (t.bytes)
         t.count = strlen(t.bytes);
     else
@@ -158,14 +158,14 @@ static enum status save_tags(const struct world *w, const char *folder, const ch
     return status ? status : second;
 }
 
-static void add_pose(struct text *t, double time, struct pose p)
+static void add_pose(struct text_buffer *t, double time, struct pose p)
 {
     struct quat q = p.rotation;
     add(t, "%.6f %.6f %.6f %.6f %.7f %.7f %.7f %.7f\n", time, p.translation.x, p.translation.y, p.translation.z, q.x,
         q.y, q.z, q.w);
 }
 
-static void add_joints(struct text *t, double time, const struct skeleton *s)
+static void add_joints(struct text_buffer *t, double time, const struct skeleton *s)
 {
     for (int j = 0; j < JOINT_COUNT; j++)
         add(t, "%.6f,%s,%.4f,%.4f,%.4f\n", time, joint_name((enum joint)j), s->joint[j].x, s->joint[j].y,
@@ -198,29 +198,29 @@ static struct pose camera_at(const struct world *w, const struct reel *r, double
                                   : world_viewer_pose(w, t);
 }
 
-struct carried {
+struct rolling_camera {
     const struct world *world;
     const struct reel *reel;
 };
 
-static struct pose carried_at(const void *context, double time_s)
+static struct pose rolling_camera_pose(const void *context, double time_s)
 {
-    const struct carried *c = context;
+    const struct rolling_camera *c = context;
     return camera_at(c->world, c->reel, time_s);
 }
 
 // Frame `i` of a reel: its picture, its depth, and what a viewer should have seen.
-static enum status film_frame(const struct film *f, const struct world *w, const struct reel *r,
+static enum status film_frame(const struct film_options *f, const struct world *w, const struct reel *r,
                               const struct lens *lens, struct pose world_from_camera, int i, double t,
                               struct pixels *px)
 {
     char path[PATH_BYTES];
     uint64_t seed = f->world.seed * 1000003u + (uint64_t)i * 8 + r->set;
     struct world_shot shot = {*lens, world_from_camera, t, r->actor};
-    struct world_picture picture = {px->color, r->depth ? px->depth : NULL, NULL};
-    enum status status = lens->readout_s > 0
-                             ? world_render_rolling(w, &shot, carried_at, &(struct carried){w, r}, t, &picture)
-                             : world_render(w, &shot, &picture);
+    struct world_image picture = {px->color, r->depth ? px->depth : NULL, NULL};
+    enum status status = lens->readout_s > 0 ? world_render_rolling(w, &shot, rolling_camera_pose,
+                                                                    &(struct rolling_camera){w, r}, t, &picture)
+                                             : world_render(w, &shot, &picture);
     if (!status && r->depth && !f->clean)
         status = world_depth_noise(lens, px->depth, seed, px->depth);
     if (!status) {
@@ -236,7 +236,7 @@ static enum status film_frame(const struct film *f, const struct world *w, const
     if (status || r->set != SET_VIEWER)
         return status;
     shot.actor = true;
-    status = world_render(w, &shot, &(struct world_picture){px->color, NULL, px->mask});
+    status = world_render(w, &shot, &(struct world_image){px->color, NULL, px->mask});
     if (!status) {
         if (!f->clean)
             world_color_noise(px->color, lens->width, lens->height, seed);
@@ -252,7 +252,7 @@ static enum status film_frame(const struct film *f, const struct world *w, const
     return status;
 }
 
-static enum status make_folders(const struct film *f, const struct reel *r)
+static enum status make_folders(const struct film_options *f, const struct reel *r)
 {
     const char *names[] = {"rgb", r->depth ? "depth" : "rgb"};
     char path[PATH_BYTES];
@@ -270,7 +270,7 @@ static enum status make_folders(const struct film *f, const struct reel *r)
 }
 
 // The picture is as high as was asked for, about the lens's own middle; pixels are square.
-static struct calibration calibration_of(const struct film *f, const struct reel *r)
+static struct calibration calibration_of(const struct film_options *f, const struct reel *r)
 {
     double scale = f->width / 640.0;
     struct calibration c = r->set == SET_VIEWER ? world_viewer_calibration(scale) : world_calibration(scale);
@@ -284,7 +284,8 @@ static struct calibration calibration_of(const struct film *f, const struct reel
     return c;
 }
 
-static enum status film_reel(const struct film *f, const struct world *w, const struct reel *r, struct pixels *px)
+static enum status film_reel(const struct film_options *f, const struct world *w, const struct reel *r,
+                             struct pixels *px)
 {
     enum status status = make_folders(f, r);
     if (status)
@@ -295,7 +296,7 @@ static enum status film_reel(const struct film *f, const struct world *w, const 
         length = fmin(length, f->seconds);
     struct calibration c = calibration_of(f, r);
     c.color.readout_s = r->set == SET_SENSOR ? 0 : f->readout_s;
-    struct text rgb = {0}, depth = {0}, poses = {0}, joints = {0};
+    struct text_buffer rgb = {0}, depth = {0}, poses = {0}, joints = {0};
     add(&poses, "# timestamp tx ty tz qx qy qz qw (world_from_camera, metres; camera x right y down z forward)\n");
     add(&joints, "timestamp,joint,x_m,y_m,z_m\n");
     int count = (int)floor(length * rate_hz + 1e-6) + 1;
@@ -328,7 +329,7 @@ static enum status film_reel(const struct film *f, const struct world *w, const 
     return status;
 }
 
-static enum status film_all(const struct film *f)
+static enum status film_all(const struct film_options *f)
 {
     struct world *w;
     enum status status = world_open(&w, &f->world);
@@ -431,7 +432,7 @@ static void read_stand(struct argp_state *state, const char *text, struct world_
 
 static error_t parse(int key, char *text, struct argp_state *state)
 {
-    struct film *f = state->input;
+    struct film_options *f = state->input;
     double number = 0;
     char rest;
     switch (key) {
@@ -464,7 +465,7 @@ static error_t parse(int key, char *text, struct argp_state *state)
         f->world.threads = (int)number;
         break;
     case KEY_READOUT:
-        read_number(state, text, "readout", 0, LENS_MOST_READOUT_S * 1e3, &number);
+        read_number(state, text, "readout", 0, LENS_MAX_READOUT_S * 1e3, &number);
         f->readout_s = number * 1e-3;
         break;
     case KEY_CLEAN: f->clean = true; break;
@@ -484,7 +485,7 @@ static error_t parse(int key, char *text, struct argp_state *state)
             argp_error(state, "--walk is '%s'; it must be METRES,DEGREES", text);
         f->world.walk.round *= DEGREE;
         break;
-    case ARGP_KEY_END: command_need(state, f->out, "out"); break;
+    case ARGP_KEY_END: command_require(state, f->out, "out"); break;
     default: return ARGP_ERR_UNKNOWN;
     }
     return 0;
@@ -532,9 +533,10 @@ int main(int argc, char **argv)
         NULL,
         NULL,
         NULL};
-    struct film f = {.sets = SET_ALL, .seconds = -1, .width = 640, .height = 480, .world = world_default_options()};
+    struct film_options f = {
+        .sets = SET_ALL, .seconds = -1, .width = 640, .height = 480, .world = world_default_options()};
     argp_err_exit_status = 2;
     argp_parse(&argp, argc, argv, 0, NULL, &f);
-    command_catch_stop();
+    command_catch_signals();
     return film_all(&f) ? command_failed("film-world") : 0;
 }
