@@ -111,7 +111,7 @@ static void update_camera(struct viewer *v, int64_t now_ns)
         const struct camera_frame *frame = v->frame = camera_feed_latest(v->feed);
         v->feed_state = camera_feed_query(v->feed);
         camera.seeing = v->feed_state.seeing;
-        camera.came_ns = v->feed_state.came_ns;
+        camera.received_ns = v->feed_state.received_ns;
         camera.frame = frame ? frame->number : 0;
         camera.placed = frame && frame->placed;
         camera.moved_tags = frame ? frame->moved_tags : 0;
@@ -268,7 +268,7 @@ static struct take_view_request make_request(struct viewer *v, const struct view
         request.lens = frame->lens;
         request.camera = camera_texture_current(v->camera_texture);
         request.camera_number = frame->number;
-        request.time_ns = playback_at(&s->playback, frame->came_ns); // at the instant of this image
+        request.time_ns = playback_at(&s->playback, frame->received_ns); // at the instant of this image
         // Without a pose, the actor fades at the last known one.
         if (frame->placed)
             v->last_placed = frame->world_from_camera;
@@ -416,7 +416,7 @@ void viewer_presented(struct viewer *v, int64_t now_ns)
         v->timed_frame = frame->number;
         v->placed += frame->placed && v->image.parts > 0;
         ms[FRAME_LOCATE] = (double)(frame->located_ns - frame->locating_ns) * 1e-6;
-        ms[FRAME_WAIT] = (double)(frame->locating_ns - frame->came_ns + v->drawing_ns - frame->located_ns) * 1e-6;
+        ms[FRAME_WAIT] = (double)(frame->locating_ns - frame->received_ns + v->drawing_ns - frame->located_ns) * 1e-6;
     }
     ms[FRAME_ACTOR] = (double)(v->drawn_ns - v->drawing_ns) * 1e-6;
     ms[FRAME_CONTROLS] = (double)(v->controls_ns - v->drawn_ns) * 1e-6;

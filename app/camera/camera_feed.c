@@ -137,8 +137,8 @@ static void drop_frame(struct camera_feed *f, struct feed_slot *p)
 static void publish_captured(struct camera_feed *f, struct feed_slot *p)
 {
     pthread_mutex_lock(&f->lock);
-    p->frame.came_ns = f->state.came_ns = clock_now_ns();
-    p->frame.number = ++f->state.came;
+    p->frame.received_ns = f->state.received_ns = clock_now_ns();
+    p->frame.number = ++f->state.received;
     f->state.seeing = true;
     f->state.trouble[0] = 0;
     pthread_mutex_unlock(&f->lock);
@@ -183,14 +183,14 @@ static enum status capture_frames(struct camera_feed *f, struct source *camera, 
     return OK;
 }
 
-static void forget_lens(struct camera_feed *f)
+static void reset_lens(struct camera_feed *f)
 {
     pthread_mutex_lock(&f->lock);
     f->lens = (struct lens){0};
     pthread_mutex_unlock(&f->lock);
 }
 
-static void keep_lens(struct camera_feed *f, const struct source *camera)
+static void save_lens(struct camera_feed *f, const struct source *camera)
 {
     pthread_mutex_lock(&f->lock);
     const struct lens lens = f->lens;
@@ -208,20 +208,20 @@ static void *camera_thread(void *self)
         while (f->suspended && !f->closing)
             pthread_cond_wait(&f->changed, &f->lock);
         bool closing = f->closing;
-        f->state.came_ns = clock_now_ns();
+        f->state.received_ns = clock_now_ns();
         pthread_mutex_unlock(&f->lock);
         if (closing)
             return NULL;
         struct source *camera;
-        int64_t came_before = camera_feed_query(f).came;
+        int64_t received_before = camera_feed_query(f).received;
         enum status status = source_open(&camera, f->camera, SOURCE_CAMERA);
         if (status == OK) {
-            forget_lens(f); // of the previous camera
+            reset_lens(f); // of the previous camera
             status = capture_frames(f, camera, &next_ns);
-            keep_lens(f, camera);
+            save_lens(f, camera);
             source_close(&camera);
         }
-        bool empty = status == NOTHING && camera_feed_query(f).came == came_before;
+        bool empty = status == NOTHING && camera_feed_query(f).received == received_before;
         if (empty)
             status = fail(ERR_DEVICE, "%s holds no image", f->camera);
         if (status < 0) {

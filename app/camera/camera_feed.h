@@ -33,7 +33,7 @@ struct camera_frame {
     int32_t moved_tags, first_moved; // tags that are not where the place has them: localizer_moved_tags
     int64_t number;                  // 1, 2, … over all images that arrived
     // Times by clock_now_ns: when the image arrived, when localising it began and ended.
-    int64_t came_ns, locating_ns, located_ns;
+    int64_t received_ns, locating_ns, located_ns;
 };
 // The newest processed frame, NULL before the first. Borrowed until the next call.
 const struct camera_frame *camera_feed_latest(struct camera_feed *f);
@@ -46,10 +46,10 @@ struct dmabuf_image *camera_feed_take_dmabuf(struct camera_feed *f);
 void camera_feed_presented(struct camera_feed *f);
 
 struct camera_feed_state {
-    bool seeing;           // the camera is open and has delivered an image
-    int64_t came_ns;       // when the last image arrived; before the first: when opening began
-    int64_t came, dropped; // number of images
-    char trouble[512];     // one sentence; "": none
+    bool seeing;               // the camera is open and has delivered an image
+    int64_t received_ns;       // when the last image arrived; before the first: when opening began
+    int64_t received, dropped; // number of images
+    char trouble[512];         // one sentence; "": none
 };
 struct camera_feed_state camera_feed_query(struct camera_feed *f);
 

@@ -19,7 +19,7 @@ struct view_state view_state_start(int take_count, bool dark, int64_t now_ns)
                                .take_wanted = take_count == 1,
                                .playback = playback_start(0, 1),
                                .orbiting = true,
-                               .prepared = 1,
+                               .avatar_progress = 1,
                                .error_px = 1,
                                .tag_moved_notified = -1,
                                .dark = dark,
@@ -318,8 +318,8 @@ void view_state_set_problem(struct view_state *s, const char *sentence)
 
 void view_state_set_progress(struct view_state *s, double share)
 {
-    s->changed |= share != s->prepared;
-    s->prepared = share;
+    s->changed |= share != s->avatar_progress;
+    s->avatar_progress = share;
 }
 
 void view_state_set_avatar_shown(struct view_state *s, bool shown)
@@ -349,7 +349,7 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
     s->crossfade = crossfade;
     if (presence != wanted || (s->avatar_shown && crossfade < 1))
         next = now_ns;
-    bool frozen = s->camera.seeing && now_ns - s->camera.came_ns >= FROZEN_NS;
+    bool frozen = s->camera.seeing && now_ns - s->camera.received_ns >= FROZEN_NS;
     s->changed |= frozen != s->frozen;
     s->frozen = frozen;
     if (s->notice[0] && now_ns >= s->notice_until_ns) {
@@ -360,8 +360,8 @@ int64_t view_state_tick(struct view_state *s, int64_t now_ns)
         next = s->notice_until_ns;
     if (s->page == PAGE_WATCH && s->playback.playing && controls && s->last_input_ns + CONTROLS_NS < next)
         next = s->last_input_ns + CONTROLS_NS;
-    if (s->camera.seeing && !frozen && s->camera.came_ns + FROZEN_NS < next)
-        next = s->camera.came_ns + FROZEN_NS; // to report it frozen then
+    if (s->camera.seeing && !frozen && s->camera.received_ns + FROZEN_NS < next)
+        next = s->camera.received_ns + FROZEN_NS; // to report it frozen then
     if (s->page == PAGE_WATCH && s->playback.playing && s->orbiting) {
         s->changed = true;
         next = now_ns;

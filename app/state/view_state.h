@@ -53,7 +53,7 @@ struct view_camera {
     bool has_place;      // the recording has a place to localise in
     bool has_tags;       // and the place has tags
     bool seeing;         // images arrive
-    int64_t came_ns;     // when the last one arrived
+    int64_t received_ns; // when the last one arrived
     int64_t frame;       // number of the newest processed image; 0: none
     bool placed;         // its pose was found
     const char *trouble; // the camera's error sentence; "" none; borrowed for the call
@@ -92,7 +92,7 @@ struct view_state {
     bool frozen;              // the camera is open and sends no images
     double error_px;          // permitted error of the drawn actor, pixels: selects the level of detail
     double presence;          // the actor's opacity, 0..1: fades while the camera's pose is not known
-    double prepared;          // progress of building the take's avatar, 0..1
+    double avatar_progress;   // progress of building the take's avatar, 0..1
     bool avatar_shown;        // the avatar is drawn, no longer the body cylinders
     double crossfade;         // 0..1: from the body cylinders to the avatar
     bool ever_placed;

@@ -208,7 +208,7 @@ static void draw_progress(const struct brush *b, const struct view_state *s)
     ui_fill(b->ui, box, TARGET / 2, t->glass);
     label(b, FACE_SMALL, words, t->text, "Building the actor's model");
     ui_fill(b->ui, groove, 3, faint(t->text, 0.2));
-    ui_fill(b->ui, (struct ui_box){groove.x, groove.y, fmax(6, groove.w * s->prepared), groove.h}, 3, t->accent);
+    ui_fill(b->ui, (struct ui_box){groove.x, groove.y, fmax(6, groove.w * s->avatar_progress), groove.h}, 3, t->accent);
     ui_layer(b->ui, 0);
 }
 
@@ -216,7 +216,7 @@ void screen_message(const struct brush *b, const struct view_state *s)
 {
     const struct theme *t = b->theme;
     const char *hint = view_state_hint(s), *text = s->notice[0] ? s->notice : hint;
-    if (!text && s->page == PAGE_WATCH && s->prepared < 1)
+    if (!text && s->page == PAGE_WATCH && s->avatar_progress < 1)
         draw_progress(b, s);
     if (!text)
         return;

@@ -46,7 +46,7 @@ static void test_images_come_with_poses(void **state)
         const struct camera_frame *s = wait_for_image(f, last);
         assert_non_null(s);
         EXPECT_TRUE(s->placed);
-        EXPECT_TRUE(s->came_ns <= s->locating_ns && s->locating_ns <= s->located_ns);
+        EXPECT_TRUE(s->received_ns <= s->locating_ns && s->locating_ns <= s->located_ns);
         // The pose is that of one of the folder's images.
         double nearest = 1e9;
         for (int k = 0; k < REHEARSAL_IMAGES; k++)
@@ -120,9 +120,9 @@ static void test_missing_camera_is_retried(void **state)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     EXPECT_TRUE(*camera_feed_query(f).trouble);
     EXPECT_TRUE(!camera_feed_query(f).seeing);
-    int64_t came = camera_feed_query(f).came;
+    int64_t received = camera_feed_query(f).received;
     rehearse_camera(&scratch, "later", NULL, 0.5);
-    const struct camera_frame *s = wait_for_image(f, came);
+    const struct camera_frame *s = wait_for_image(f, received);
     assert_non_null(s);
     EXPECT_INT(s->lens.width, 320);
     camera_feed_close(&f);
@@ -137,11 +137,11 @@ static void test_suspended_feed_delivers_nothing(void **state)
     assert_non_null(wait_for_image(f, 0));
     camera_feed_suspend(f, true);
     clock_sleep_until_ns(clock_now_ns() + 300000000);
-    int64_t came = camera_feed_query(f).came;
+    int64_t received = camera_feed_query(f).received;
     clock_sleep_until_ns(clock_now_ns() + 300000000);
-    EXPECT_INT(camera_feed_query(f).came, came);
+    EXPECT_INT(camera_feed_query(f).received, received);
     camera_feed_suspend(f, false);
-    assert_non_null(wait_for_image(f, came));
+    assert_non_null(wait_for_image(f, received));
     camera_feed_close(&f);
     camera_feed_close(&f); // NULL is fine
 }

@@ -121,13 +121,13 @@ static void test_actor_and_camera_are_synchronous(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
     glass_wait_located(&g, true);
-    struct viewer *t = &g.viewer;
-    EXPECT_TRUE(t->image.camera && t->image.actor && !t->state.orbiting);
+    struct viewer *v = &g.viewer;
+    EXPECT_TRUE(v->image.camera && v->image.actor && !v->state.orbiting);
     for (int i = 0; i < 10; i++) {
         glass_draw(&g);
-        EXPECT_INT(t->request.camera_number, t->frame->number);
-        EXPECT_INT(t->request.time_ns, playback_at(&t->state.playback, t->frame->came_ns));
-        EXPECT_INT(memcmp(&t->request.world_from_camera, &t->frame->world_from_camera, sizeof(struct pose)), 0);
+        EXPECT_INT(v->request.camera_number, v->frame->number);
+        EXPECT_INT(v->request.time_ns, playback_at(&v->state.playback, v->frame->received_ns));
+        EXPECT_INT(memcmp(&v->request.world_from_camera, &v->frame->world_from_camera, sizeof(struct pose)), 0);
     }
     glass_close(&g);
 }
@@ -196,8 +196,8 @@ static void test_touch_targets_are_large_enough(void **state)
         glass_close(&g);
     }
     print_message("accent: %d to %d\n", least, most);
-    EXPECT_AT_LEAST(least, 2000);
-    EXPECT_AT_MOST(most, 1.1 * least);
+    EXPECT_AT_LEAST(least, 8000);
+    EXPECT_AT_MOST(most, 1.05 * least);
 }
 
 static void test_skipped_draws_lose_nothing(void **state)
@@ -206,40 +206,41 @@ static void test_skipped_draws_lose_nothing(void **state)
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", rehearsal.camera);
     glass_wait_located(&g, true);
-    struct viewer *t = &g.viewer;
-    int64_t hidden = clock_now_ns(), at_ns = playback_at(&t->state.playback, hidden);
-    EXPECT_TRUE(t->state.playback.playing);
-    viewer_suspend(t, true, hidden);
+    struct viewer *v = &g.viewer;
+    int64_t hidden = clock_now_ns(), at_ns = playback_at(&v->state.playback, hidden);
+    EXPECT_TRUE(v->state.playback.playing);
+    viewer_suspend(v, true, hidden);
     clock_sleep_until_ns(hidden + 300000000); // the camera is being closed
-    int64_t came = camera_feed_query(t->feed).came;
+    int64_t received = camera_feed_query(v->feed).received;
     clock_sleep_until_ns(clock_now_ns() + 400000000);
-    EXPECT_INT(camera_feed_query(t->feed).came, came);
+    EXPECT_INT(camera_feed_query(v->feed).received, received);
     int64_t shown = clock_now_ns();
-    viewer_suspend(t, false, shown);
-    EXPECT_INT(playback_at(&t->state.playback, shown), at_ns);
-    for (int64_t until = shown + 30000000000; camera_feed_query(t->feed).came == came && clock_now_ns() < until;)
+    viewer_suspend(v, false, shown);
+    EXPECT_INT(playback_at(&v->state.playback, shown), at_ns);
+    for (int64_t until = shown + 30000000000;
+         camera_feed_query(v->feed).received == received && clock_now_ns() < until;)
         clock_sleep_until_ns(clock_now_ns() + 10000000);
     glass_wait_located(&g, true);
-    EXPECT_AT_LEAST(camera_feed_query(t->feed).came, came + 1);
+    EXPECT_AT_LEAST(camera_feed_query(v->feed).received, received + 1);
     glass_close(&g);
 }
 
 // How many pixels of that texture are outside of the box that it is drawn in; adds those inside to *within.
 static int count_outside(struct glass *g, const struct gpu_texture *texture, struct ui_box box, int *within)
 {
-    struct viewer *t = &g->viewer;
+    struct viewer *v = &g->viewer;
     const double scale = glass_scale(g);
     const struct ui_input input = {.width_px = g->width, .height_px = g->height, .px_per_dp = scale};
     const struct ui_box all = {0, 0, g->width / scale, g->height / scale};
-    const struct lens *lens = &t->image.lens;
+    const struct lens *lens = &v->image.lens;
     struct cover cover = cover_of(lens, all);
     struct ui_box whole = {cover.x, cover.y, cover.scale * lens->width, cover.scale * lens->height};
     EXPECT_TRUE(texture);
-    EXPECT_STATUS(ui_begin(t->ui, &input), OK);
-    ui_fade(t->ui, all, 0xffffffff, 0xffffffff); // a background without soft edges
-    ui_image(t->ui, texture, whole, (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
-    ui_end(t->ui);
-    EXPECT_STATUS(ui_draw(t->ui, g->target, 0), OK);
+    EXPECT_STATUS(ui_begin(v->ui, &input), OK);
+    ui_fade(v->ui, all, 0xffffffff, 0xffffffff); // a background without soft edges
+    ui_image(v->ui, texture, whole, (struct ui_uv_rect){0, 0, 1, 1}, 0, 0xffffffff);
+    ui_end(v->ui);
+    EXPECT_STATUS(ui_draw(v->ui, g->target, 0), OK);
     glass_read(g);
     int beyond = 0;
     for (int y = 0; y < g->height; y++)
@@ -271,8 +272,9 @@ static void test_whole_actor_is_drawn(void **state)
         const struct cover cover = cover_of(&p->lens, all);
         EXPECT_INT(count_outside(&g, p->actor, compositor_actor_box(p, cover, all), &within), 0);
         EXPECT_INT(count_outside(&g, p->shadow, compositor_shadow_box(p, cover, all), &shaded), 0);
-        EXPECT_AT_LEAST(within, 2000);
-        EXPECT_AT_LEAST(shaded, 500);
+        print_message("actor %d pixels, shadow %d\n", within, shaded);
+        EXPECT_AT_LEAST(within, 2500);
+        EXPECT_AT_LEAST(shaded, 8000);
     }
     glass_close(&g);
 }
@@ -353,20 +355,20 @@ static void test_mirror_flips_actor(void **state)
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
     glass_draw(&g);
     glass_seek(&g, 0.5);
-    struct viewer *t = &g.viewer;
+    struct viewer *v = &g.viewer;
     glass_draw(&g);
-    struct vec3 left = t->image.skeleton.joint[JOINT_LEFT_SHOULDER],
-                right = t->image.skeleton.joint[JOINT_RIGHT_SHOULDER];
-    view_state_do(&t->state, DO_MIRROR, clock_now_ns());
+    struct vec3 left = v->image.skeleton.joint[JOINT_LEFT_SHOULDER],
+                right = v->image.skeleton.joint[JOINT_RIGHT_SHOULDER];
+    view_state_do(&v->state, DO_MIRROR, clock_now_ns());
     glass_draw(&g);
-    struct vec3 mirrored = t->image.skeleton.joint[JOINT_LEFT_SHOULDER];
-    EXPECT_TRUE(t->image.flip_x);
+    struct vec3 mirrored = v->image.skeleton.joint[JOINT_LEFT_SHOULDER];
+    EXPECT_TRUE(v->image.flip_x);
     // The left shoulder is where the right one was, except for how far the actor leans.
     EXPECT_AT_MOST(v3_distance(mirrored, right), v3_distance(mirrored, left));
     // Drawn with the skeleton.
-    view_state_do(&t->state, DO_SKELETON, clock_now_ns());
+    view_state_do(&v->state, DO_SKELETON, clock_now_ns());
     glass_draw(&g);
-    EXPECT_AT_LEAST(t->image.parts, 8);
+    EXPECT_AT_LEAST(v->image.parts, 8);
     glass_close(&g);
 }
 
@@ -375,22 +377,22 @@ static void test_take_opens_immediately_and_refines(void **state)
     (void)state;
     struct glass g;
     open_glass(&g, LONG / 2, SHORT / 2, rehearsal.file, "turn", NULL);
-    struct viewer *t = &g.viewer;
+    struct viewer *v = &g.viewer;
     glass_draw(&g);
     glass_draw(&g);
-    EXPECT_AT_LEAST(t->image.parts, 8);
-    EXPECT_TRUE(!t->image.prepared);
+    EXPECT_AT_LEAST(v->image.parts, 8);
+    EXPECT_TRUE(!v->image.prepared);
     int plain = 0, both = 0, better = 0;
     double share = 0;
-    for (int64_t until = clock_now_ns() + 200000000000; t->state.crossfade < 1 && clock_now_ns() < until;) {
+    for (int64_t until = clock_now_ns() + 200000000000; v->state.crossfade < 1 && clock_now_ns() < until;) {
         glass_draw_and_wait(&g);
-        EXPECT_AT_LEAST(t->state.prepared, share);
-        share = t->state.prepared;
-        plain += !t->image.prepared;
-        both += t->image.prepared && t->image.former;
+        EXPECT_AT_LEAST(v->state.avatar_progress, share);
+        share = v->state.avatar_progress;
+        plain += !v->image.prepared;
+        both += v->image.prepared && v->image.former;
     }
     glass_draw(&g);
-    better = t->image.prepared && !t->image.former;
+    better = v->image.prepared && !v->image.former;
     print_message("%d frames without the avatar, %d with both\n", plain, both);
     EXPECT_AT_LEAST(plain, 1);
     EXPECT_AT_LEAST(both, 1);

@@ -117,9 +117,9 @@ static struct view_state watching(void)
     return s;
 }
 
-static struct view_camera seeing(int64_t number, bool placed, int64_t came_ns)
+static struct view_camera seeing(int64_t number, bool placed, int64_t received_ns)
 {
-    return (struct view_camera){true, true, true, true, came_ns, number, placed, "", 0, -1};
+    return (struct view_camera){true, true, true, true, received_ns, number, placed, "", 0, -1};
 }
 
 static void on_camera(struct view_state *s, struct view_camera camera, int64_t now_ns)
@@ -307,8 +307,8 @@ static void test_governor_does_not_oscillate(void **state)
         changes += governor_update(&g, 40 * k * k);
     }
     EXPECT_AT_MOST(40 * governor_scale(&g) * governor_scale(&g), 16);
-    EXPECT_AT_MOST(changes, 4);
-    for (int i = 0; i < 3000; i++) // then it gets ten times faster
+    EXPECT_AT_MOST(changes, 3);
+    for (int i = 0; i < 300; i++) // then it gets ten times faster
         governor_update(&g, 4 * governor_scale(&g) * governor_scale(&g));
     EXPECT_NEAR(governor_scale(&g), 1, 0);
     // A single slow frame changes nothing.
@@ -326,7 +326,7 @@ static void test_governor_keeps_resolution_without_gain(void **state)
         governor_update(&g, 100);
         full += g.level == 0;
     }
-    EXPECT_AT_LEAST(full, 950);
+    EXPECT_AT_LEAST(full, 960);
 }
 
 static void test_frame_times_keep_the_last(void **state)
