@@ -121,7 +121,7 @@ static void update_camera(struct viewer *v, int64_t now_ns)
     view_state_on_camera(&v->state, &camera, now_ns);
 }
 
-static void apply_fingers(struct viewer *v, int64_t now_ns)
+static void apply_gesture(struct viewer *v, int64_t now_ns)
 {
     struct gesture g = gesture_take(&v->input.gesture);
     double wheel = v->input.wheel;
@@ -187,7 +187,7 @@ int64_t viewer_update(struct viewer *v, int64_t now_ns)
 {
     struct view_state *s = &v->state;
     update_camera(v, now_ns);
-    apply_fingers(v, now_ns);
+    apply_gesture(v, now_ns);
     bool sticks = input_map_pad(&v->input, s, fmin((double)(now_ns - v->pad_ns) * 1e-9, 0.1), now_ns);
     v->pad_ns = now_ns;
     if (s->take_wanted)

@@ -107,7 +107,7 @@ struct view_state {
     bool changed;               // there is something new to draw; viewer_draw clears it
 };
 
-// The speeds to choose from, ascending; both of PLAYBACK_SLOWEST and PLAYBACK_FASTEST are among them.
+// The speeds to choose from, from PLAYBACK_SLOWEST to PLAYBACK_FASTEST.
 enum { VIEW_SPEEDS = 8 };
 extern const double view_speeds[VIEW_SPEEDS];
 
