@@ -7,7 +7,8 @@
 // endless loop.
 //
 // Threads: one thread, the drawing one, calls camera_feed_open, _close, _latest, _take_dmabuf and _presented;
-// camera_feed_query and _suspend may be called from any thread. Memory: at most eight images.
+// camera_feed_query and _suspend may be called from any thread. Memory: at most eight images, and two in the
+// relocalizer.
 #pragma once
 #include "capture/recording/place.h"
 #include "platform/dmabuf_image.h"
