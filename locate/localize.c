@@ -30,7 +30,7 @@ static struct match_query query_of(const struct locator *l, bool with_depth, str
                                 .depth = with_depth ? l->feature_depths : NULL,
                                 .lens = &l->lens,
                                 .tags = tags,
-                                .tag_count = tags ? l->count : 0};
+                                .tag_count = tags ? l->observed_count : 0};
 }
 
 // The tags of the place that the detector sees.
@@ -38,7 +38,7 @@ static enum status detect_tags(struct locator *l, struct tag_detector *detector,
 {
     struct tag_detection seen[PNP_MAX_TAGS];
     int count;
-    l->count = 0;
+    l->observed_count = 0;
     enum status status =
         tag_detector_detect(detector, l->gray, l->lens.width, l->lens.height, seen, PNP_MAX_TAGS, &count);
     if (status != OK)
@@ -83,7 +83,7 @@ static int refine_with_landmarks(struct locator *l, struct localization *s, enum
     if (!agree)
         return 0;
     // Landmarks that pull the pose away from the tags belong to something that moved.
-    for (int i = 0; i < l->count; i++)
+    for (int i = 0; i < l->observed_count; i++)
         if (s->tags[i].used && !(pnp_tag_rms(&s->tags[i], l->motion ? &moving[0] : NULL, &first, l->lens.fx,
                                              l->lens.fy) < l->options.max_rms_px))
             return 0;
@@ -215,7 +215,7 @@ static enum status localize_coarse(struct locator *l, struct localization *s)
         status = add_predicted_tags(l, s, status);
     if (status < 0)
         return status;
-    bool sure = status == OK && (s->agree || s->found.used > 1) && s->found.used == l->count && !s->missing;
+    bool sure = status == OK && (s->agree || s->found.used > 1) && s->found.used == l->observed_count && !s->missing;
     return sure ? OK : NOTHING;
 }
 
@@ -224,7 +224,7 @@ static enum status localize_fine(struct locator *l, struct localization *s)
 {
     enum status status = localize_from_tags(l, l->detector, s);
     if (status == NOTHING) {
-        l->count = 0; // no pose fits the tags
+        l->observed_count = 0; // no pose fits the tags
         s->agree = l->point_count ? solve_from_landmarks(l, s->depth != NULL, l->matches, &s->found) : 0;
         if (!s->agree)
             return NOTHING;

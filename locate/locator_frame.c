@@ -20,18 +20,18 @@ void locator_begin_frame(struct locator *l, const uint8_t *color)
 void locator_add_observation(struct locator *l, const struct tag_observation *seen, int32_t which,
                              const uint16_t *depth)
 {
-    l->observations[l->count] = *seen;
-    l->which[l->count] = which;
-    l->depths[l->count].count = 0;
+    l->observations[l->observed_count] = *seen;
+    l->observed_tag[l->observed_count] = which;
+    l->depths[l->observed_count].count = 0;
     if (depth)
-        tag_read_depth(seen, &l->lens, depth, &l->depths[l->count]);
-    l->count++;
+        tag_read_depth(seen, &l->lens, depth, &l->depths[l->observed_count]);
+    l->observed_count++;
 }
 
 void locator_pnp_tags(const struct locator *l, struct pnp_tag *tags)
 {
-    for (int i = 0; i < l->count; i++) {
-        const struct place_tag *tag = &l->tags[l->which[i]];
+    for (int i = 0; i < l->observed_count; i++) {
+        const struct place_tag *tag = &l->tags[l->observed_tag[i]];
         tags[i] = (struct pnp_tag){
             .seen = &l->observations[i],
             .depth = l->depths[i].count ? &l->depths[i] : NULL,
@@ -47,7 +47,7 @@ struct pose_problem locator_problem(const struct locator *l, struct pnp_tag *tag
                                     int point_count)
 {
     return (struct pose_problem){.tags = tags,
-                                 .tag_count = tags ? l->count : 0,
+                                 .tag_count = tags ? l->observed_count : 0,
                                  .points = points,
                                  .point_count = point_count,
                                  .fx = l->lens.fx,
@@ -59,7 +59,7 @@ int locator_select_inlier_tags(const struct locator *l, struct pnp_tag *tags, co
                                const struct pose *camera_from_world)
 {
     int used = 0;
-    for (int i = 0; i < l->count; i++) {
+    for (int i = 0; i < l->observed_count; i++) {
         tags[i].rms_px = pnp_tag_rms(&tags[i], motion, camera_from_world, l->lens.fx, l->lens.fy);
         tags[i].used = tags[i].rms_px <= l->options.max_rms_px;
         used += tags[i].used;
@@ -97,11 +97,11 @@ static bool predict_corners(const struct locator *l, const struct place_tag *tag
 int locator_detect_predicted(struct locator *l, const uint8_t *color, const uint16_t *depth,
                              const struct pose *camera_from_world, int most_pixels, int *missing)
 {
-    int before = l->count, predicted_count = 0;
-    for (int32_t k = 0; k < l->tag_count && l->count < PNP_MAX_TAGS; k++) {
+    int before = l->observed_count, predicted_count = 0;
+    for (int32_t k = 0; k < l->tag_count && l->observed_count < PNP_MAX_TAGS; k++) {
         bool seen = false;
-        for (int i = 0; i < l->count; i++)
-            seen = seen || l->which[i] == k;
+        for (int i = 0; i < l->observed_count; i++)
+            seen = seen || l->observed_tag[i] == k;
         struct tag_candidate candidate = {.id = l->tags[k].id, .pattern = &l->patterns[k]};
         struct tag_observation fine;
         if (seen || !predict_corners(l, &l->tags[k], camera_from_world, candidate.corner))
@@ -112,15 +112,15 @@ int locator_detect_predicted(struct locator *l, const uint8_t *color, const uint
             locator_add_observation(l, &fine, k, depth);
     }
     if (missing)
-        *missing = predicted_count - (l->count - before);
-    return l->count - before;
+        *missing = predicted_count - (l->observed_count - before);
+    return l->observed_count - before;
 }
 
 double locator_rms(const struct locator *l, const struct pnp_tag *tags, const struct pose *camera_from_world)
 {
     double sum = 0;
     int used = 0;
-    for (int i = 0; i < l->count; i++) {
+    for (int i = 0; i < l->observed_count; i++) {
         if (!tags[i].used)
             continue;
         double rms = pnp_tag_rms(&tags[i], l->motion, camera_from_world, l->lens.fx, l->lens.fy);
@@ -173,7 +173,7 @@ bool locator_fill_result(const struct locator *l, const struct pnp_solution *fou
         .world_from_camera = pose_inverse(found->camera_from_world),
         .rms_px = found->rms_px,
         .tags_used = found->used,
-        .tags_rejected = l->count - found->used,
+        .tags_rejected = l->observed_count - found->used,
         .points_used = point_count,
         .position_sigma_m = sigma_m,
         .other = pose_inverse(found->other),

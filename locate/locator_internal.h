@@ -62,8 +62,8 @@ struct locator {
     // Of the current image:
     struct tag_observation observations[PNP_MAX_TAGS];
     struct tag_depth depths[PNP_MAX_TAGS];
-    int32_t which[PNP_MAX_TAGS]; // index into tags
-    int count;
+    int32_t observed_tag[PNP_MAX_TAGS]; // of each observation, index into tags
+    int observed_count;
     struct feature features[FEATURES_MAX];
     double feature_depths[FEATURES_MAX]; // where there is a depth image
     struct feature_index index;

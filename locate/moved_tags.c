@@ -10,7 +10,7 @@ static const double MIN_MOVED_SHARE = 0.25;
 
 static bool has_moved(const struct locator *l, int i, const struct pose *camera_from_world)
 {
-    const struct place_tag *tag = &l->tags[l->which[i]];
+    const struct place_tag *tag = &l->tags[l->observed_tag[i]];
     const struct pose expected = pose_multiply(*camera_from_world, tag->world_from_tag);
     return planar_pose_offset_m(tag->side_m, l->observations[i].ray, &expected) > MIN_MOVED_SHARE * tag->side_m;
 }
@@ -19,12 +19,12 @@ void locator_vote_moved_tags(struct locator *l, const struct pnp_tag *tags, int 
                              const struct pose *camera_from_world)
 {
     int used = 0;
-    for (int i = 0; i < l->count; i++)
+    for (int i = 0; i < l->observed_count; i++)
         used += tags[i].used;
     if (used < MIN_OTHER_TAGS && points < MIN_POINTS)
         return;
-    for (int i = 0; i < l->count; i++) {
-        int32_t *votes = &l->moved_votes[l->which[i]];
+    for (int i = 0; i < l->observed_count; i++) {
+        int32_t *votes = &l->moved_votes[l->observed_tag[i]];
         if (tags[i].used)
             --*votes;
         else if (has_moved(l, i, camera_from_world))

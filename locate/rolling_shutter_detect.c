@@ -22,11 +22,11 @@ bool locator_detect_rolling_shutter(struct locator *l, const struct pnp_tag *tag
     struct lens rolling = l->lens;
     struct tag_refiner *refiner;
     struct pnp_solution fit;
-    if (l->motion || l->count < MIN_TAGS || (found && found->used == l->count) ||
+    if (l->motion || l->observed_count < MIN_TAGS || (found && found->used == l->observed_count) ||
         l->lens.focal_sigma > SURE_FOCAL_SIGMA)
         return false;
     rolling.readout_s = LIKELY_READOUT_S;
-    for (int i = 0; i < l->count; i++) {
+    for (int i = 0; i < l->observed_count; i++) {
         retimed[i] = tags[i];
         retimed[i].seen = &seen[i];
         seen[i] = l->observations[i];
@@ -34,8 +34,8 @@ bool locator_detect_rolling_shutter(struct locator *l, const struct pnp_tag *tag
             seen[i].time_s[k] = shutter_row_time(&rolling, lens_project(&rolling, seen[i].ray[k]).y);
     }
     const struct pose_problem problem = {
-        .tags = retimed, .tag_count = l->count, .fx = rolling.fx, .fy = rolling.fy, .motion = &unknown};
-    if (pnp_solve(&problem, l->options.max_rms_px, &fit) == NOTHING || fit.used < l->count ||
+        .tags = retimed, .tag_count = l->observed_count, .fx = rolling.fx, .fy = rolling.fy, .motion = &unknown};
+    if (pnp_solve(&problem, l->options.max_rms_px, &fit) == NOTHING || fit.used < l->observed_count ||
         fit.cost > MAX_TAG_COST * fit.used || tag_refiner_open(&refiner, &rolling) != OK)
         return false;
     tag_refiner_close(&l->refiner);
@@ -43,6 +43,6 @@ bool locator_detect_rolling_shutter(struct locator *l, const struct pnp_tag *tag
     l->lens = rolling;
     l->motion = &l->frame_motion;
     l->frame_motion = unknown;
-    memcpy(l->observations, seen, sizeof *seen * (size_t)l->count);
+    memcpy(l->observations, seen, sizeof *seen * (size_t)l->observed_count);
     return true;
 }

@@ -23,10 +23,10 @@ static const double NEW_TEMPLATE_ANGLE = 0.08;
 // The corners of the tags used, by which the tags are found in the next image.
 static void add_corners(struct locator *l, const struct pnp_tag *tags, const struct pose *camera_from_world)
 {
-    for (int i = 0; i < l->count; i++) {
+    for (int i = 0; i < l->observed_count; i++) {
         struct vec3 world[4];
         const double seen[3] = {LOCATOR_CORNER_PX * LOCATOR_CORNER_PX, 0, LOCATOR_CORNER_PX * LOCATOR_CORNER_PX};
-        place_tag_corners(&l->tags[l->which[i]], world);
+        place_tag_corners(&l->tags[l->observed_tag[i]], world);
         for (int k = 0; k < 4 && tags[i].used; k++)
             locator_add_track(l, -1, world[k], seen, lens_project(&l->lens, l->observations[i].ray[k]),
                               camera_from_world);
@@ -37,7 +37,7 @@ static void add_corners(struct locator *l, const struct pnp_tag *tags, const str
 static void tag_corner_errors(const struct locator *l, int i, const struct pose *camera_from_world, double out[8])
 {
     struct vec3 world[4];
-    place_tag_corners(&l->tags[l->which[i]], world);
+    place_tag_corners(&l->tags[l->observed_tag[i]], world);
     for (int k = 0; k < 4; k++) {
         struct vec3 p = locator_point_in_camera(l, camera_from_world, world[k], l->observations[i].time_s[k]);
         out[2 * k] = l->lens.fx * (l->observations[i].ray[k].x - p.x / p.z);
@@ -52,15 +52,15 @@ static void update_tag_biases(struct locator *l, const struct pnp_tag *tags, con
     bool seen[PNP_MAX_TAGS] = {false};
     for (int32_t k = 0; k < l->tag_count; k++) {
         int i = 0;
-        while (i < l->count && (l->which[i] != k || !tags[i].used))
+        while (i < l->observed_count && (l->observed_tag[i] != k || !tags[i].used))
             i++;
-        if (i == l->count)
+        if (i == l->observed_count)
             l->tag_tracks[k].known = false;
         else
             seen[i] = true;
     }
-    for (int i = 0; i < l->count; i++) {
-        struct tag_track *t = &l->tag_tracks[l->which[i]];
+    for (int i = 0; i < l->observed_count; i++) {
+        struct tag_track *t = &l->tag_tracks[l->observed_tag[i]];
         double at[8], fused[8], variance = t->known ? t->bias_variance + CHANGE_PX * CHANGE_PX : 1e6;
         double gain = variance / (variance + LOCATOR_TRACKING_PX * LOCATOR_TRACKING_PX);
         if (!seen[i])
@@ -258,8 +258,8 @@ static void correct_tags(struct locator *l, const struct pnp_tag *tags, struct k
 {
     struct pnp_tag *out = known->tags;
     int count = 0;
-    for (int i = 0; i < l->count; i++) {
-        const struct tag_track *t = &l->tag_tracks[l->which[i]];
+    for (int i = 0; i < l->observed_count; i++) {
+        const struct tag_track *t = &l->tag_tracks[l->observed_tag[i]];
         if (!t->known || !tags[i].used)
             continue;
         l->corrected[count] = l->observations[i];
@@ -305,9 +305,9 @@ static void shared_information(const struct locator *l, const uint16_t *depth, s
     pnp_information(&problem, map, all);
     if (!invert_symmetric(all, 6, inverse))
         return;
-    for (int i = 0; i < l->count; i++) {
+    for (int i = 0; i < l->observed_count; i++) {
         old[i] = tags[i];
-        old[i].used = tags[i].used && l->tag_tracks[l->which[i]].known;
+        old[i].used = tags[i].used && l->tag_tracks[l->observed_tag[i]].known;
     }
     problem = locator_problem(l, old, points, make_constraints(l, depth, FUSED, map, points));
     pnp_information(&problem, map, measurement->map_information);
@@ -392,7 +392,7 @@ static int solve_tracks_alone(struct locator *l, const uint8_t *color, const uin
     for (int i = 0; i < l->track_count; i++)
         corners += l->tracks[i].point < 0;
     int each = TAG_SAMPLES / (corners / 4 + 1);
-    l->count = 0;
+    l->observed_count = 0;
     locator_detect_predicted(l, color, depth, pose, each > MIN_TAG_SAMPLES ? each : MIN_TAG_SAMPLES, NULL);
     locator_pnp_tags(l, tags);
     drop_outliers(l, pose);
