@@ -79,8 +79,7 @@ struct pose_errors {
 
 static void count(struct pose_errors *e, int image, const struct location *at)
 {
-    struct pose truth = path(NULL, time_of(image)),
-                found = pose_multiply(room.world_from_place, at->world_from_camera);
+    struct pose truth = path(NULL, time_of(image)), found = pose_multiply(room.world_from_place, at->world_from_camera);
     double m = v3_distance(found.translation, truth.translation), rad = pose_angle(found, truth);
     e->found++;
     e->m += m * m;
