@@ -55,7 +55,7 @@ static void test_avatar_fits_depth(void **state)
     struct source_rays *rays;
     struct avatar figure;
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, 10, NULL), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, &(struct avatar_options){.max_frames = 10, .threads = 4}), OK);
     long all = 0, close = 0;
     for (int i = 0; i < figure.surface.point_count; i++) {
         const int bone = figure.skins[i].bone[0];
@@ -175,7 +175,9 @@ static void expect_turned_alone(const struct turning_limb *t)
     struct avatar figure;
     struct depth_frame observed;
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, COUNT_OF(frames), NULL), OK);
+    EXPECT_STATUS(
+        avatar_make(&figure, stage.take, rays, &(struct avatar_options){.max_frames = COUNT_OF(frames), .threads = 4}),
+        OK);
     EXPECT_STATUS(depth_frame_open(&observed, stage.take, rays), OK);
     double own_rad[WAYS], carrier_rad[WAYS];
     for (int i = 0; i < WAYS; i++) {
@@ -236,7 +238,8 @@ static struct joint_noise errors_found(double thrown_m)
     struct avatar figure;
     painted_take_open(&stage, &ideal, frames, FRAMES, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, FRAMES, NULL), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, &(struct avatar_options){.max_frames = FRAMES, .threads = 4}),
+                  OK);
     const struct joint_noise found = figure.joint_errors;
     avatar_free(&figure);
     source_rays_close(&rays);
@@ -280,7 +283,8 @@ static struct skeleton laid_on_last(const struct one_frame *frames, int count, i
     struct icp_input from = {.joint_errors = joint_noise_prior(), .start = bone_corrections_identity()};
     painted_take_open(&stage, &ideal, frames, count, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, learned, NULL), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, &(struct avatar_options){.max_frames = learned, .threads = 4}),
+                  OK);
     EXPECT_TRUE(figure.frames[0] == 0);
     EXPECT_STATUS(depth_frame_open(&observed, stage.take, rays), OK);
     EXPECT_STATUS(depth_frame_read(&observed, stage.take, count - 1), OK);
@@ -383,9 +387,13 @@ static void test_avatar_may_come_later(void **state)
     const struct progress_watch watch = {.went_on = be_patient, .self = &calm},
                                 hasty = {.went_on = be_patient, .self = &impatient};
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(avatar_make(&avatar, stage.take, rays, AVATAR_FRAMES, &hasty), NOTHING);
+    EXPECT_STATUS(avatar_make(&avatar, stage.take, rays,
+                              &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4, .watch = &hasty}),
+                  NOTHING);
     EXPECT_INT(impatient.calls, 2);
-    EXPECT_STATUS(avatar_make(&avatar, stage.take, rays, AVATAR_FRAMES, &watch), OK);
+    EXPECT_STATUS(avatar_make(&avatar, stage.take, rays,
+                              &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4, .watch = &watch}),
+                  OK);
     EXPECT_AT_LEAST(calm.calls, 3);
 
     struct renderer_options o = renderer_default_options();

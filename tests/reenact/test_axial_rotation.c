@@ -70,7 +70,8 @@ static void found_rotations(const struct turning_part *who, double *turn_rad)
     struct bone_transforms joints;
     painted_take_open(&stage, &ideal, frames, FRAMES, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
-    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, FRAMES, NULL), OK);
+    EXPECT_STATUS(avatar_make(&figure, stage.take, rays, &(struct avatar_options){.max_frames = FRAMES, .threads = 4}),
+                  OK);
     EXPECT_INT(figure.frame_count, FRAMES);
     EXPECT_STATUS(bone_transforms_of(&figure.bind_pose, &s, &joints), OK);
     for (int i = 0; i < FRAMES; i++) {

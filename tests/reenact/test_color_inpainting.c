@@ -132,7 +132,8 @@ static float worst_but(const struct person *p, int piece, double share)
 static struct person *filled_person(void)
 {
     struct person *p = person_make();
-    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &(struct vertex_color_target){&p->bind, &p->surface, p->skins}, 2),
+                  OK);
     return p;
 }
 
@@ -178,13 +179,15 @@ static void test_unseen_part(void **state)
     (void)state;
     struct person *p = person_make();
     memset(p->vertex_colors.filled + HEAD, 1, PIECE);
-    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &(struct vertex_color_target){&p->bind, &p->surface, p->skins}, 2),
+                  OK);
     float green = 0;
     for (int i = HEAD; i < HEAD + PIECE; i++)
         green = fmaxf(green, p->vertex_colors.color[i][1]);
     EXPECT_AT_MOST(green, 0.25); // as the nearest of the trunk, not the 1 that it was
     memset(p->vertex_colors.filled, 1, POINTS);
-    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &p->surface, p->skins, &p->bind), OK);
+    EXPECT_STATUS(color_inpaint(&p->vertex_colors, &(struct vertex_color_target){&p->bind, &p->surface, p->skins}, 2),
+                  OK);
     person_free(p);
 }
 

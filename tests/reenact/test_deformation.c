@@ -31,7 +31,8 @@ static void deformation_case_open(struct deformation_case *s, const struct body 
     struct skeleton joints = whole_body(0);
     film(&first, &whole_measures, seen);
     EXPECT_STATUS(source_rays_open(&s->rays, take_calibration(first.take)), OK);
-    EXPECT_STATUS(avatar_make(&s->avatar, first.take, s->rays, 1, NULL), OK);
+    EXPECT_STATUS(avatar_make(&s->avatar, first.take, s->rays, &(struct avatar_options){.max_frames = 1, .threads = 4}),
+                  OK);
     painted_take_close(&first);
     film(&s->take, body, seen);
     const struct avatar *l = &s->avatar;
@@ -133,7 +134,7 @@ static double band(double y) { return 0.5 + 0.4 * sin(2 * 3.14159265358979 * y /
 // The figure's trunk is known to have bands, and nothing is known of the rest of it.
 static void know_bands(struct avatar *l)
 {
-    l->vertex_colors.light = (struct sh_irradiance){{1}};
+    l->vertex_colors.irradiance = (struct sh_irradiance){{1}};
     for (int i = 0; i < l->surface.point_count; i++) {
         const double color = band(l->surface.points[i].y);
         l->vertex_colors.filled[i] = l->skins[i].bone[0] != PART_UPPER_TORSO;
@@ -176,8 +177,12 @@ static void test_deformation_follows_sliding_cloth(void **state)
     know_bands(&s.avatar);
     paint_bands(&s, lower_m, &seen);
     const struct deformation_model model = {s.avatar.tsdf, &s.avatar.surface, s.avatar.skins};
-    const struct deformation_colors colors = {&s.avatar.vertex_colors, seen.rgb, take_calibration(s.take.take),
-                                              POSE_IDENTITY.rotation};
+    const struct deformation_colors colors = {.albedo = (const float(*)[3])s.avatar.vertex_colors.color,
+                                              .filled = s.avatar.vertex_colors.filled,
+                                              .irradiance = &s.avatar.vertex_colors.irradiance,
+                                              .rgb = seen.rgb,
+                                              .calibration = take_calibration(s.take.take),
+                                              .world_from_color = POSE_IDENTITY.rotation};
     deformation_fit(s.deformation, &model, &s.observed, &s.transforms, NULL);
     const double blind_m = shifted_down(&s);
     deformation_fit(s.deformation, &model, &s.observed, &s.transforms, &colors);

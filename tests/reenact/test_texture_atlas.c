@@ -69,7 +69,7 @@ static void test_simplified_mesh_keeps_shape(void **state)
     (void)state;
     struct rings r = rings_make();
     struct texture_atlas a;
-    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors, 2), OK);
     double fine_l = 1e3 * signed_volume(r.surface.points, r.surface.corners, r.surface.corner_count);
     double few_l = 1e3 * signed_volume(a.points, a.mesh.corners, a.mesh.corner_count);
     print_message("%d triangles of %d, %.3f litres of %.3f; %d points, %d x %d texels\n", a.mesh.corner_count / 3,
@@ -92,7 +92,7 @@ static void test_mesh_stays_closed(void **state)
     (void)state;
     struct rings r = rings_make();
     struct texture_atlas a;
-    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors, 2), OK);
     const struct uv_mesh *m = &a.mesh;
     int64_t *ways[2], open = 0;
     for (int back = 0; back < 2; back++) {
@@ -128,7 +128,7 @@ static void test_every_texel_keeps_its_color(void **state)
     (void)state;
     struct rings r = rings_make();
     struct texture_atlas a;
-    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors, 2), OK);
     const struct uv_mesh *m = &a.mesh;
     enum { STEPS = 5 };
     double wanted = 255 * sqrt(0.5), most_off = 0;
@@ -168,7 +168,7 @@ static void test_charts_do_not_overlap(void **state)
     (void)state;
     struct rings r = rings_make();
     struct texture_atlas a;
-    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors), OK);
+    EXPECT_STATUS(texture_atlas_make(&a, &r.surface, &r.vertex_colors, 2), OK);
     const struct uv_mesh *m = &a.mesh;
     uint8_t *taken = calloc((size_t)m->width * (size_t)m->height, 1);
     long twice = 0, texels = 0;

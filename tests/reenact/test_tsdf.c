@@ -18,7 +18,7 @@ static struct tsdf *unseen(enum part part)
     bind.own_length[part] = 0.4;
     bind.frame[part] = (struct bone_frame){v3(0, 0, 0), v3(1, 0, 0), v3(0, 0, -1), v3(0, 1, 0), 0.4};
     struct tsdf *v;
-    EXPECT_STATUS(tsdf_open(&v, &bind, &calibration, TSDF_VOXEL_M), OK);
+    EXPECT_STATUS(tsdf_open(&v, &bind, &calibration, TSDF_VOXEL_M, 2), OK);
     return v;
 }
 
