@@ -12,9 +12,10 @@ static const double DEPTH_SIGMA_M = 0.01;   // of a depth sample
 static const double OUTLIER_M = 0.025;      // scale of the kernel for depth
 static const double PART_SAMPLES_MOST = 60; // independent samples of a part at most: their errors are correlated
 static const double JOINT_SIGMA_M = 0.004;  // between the two sides of a joint
-static const double START_SIGMA_M = 0.03, START_SIGMA_RAD = 0.12; // of a bone's change from the start
-static const double AXIAL_SIGMA_RAD = 0.02;                       // of axial rotations from colours
-static const double SILHOUETTE_SIGMA_PX = 1, SILHOUETTE_OUTLIER_PX = 4, PART_SILHOUETTE_MOST = 20; // likewise
+static const double START_SIGMA_M = 0.03, START_SIGMA_RAD = 0.12;       // of a bone's change from the start
+static const double AXIAL_SIGMA_RAD = 0.02;                             // of axial rotations from colours
+static const double SILHOUETTE_SIGMA_PX = 1, SILHOUETTE_OUTLIER_PX = 4; // of a silhouette point
+static const double PART_SILHOUETTE_MOST = 20;                          // independent ones of a bone at most
 static const double SILHOUETTE_FACING = 0.5; // cosine between the shape's normal and the silhouette's at a contact
 static const double CERTAIN_FRAMES = 1;      // a surface seen in as many frames has half of its full weight
 static const double LEAST_FACING = 0.1;      // cosine: surfaces that a depth sample can show face the sensor
@@ -207,7 +208,7 @@ static void remove_axial(const struct icp_state *s, int p, double j[6])
 }
 
 // Viewing rays along the silhouette touch the shape. Depth alone hardly determines a limb's lateral position: it is
-// quantised, and thin iteration limbs have few samples.
+// quantised, and thin round limbs have few samples.
 static void add_silhouette(const struct icp_state *s, struct icp_system *system)
 {
     const struct calibration *calibration = tsdf_calibration(s->tsdf);

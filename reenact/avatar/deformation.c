@@ -137,8 +137,8 @@ void deformation_clear(struct deformation *w)
 
 // ---------------------------------------------------------------- depth samples
 
-// Maps a point of the colour camera's axes, seen on a part, into the bind pose. *ray: its viewing direction, unit,
-// likewise.
+// Maps a point of the colour camera's axes, seen on a part, into the bind pose. *ray: its viewing direction
+// there, unit.
 static struct vec3 to_bind_pose(const struct deformation *w, const struct pose back[BONE_COUNT], int part,
                                 struct vec3 at, struct vec3 *ray)
 {
@@ -364,13 +364,13 @@ void deformation_fit(struct deformation *w, const struct deformation_model *mode
     memset(w->shift, 0, sizeof *w->shift * (size_t)w->node_count);
     find_depth_samples(w, depth_frame, transforms);
     find_contour(w, depth_frame);
-    for (int round = 0; round < ITERATIONS; round++) {
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         w->row_count = 0;
-        add_depth_samples(w, model->tsdf, OUTLIER_M[round]);
-        find_candidates(w, model, transforms, round == 0);
+        add_depth_samples(w, model->tsdf, OUTLIER_M[iteration]);
+        find_candidates(w, model, transforms, iteration == 0);
         add_silhouette(w, model);
-        if (colors && COLOR_SIGMA_PX[round] > 0)
-            deformation_add_colors(w, model, depth_frame, transforms, colors, COLOR_SIGMA_PX[round]);
+        if (colors && COLOR_SIGMA_PX[iteration] > 0)
+            deformation_add_colors(w, model, depth_frame, transforms, colors, COLOR_SIGMA_PX[iteration]);
         deformation_solve(w);
     }
     write_quantized(w);

@@ -164,7 +164,7 @@ static enum status pack_charts(struct unwrapper *c, struct uv_mesh *out)
     for (int32_t i = 0; i < c->chart_count; i++) {
         struct uv_chart *s = &c->charts[i];
         if (s->width > OWNER_SIDE || s->height > OWNER_SIDE)
-            return fail(ERR_INPUT, "the person is too large to be laid out flat");
+            return fail(ERR_INPUT, "the person is too large for the texture atlas");
         area += (double)s->width * s->height;
         highest = s->height > highest ? s->height : highest;
         out->width = s->width > out->width ? s->width : out->width;
@@ -185,7 +185,7 @@ static enum status pack_charts(struct unwrapper *c, struct uv_mesh *out)
     out->height = y + row_height;
     return out->width <= MOST_SIDE && out->height <= MOST_SIDE
                ? OK
-               : fail(ERR_INPUT, "the person is too large to be laid out flat");
+               : fail(ERR_INPUT, "the person is too large for the texture atlas");
 }
 
 // number: of each of the surface's points: its index in the current chart; scratch, -1 at first.

@@ -310,7 +310,7 @@ enum status vertex_color_solve(struct vertex_color_builder *m, struct vertex_col
         vertex_colors_free(out);
         return fail(ERR_MEMORY, "out of memory");
     }
-    for (int round = 0; round < ITERATIONS; round++)
+    for (int iteration = 0; iteration < ITERATIONS; iteration++)
         iterate_sh(&fit);
     free(fit.equations);
     out->irradiance = fit.irradiance;
