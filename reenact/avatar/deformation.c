@@ -137,24 +137,26 @@ void deformation_clear(struct deformation *w)
 
 // ---------------------------------------------------------------- depth samples
 
-// Maps a point of the colour camera's axes, seen on a part, into the bind pose. *ray: its viewing direction
-// there, unit.
-static struct vec3 to_bind_pose(const struct deformation *w, const struct pose back[BONE_COUNT], int part,
+// Maps a point of the colour camera's axes, seen on a part, into the bind pose, by blending the bones' inverse
+// maps: near the inverse of the blended map where these are similar. *ray: its viewing direction there, unit.
+static struct vec3 to_bind_pose(const struct deformation *w, const struct pose bind_from_color[BONE_COUNT], int part,
                                 struct vec3 at, struct vec3 *ray)
 {
-    struct vec3 bind_point = pose_apply(back[bind_pose_bone_at(&w->bind_pose, (enum part)part, at, back)], at);
+    struct vec3 bind_point =
+        pose_apply(bind_from_color[bind_pose_bone_at(&w->bind_pose, (enum part)part, at, bind_from_color)], at);
     struct skin_weights skin = bind_pose_skin_weights(&w->bind_pose, bind_point);
     struct vec3 mixed = v3(0, 0, 0), rotated = v3(0, 0, 0);
-    for (int i = 0; i < SKIN_BONES;
-         i++) { // approximates the inverse of the blended map; good where the bones' maps are similar
-        mixed = v3_add(mixed, v3_scale(pose_apply(back[skin.bone[i]], at), (double)skin.weight[i]));
-        rotated = v3_add(rotated, v3_scale(quat_rotate(back[skin.bone[i]].rotation, at), (double)skin.weight[i]));
+    for (int i = 0; i < SKIN_BONES; i++) {
+        mixed = v3_add(mixed, v3_scale(pose_apply(bind_from_color[skin.bone[i]], at), (double)skin.weight[i]));
+        rotated =
+            v3_add(rotated, v3_scale(quat_rotate(bind_from_color[skin.bone[i]].rotation, at), (double)skin.weight[i]));
     }
     *ray = v3_unit(rotated);
     return mixed;
 }
 
-static int every_px(const struct depth_frame *s)
+// The stride at which at most POINTS of the actor's pixels are used.
+static int stride_px(const struct depth_frame *s)
 {
     long pixels = 0;
     for (int y = s->top; y <= s->bottom; y++)
@@ -169,10 +171,10 @@ static int every_px(const struct depth_frame *s)
 static void find_depth_samples(struct deformation *w, const struct depth_frame *s,
                                const struct bone_transforms *transforms)
 {
-    struct pose back[BONE_COUNT];
+    struct pose bind_from_color[BONE_COUNT];
     for (int p = 0; p < BONE_COUNT; p++)
-        back[p] = pose_inverse(transforms->bone[p]);
-    int every = every_px(s);
+        bind_from_color[p] = pose_inverse(transforms->bone[p]);
+    int every = stride_px(s);
     w->sample_count = 0;
     for (int y = s->top; y <= s->bottom; y += every)
         for (int x = s->left; x <= s->right; x += every) {
@@ -180,7 +182,7 @@ static void find_depth_samples(struct deformation *w, const struct depth_frame *
             if (part >= PART_COUNT || !w->bind_pose.known[part] || w->sample_count == 2 * POINTS)
                 continue;
             struct deformation_sample *r = &w->depth_samples[w->sample_count++];
-            r->bind_point = to_bind_pose(w, back, part, source_rays_point(s->rays, i, s->depth[i]), &r->ray);
+            r->bind_point = to_bind_pose(w, bind_from_color, part, source_rays_point(s->rays, i, s->depth[i]), &r->ray);
         }
 }
 

@@ -59,8 +59,8 @@ static void fill_grid(struct point_grid *f)
         f->first[s->corners[c] + 1]++;
     for (int i = 0; i < s->point_count; i++)
         f->first[i + 1] += f->first[i];
-    for (int c = s->corner_count - 1; c >= 0;
-         c--) // backwards: `first` is the end of each point's range, and becomes its start
+    // Backwards: first[i + 1] is the end of point i's range, and becomes its start.
+    for (int c = s->corner_count - 1; c >= 0; c--)
         f->triangle[--f->first[s->corners[c] + 1]] = c / 3;
     memmove(f->first, f->first + 1, sizeof *f->first * (size_t)s->point_count);
     f->first[s->point_count] = s->corner_count;

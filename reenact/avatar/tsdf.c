@@ -45,7 +45,7 @@ static enum status find_size(struct tsdf *v)
     return OK;
 }
 
-static int clamp_to(double g, int size) { return g < 0 ? 0 : g > size ? size : (int)g; }
+static int clamp_to(double g, int size) { return g > 0 ? g > size ? size : (int)g : 0; }
 
 // Rasterises a capsule, from a to b: each voxel's distance becomes the minimum of its own and the capsule's; grid
 // points nearer than `reach` are marked in `keep`.

@@ -10,11 +10,11 @@
 enum { SAMPLES_KEPT = 16, ITERATIONS = 8, RIM_PX = 1, CHUNK = 4096 };
 
 // Chosen by hand on the takes of docs/figures.md.
-static const double LEAST_FACING = 0.25;  // cosine towards the camera
-static const float COLOR_OUTLIER = 0.06F; // at this residual a sample's weight is a quarter of the full one (a half
-                                          // for the irradiance)
-static const float SH_REGULARIZATION =
-    0.02F; // ridge on the SH terms, of the data's weight: normals may cover few sides
+static const double LEAST_FACING = 0.25;      // cosine towards the camera
+static const float COLOR_OUTLIER = 0.06F;     // at this residual a sample's weight is a quarter of the full one (a half
+                                              // for the irradiance)
+static const float SH_REGULARIZATION = 0.02F; // ridge on the SH terms, of the data's weight: normals may cover few
+                                              // directions
 
 // What one frame shows of one point.
 struct color_sample {
@@ -87,6 +87,7 @@ static bool read_color(const struct vertex_color_builder *m, const uint8_t *rgb,
     return true;
 }
 
+// The context of add_chunk.
 struct color_observation {
     struct vertex_color_builder *builder;
     const struct vertex_color_frame *frame;
