@@ -130,7 +130,7 @@ struct icp_state {
     const struct icp_input *from;
     struct bone_transforms start, now;
     struct vec3 middle[BONE_COUNT]; // of each bone: the centre of its rotation; camera axes
-    int every;                      // stride between the pixels that are used
+    int stride;                     // between the pixels that are used
     struct silhouette_point silhouette[SILHOUETTE_POINTS_MOST];
     int silhouette_count;
 };
@@ -151,8 +151,8 @@ static int count_samples(const struct icp_state *s, int count[PART_COUNT])
 {
     int total = 0;
     memset(count, 0, sizeof(int) * PART_COUNT);
-    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->every)
-        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->every) {
+    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->stride)
+        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->stride) {
             int p = s->depth_frame->part[y * s->depth_frame->width + x];
             if (p < PART_COUNT) {
                 count[p]++;
@@ -169,8 +169,8 @@ static void add_depth_samples(const struct icp_state *s, struct icp_system *syst
     count_samples(s, count);
     for (int p = 0; p < BONE_COUNT; p++)
         bind_from_camera[p] = pose_inverse(s->now.bone[p]);
-    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->every)
-        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->every) {
+    for (int y = s->depth_frame->top; y <= s->depth_frame->bottom; y += s->stride)
+        for (int x = s->depth_frame->left; x <= s->depth_frame->right; x += s->stride) {
             int i = y * s->depth_frame->width + x, part = s->depth_frame->part[i];
             if (part >= PART_COUNT || !s->bind_pose->known[part])
                 continue;
@@ -336,10 +336,10 @@ struct bone_corrections articulated_icp(const struct tsdf *tsdf, struct depth_fr
     struct icp_system system;
     struct icp_state s = {.tsdf = tsdf, .bind_pose = tsdf_bind_pose(tsdf), .depth_frame = depth_frame, .from = from};
     s.start = s.now = bone_corrections_apply(&from->joints, &from->start);
-    s.every = 1;
+    s.stride = 1;
     int count[PART_COUNT];
     while (count_samples(&s, count) > POINTS)
-        s.every++;
+        s.stride++;
     const int iterations = from->axial_fixed ? ITERATIONS / 2 : ITERATIONS;
     for (int iteration = 0; iteration < iterations; iteration++) {
         if (iteration == 0 || iteration == iterations / 2) {

@@ -1,10 +1,10 @@
 #include "reenact/avatar/avatar.h"
 
 #include "base/pipeline.h"
-#include "reenact/skeleton/joint_inpainting.h"
+#include "reenact/avatar/axial_rotation.h"
 #include "reenact/avatar/silhouette_constraint.h"
 #include "reenact/observation/depth_frame_cache.h"
-#include "reenact/avatar/axial_rotation.h"
+#include "reenact/skeleton/joint_inpainting.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -75,9 +75,9 @@ static void found_rotations(const struct rotating_bone *what, double *angle_rad)
     EXPECT_INT(avatar.frame_count, FRAMES);
     EXPECT_STATUS(bone_transforms_of(&avatar.bind_pose, &s, &joints), OK);
     for (int i = 0; i < FRAMES; i++) {
-        const struct bone_transforms turned = bone_corrections_apply(&joints, &avatar.frame_corrections[i]);
+        const struct bone_transforms rotated = bone_corrections_apply(&joints, &avatar.frame_corrections[i]);
         const struct quat by =
-            quat_multiply(turned.bone[what->bone].rotation, quat_conjugate(joints.bone[what->bone].rotation));
+            quat_multiply(rotated.bone[what->bone].rotation, quat_conjugate(joints.bone[what->bone].rotation));
         angle_rad[i] = -quat_to_rotation_vector(by).y; // y is down
     }
     avatar_free(&avatar);
