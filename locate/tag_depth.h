@@ -1,5 +1,6 @@
 // What a depth sensor reads of a tag, and how well it reads at all. Pure.
 #pragma once
+#include "base/depth_noise.h"
 #include "locate/tag_corners.h"
 
 enum { TAG_DEPTH_SAMPLES = 36 };
@@ -21,6 +22,3 @@ struct tag_depth {
 // depth: of the same pixels as `lens`.
 void tag_read_depth(const struct tag_observation *seen, const struct lens *lens, const uint16_t *depth,
                     struct tag_depth *out);
-
-// The sensor's noise at a distance: 1.5e-3 z^2 (Khoshelham and Elberink 2012), metres.
-static inline double depth_sigma(double z) { return 1.5e-3 * z * z + 1e-3; }
