@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-// Weights of the evidence, chosen by the joints' error on the figures of docs/figures.md.
+// Weights of the evidence, chosen by hand; docs/figures.md has what free space and patches gain on 80 films.
 //
 // Neighbouring points have correlated errors (cloth, shape): those of a patch of this width weigh as one independent
 // point, and a frame as no more than PATCHES_MAX. If the person is occluded but for an arm, the arm weighs as before.
@@ -15,12 +15,11 @@
 #define PATCHES_MAX 150.0
 // Standard deviation of a silhouette sample: a limb is less round than its solid by this much. A tighter one would keep
 // a limb beside its place in the image rather than let it cross the gap.
-#define FREE_SIGMA_M 0.030
-#define OFF_PERSON_RATE                                                                                                \
-    0.4 // of that weight beside the person: the mask ends where depth does, a little inside the true silhouette
-#define CROWN_RATE    4.0 // of that weight for the crown of the head: hair and noise take a centimetre or two
-#define CROWN_SLACK_M 0.010
-#define FREE_REACH_M  0.25 // c of the samples' robust kernel
+#define FREE_SIGMA_M    0.030
+#define OFF_PERSON_RATE 0.4 // of that weight beside the person: the mask ends a little inside the true silhouette
+#define CROWN_RATE      4.0 // of that weight for the crown of the head: hair and noise take a centimetre or two
+#define CROWN_SLACK_M   0.010
+#define FREE_REACH_M    0.25 // c of the samples' robust kernel
 
 // Near the floor the mask ends some centimetres above it, by the sensor's noise: of a shoe only the upper edge is seen.
 // Points there are few, but they tell which way the person faces, and their errors are independent of the trunk's.

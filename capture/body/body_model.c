@@ -40,7 +40,8 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
 #define SKIRT_FORWARD 0.024 // of body height: the skirt's upper end ahead of the waist joint
 
 // A solid in its segment. Fractions of body height; x scales with `wide`, y with `tall`; widths, radii and z with
-// `girth`.
+// `girth`. Lengths are those of segment_rule; breadths, depths and offsets are from the sources in body_model.h, or
+// else chosen by hand.
 struct solid_rule {
     enum segment segment;
     struct vec3 a, b;
@@ -117,7 +118,7 @@ static const struct solid_rule solid_rule[SOLID_SKIRT] = {
 #define TRUNK_FORWARD 0.03 // the middle of the trunk ahead of the spine's joints, of body height
 
 // Joints within segments, fractions of body height. From the head's joint at the seventh cervical vertebra: the head
-// between the ears, the neck where it meets the shoulders. Fitted to rendered people (docs/figures.md).
+// between the ears, the neck where it meets the shoulders. Measured on rendered people (docs/figures.md).
 static const struct vec3 head_centre = {0, 0.084, 0};
 static const struct vec3 neck = {0, -0.006, 0.0035};
 static const struct vec3 palm = {0, -0.154, 0};        // its beginning, from the elbow: beyond the wrist

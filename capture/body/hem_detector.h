@@ -1,6 +1,6 @@
 // Detects the hem of a skirt or a coat that hides the legs: the level below which much less of the person is visible
-// than above. Trousers get narrower gradually, and hanging hands move. A heuristic of its own, with thresholds tuned on
-// rendered figures (docs/figures.md). Pure.
+// than above. Trousers get narrower gradually, and hanging hands move. A heuristic of its own, with
+// thresholds chosen by hand. Pure.
 #pragma once
 #include "capture/body/body_fit.h"
 

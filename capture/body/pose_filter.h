@@ -3,7 +3,7 @@
 // Every frame's fit has jitter, of millimetres near the sensor and more far from it. Its variance is measured online,
 // joint by joint, from the second differences of the fits. The gain of trunk and limbs follows from the innovation
 // against that noise and from the speed: an innovation within the noise is averaged over many fits, one well beyond it
-// is followed immediately (an adaptive exponential filter; compare Casiez et al. 2012). Joint speed is bounded. Noise
+// is followed immediately (an exponential filter with adaptive gain). Joint speed is bounded. Noise
 // and speed are averaged over fixed times, so that the frame rate hardly matters. Pure; camera axes, metres.
 #pragma once
 #include "capture/body/body_model.h"

@@ -14,12 +14,11 @@ enum {
 };
 
 // Chosen so that in recordings of real people static frames never exceeded 3 (see STATIC_FRAMES_MIN in tracker.c).
-#define STATIC_MM     2.0 // a smaller shift is no motion: sensors drift while they warm up
-#define PERSON_SIGMAS 3.0 // significance of the whole person's mean shift,
-#define BLOCK_SIGMAS  4.5 // and of one block's, of which there are about a hundred
-#define CONFIRMED_SHARE_MIN                                                                                            \
-    0.5                    // of the cells; less is motion: edges flicker, but a person who walks changes most cells
-#define INTERIOR_SHARE 0.8 // of a block's cells: no edge of the person runs through it
+#define STATIC_MM           2.0 // a smaller shift is no motion: sensors drift while they warm up
+#define PERSON_SIGMAS       3.0 // significance of the whole person's mean shift,
+#define BLOCK_SIGMAS        4.5 // and of one block's, of which there are about a hundred
+#define CONFIRMED_SHARE_MIN 0.5 // of the cells; less is motion: edges flicker, a walking person changes most cells
+#define INTERIOR_SHARE      0.8 // of a block's cells: no edge of the person runs through it
 
 struct motion_block {
     int cells, confirmed;

@@ -5,7 +5,7 @@
 #include <string.h>
 
 enum { YAWS = 8, FACINGS = 4 };
-// Chosen on films of rendered people (docs/figures.md).
+// Chosen by hand; docs/figures.md measures the outcome.
 #define POOR_FIT_ENERGY      75.0  // a fit's energy if all its points, 150 independent ones, are off by their sigma
 #define AWAY_LOG_ODDS        10.0  // against a person who faces away from the sensor
 #define AWAY_LOG_ODDS_UNSURE 45.0  // the same without feet, or without a floor under them: little other evidence
@@ -13,7 +13,7 @@ enum { YAWS = 8, FACINGS = 4 };
 #define REINIT_LOG_ODDS      20.0  // against the followed body having been wrong all along
 #define FEET_SEEN_LOG_ODDS   5.0   // the same when feet appear: proportions learned without them are uncertain
 #define REFINE_RATE          1.6   // of the least energy: a rough fit above this is not refined
-#define WAIST_RATE           0.571 // the waist joint's height over the floor, of body height (Drillis and Contini 1966)
+#define WAIST_RATE           0.571 // the waist joint's height over the floor, of body height, in body_model.c
 #define CROWN_RATE           0.429 // of the crown over the waist joint: 1 - WAIST_RATE
 #define SPINE_DEPTH_RATE     0.085 // of the waist joint behind the trunk's surface, of body height
 #define HEIGHT_SIGMA         0.06  // of an uncropped person's height: raised arms, bent knees, shoes

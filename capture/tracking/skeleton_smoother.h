@@ -21,7 +21,8 @@
 
 struct smoother;
 
-MUST_CHECK enum status smoother_open(struct smoother **out, const struct calibration *calibration); // ERR_MEMORY
+// Copies the calibration. ERR_MEMORY: *out is NULL.
+MUST_CHECK enum status smoother_open(struct smoother **out, const struct calibration *calibration);
 void smoother_close(struct smoother **s); // NULL is fine; sets *s = NULL
 
 // After each frame of the take: the online estimate, NULL where there is no person or no depth. Where what was followed

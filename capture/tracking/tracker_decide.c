@@ -35,7 +35,7 @@ enum {
 #define FLIPPED_SIGMA      4 // about the flipped body
 
 // Log-odds that are needed to change the pose, accumulated with DECAY a trial; at most TRIAL_SHARE from one trial:
-// while something is lost, any other pose fits better. Chosen by hand on filmed and rendered people.
+// while something is lost, any other pose fits better. Chosen by hand; docs/figures.md measures the outcome.
 #define DECAY               0.9
 #define TRIAL_SHARE         0.4
 #define FLIP_LOG_ODDS       20
