@@ -60,7 +60,7 @@ static double penetration_depth(const struct body_solid *s, struct vec3 c, doubl
     struct vec3 axis = v3_sub(s->b, s->a), from = v3_sub(c, s->a);
     double length2 = v3_dot(axis, axis), t = length2 > 1e-12 ? v3_dot(from, axis) / length2 : 0;
     t = t < 0 ? 0 : t > 1 ? 1 : t;
-    double width = s->width_a + (s->width_b - s->width_a) * t, thick = s->radius_a + (s->radius_b - s->radius_a) * t;
+    double width = solid_width(s, t), thick = solid_radius(s, t);
     struct vec3 middle = v3_add(s->a, v3_scale(axis, t)), off = v3_sub(c, middle);
     double beside = width > 0 ? v3_dot(off, s->side) : 0;
     off = v3_sub(off, v3_scale(s->side, beside < -width ? -width : beside > width ? width : beside));
@@ -79,7 +79,7 @@ static double collision_cost(const struct body_build *build, const struct collis
 {
     const struct body_solid *m = &build->solid[probe->mover];
     struct vec3 c = v3_mix(m->a, m->b, probe->t);
-    double radius = (m->radius_a + (m->radius_b - m->radius_a) * probe->t) * (1 - 2 * SOFT_TISSUE_RATE), energy = 0;
+    double radius = (solid_radius(m, probe->t)) * (1 - 2 * SOFT_TISSUE_RATE), energy = 0;
     for (int i = probe->first; i <= probe->last; i++) {
         struct vec3 out;
         double deep = penetration_depth(&build->solid[i], c, radius, &out);

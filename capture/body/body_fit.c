@@ -47,7 +47,7 @@ static void shape_row(const struct shape_jacobian slope[SHAPE_COUNT], const stru
 {
     const int i = hit->solid;
     const double t = hit->t;
-    double width = solid->width_a + (solid->width_b - solid->width_a) * t;
+    double width = solid_width(solid, t);
     double share = width > 1e-9 ? hit->side_m / width : 0;
     for (int k = 0; k < SHAPE_COUNT; k++) {
         const struct shape_jacobian *s = &slope[k];
@@ -101,7 +101,7 @@ static void add_point_residual(const struct body_build *build, const struct shap
                                const struct solid_hit *best, double pull, struct normal_equations *system)
 {
     const struct body_solid *s = &build->solid[best->solid];
-    double radius = s->radius_a + (s->radius_b - s->radius_a) * best->t, row[SHAPE_COUNT];
+    double radius = solid_radius(s, best->t), row[SHAPE_COUNT];
     struct vec3 normal = surface_normal(s, best, p, v3_unit(p));
     bool has_shape_row = slope && !is_under_skirt(build, s, p);
     if (has_shape_row)
@@ -249,8 +249,7 @@ static double add_free_solid(const struct fit_task *task, const struct body_buil
     if (s->width_a > 0)
         across = s->side;
     for (int k = 0; k < 4; k++) {
-        double t = (k + 0.5) / 4, radius = s->radius_a + (s->radius_b - s->radius_a) * t,
-               width = s->width_a + (s->width_b - s->width_a) * t;
+        double t = (k + 0.5) / 4, radius = solid_radius(s, t), width = solid_width(s, t);
         struct vec3 middle = v3_add(s->a, v3_scale(axis, t));
         for (int side = -1; side <= 1; side++) {
             double beside = side * (width + LATERAL_RATE * radius), deep = side ? LATERAL_DEPTH : 1;

@@ -124,6 +124,16 @@ static const struct vec3 neck = {0, -0.006, 0.0035};
 static const struct vec3 palm = {0, -0.154, 0};        // its beginning, from the elbow: beyond the wrist
 static const struct vec3 chest_centre = {0, 0.006, 0}; // above its joint with the abdomen
 
+const struct body_limb body_limbs[LIMB_COUNT] = {
+    {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND, JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND,
+     SOLID_LEFT_ARM + 1},
+    {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND, JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND,
+     SOLID_RIGHT_ARM + 1},
+    {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT, JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT, SOLID_LEFT_LEG},
+    {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT,
+     SOLID_RIGHT_LEG},
+};
+
 int body_parent(enum segment s) { return segment_rule[s].parent; }
 
 enum segment body_mirror(enum segment s)

@@ -91,6 +91,16 @@ enum {
     SOLID_COUNT = 21
 };
 
+static inline double solid_radius(const struct body_solid *s, double t) // at t in [0, 1] along the axis
+{
+    return s->radius_a + (s->radius_b - s->radius_a) * t;
+}
+
+static inline double solid_width(const struct body_solid *s, double t)
+{
+    return s->width_a + (s->width_b - s->width_a) * t;
+}
+
 struct body_build {
     struct vec3 origin[SEG_COUNT];       // the joint that a segment rotates about
     double axes[SEG_COUNT][3][3];        // camera_from_segment, rotation matrix
@@ -99,6 +109,22 @@ struct body_build {
     int solids; // number in use: two less without a skirt
     struct vec3 joint[JOINT_COUNT];
 };
+
+// The limbs: left arm, right arm, left leg, right leg.
+enum { FIRST_LEG = 2, LIMB_COUNT = 4, LIMB_SOLIDS = 3 };
+
+struct body_limb {
+    enum segment upper, lower, end;
+    enum joint root, bend, tip;
+    int first_solid; // of its LIMB_SOLIDS solids
+};
+extern const struct body_limb body_limbs[LIMB_COUNT];
+
+// A segment's axis k (0: left, 1: up, 2: ahead) in the camera.
+static inline struct vec3 body_axis(const struct body_build *build, enum segment s, int k)
+{
+    return v3(build->axes[s][0][k], build->axes[s][1][k], build->axes[s][2][k]);
+}
 
 int body_parent(enum segment s); // -1 for the pelvis
 

@@ -162,6 +162,14 @@ bool evidence_read(struct depth_evidence *e, const uint16_t *depth, const uint8_
     return e->count >= POINTS_MIN;
 }
 
+unsigned evidence_cropped_edges(const struct depth_evidence *e)
+{
+    return (e->left <= e->bounds.left + CROP_MARGIN ? CROP_LEFT : 0) |
+           (e->right >= e->bounds.right - CROP_MARGIN ? CROP_RIGHT : 0) |
+           (e->top <= e->bounds.top + CROP_MARGIN ? CROP_TOP : 0) |
+           (e->bottom >= e->bounds.bottom - CROP_MARGIN ? CROP_BOTTOM : 0);
+}
+
 enum evidence_kind evidence_at(const struct depth_evidence *e, struct pixel px, double z, double *depth_m, double *dx,
                                double *dy)
 {

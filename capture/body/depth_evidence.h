@@ -40,6 +40,10 @@ void evidence_close(struct depth_evidence **e); // NULL is fine
 // spread over the person. False: fewer than 40 pixels or 30 points, too few to fit; *e must not be used then.
 bool evidence_read(struct depth_evidence *e, const uint16_t *depth, const uint8_t *mask, int wanted);
 
+// The image's edges that crop the person: those within CROP_MARGIN pixels of the mask. A set of bits.
+enum { CROP_LEFT = 1, CROP_RIGHT = 2, CROP_TOP = 4, CROP_BOTTOM = 8, CROP_MARGIN = 2 };
+unsigned evidence_cropped_edges(const struct depth_evidence *e);
+
 enum evidence_kind { EVIDENCE_OUTSIDE, EVIDENCE_PERSON, EVIDENCE_OFF_PERSON, EVIDENCE_OCCLUDED };
 
 // What the image says of a point of the model that projects to `px` at depth z:

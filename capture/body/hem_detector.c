@@ -35,7 +35,7 @@ static int lowest_bin(const struct fit_task *task)
 {
     const struct depth_evidence *e = task->evidence;
     double high = 0;
-    for (int y = e->bounds.bottom - 2; y <= e->bottom; y++)
+    for (int y = e->bounds.bottom - CROP_MARGIN; y <= e->bottom; y++)
         for (int x = e->left; x <= e->right; x++) {
             int at = y * e->lens.width + x, d = e->depth[at];
             if (!e->mask[at] || !d)
@@ -59,7 +59,7 @@ bool hem_detect(const struct fit_task *task, double height_m, struct hem *out)
     double width[BINS];
     *out = (struct hem){0};
     const struct depth_evidence *e = task->evidence;
-    if (!task->have_floor || e->left <= e->bounds.left + 2 || e->right >= e->bounds.right - 2)
+    if (!task->have_floor || evidence_cropped_edges(e) & (CROP_LEFT | CROP_RIGHT))
         return false;
     find_widths(task, width);
     int lowest = lowest_bin(task), first = (int)(LEVEL_MIN * height_m / BIN_M);

@@ -20,7 +20,7 @@
 enum { LIMIT_ROUNDS = 4 };
 
 // Groups of segments with one gain: the trunk and four limbs.
-enum { TRUNK, GROUPS = 5 };
+enum { TRUNK, GROUPS = 1 + LIMB_COUNT };
 
 static int group_of(int segment)
 {
@@ -31,16 +31,7 @@ static int group_of(int segment)
                                                                          : TRUNK;
 }
 
-static const struct {
-    enum segment first, middle, end;
-    enum joint bend, tip;
-} limb[GROUPS] = {
-    {0},
-    {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
-    {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
-    {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-    {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
-};
+static const struct body_limb *limb_of(int group) { return &body_limbs[group - 1]; }
 
 void pose_filter_start(struct pose_filter *s, const struct body_shape *shape, const struct body_pose *pose)
 {
@@ -77,7 +68,7 @@ static void find_gains(const struct pose_filter *s, const struct body_build *is,
     double most[GROUPS] = {0}, least = fmax(1 - exp(-dt_s / STATIC_S), 1.0 / s->fits);
     int group[JOINT_COUNT] = {0};
     for (int g = 1; g < GROUPS; g++)
-        group[limb[g].bend] = group[limb[g].tip] = g;
+        group[limb_of(g)->bend] = group[limb_of(g)->tip] = g;
     for (int j = 0; j < JOINT_COUNT; j++) {
         double off = v3_distance(is->joint[j], s->joint[j]) /
                      (FULL_GAIN_SIGMAS * fmax(JITTER_MIN_M, sqrt(s->jitter_m2[j]))),
@@ -110,13 +101,14 @@ static void preserve_limb_ends(const struct pose_filter *s, const struct body_sh
                                const double gain[GROUPS], struct body_pose *pose)
 {
     for (int g = 1; g < GROUPS; g++) {
+        const struct body_limb *l = limb_of(g);
         struct body_build build;
-        struct vec3 tip = v3_mix(s->joint[limb[g].tip], is->joint[limb[g].tip], gain[g]),
-                    bend = v3_mix(s->joint[limb[g].bend], is->joint[limb[g].bend], gain[g]);
+        struct vec3 tip = v3_mix(s->joint[l->tip], is->joint[l->tip], gain[g]),
+                    bend = v3_mix(s->joint[l->bend], is->joint[l->bend], gain[g]);
         body_forward_kinematics(shape, pose, &build);
-        body_aim_segment(shape, pose, limb[g].first, v3_sub(bend, build.origin[limb[g].first]));
+        body_aim_segment(shape, pose, l->upper, v3_sub(bend, build.origin[l->upper]));
         body_forward_kinematics(shape, pose, &build);
-        body_aim_segment(shape, pose, limb[g].middle, v3_sub(tip, build.origin[limb[g].middle]));
+        body_aim_segment(shape, pose, l->lower, v3_sub(tip, build.origin[l->lower]));
     }
 }
 
@@ -130,12 +122,13 @@ static void limit_speed(const struct body_pose *was_pose, const struct body_buil
     for (int round = 0; round < LIMIT_ROUNDS; round++) { // rotations and distances are not quite proportional
         body_forward_kinematics(shape, out, &is);
         for (int g = 1; g < GROUPS; g++) {
-            double far = fmax(v3_distance(was->origin[limb[g].middle], is.origin[limb[g].middle]),
-                              v3_distance(was->origin[limb[g].end], is.origin[limb[g].end]));
+            const struct body_limb *l = limb_of(g);
+            double far = fmax(v3_distance(was->origin[l->lower], is.origin[l->lower]),
+                              v3_distance(was->origin[l->end], is.origin[l->end]));
             if (far <= limit)
                 continue;
             share[g] *= LIMIT_SLACK * limit / far;
-            for (int i = (int)limb[g].first; i <= (int)limb[g].end; i++)
+            for (int i = (int)l->upper; i <= (int)l->end; i++)
                 out->rotation[i] = quat_slerp(was_pose->rotation[i], wanted->rotation[i], share[g]);
         }
     }

@@ -43,7 +43,7 @@ double silhouette_outside_patches(const struct fit_task *task, const struct body
         double length = v3_length(axis);
         int along = (int)fmax(1, ceil(length / PATCH_M));
         for (int i = 0; i < along; i++) {
-            double t = (i + 0.5) / along, radius = s->radius_a + (s->radius_b - s->radius_a) * t,
+            double t = (i + 0.5) / along, radius = solid_radius(s, t),
                    patch = length / along * MARGIN / ACROSS * radius / (PATCH_M * PATCH_M);
             struct vec3 middle = v3_mix(s->a, s->b, t);
             for (int j = -ACROSS; j <= ACROSS; j++) {

@@ -30,12 +30,12 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
         out->distance = BEYOND_M;
         return;
     }
-    double t = along < 0 ? 0 : along > 1 ? 1 : along, radius = s->radius_a + (s->radius_b - s->radius_a) * t;
+    double t = along < 0 ? 0 : along > 1 ? 1 : along, radius = solid_radius(s, t);
     out->t = t;
     out->side_m = 0;
     out->on = v3_add(s->a, v3_scale(l->axis, t));
     if (l->flat) {
-        double width = s->width_a + (s->width_b - s->width_a) * t, beside = v3_dot(v3_sub(p, out->on), s->side);
+        double width = solid_width(s, t), beside = v3_dot(v3_sub(p, out->on), s->side);
         out->side_m = beside < -width ? -width : beside > width ? width : beside;
         out->on = v3_add(out->on, v3_scale(s->side, out->side_m));
     }
@@ -53,7 +53,7 @@ static void measure_solid(const struct body_solid *s, const struct solid_line *l
 
 struct vec3 surface_normal(const struct body_solid *s, const struct solid_hit *n, struct vec3 p, struct vec3 view)
 {
-    double radius = s->radius_a + (s->radius_b - s->radius_a) * n->t;
+    double radius = solid_radius(s, n->t);
     struct vec3 out = v3_sub(p, n->on);
     double deep = v3_dot(out, view);
     if (deep > 0) {

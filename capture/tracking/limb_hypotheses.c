@@ -54,21 +54,7 @@ double flipped_log_odds(const struct fit_task *given, struct fit_scratch *scratc
     return energy_gain(given, &pose, FLIP_SIGMA, scratch);
 }
 
-struct limb_chain {
-    enum segment upper, lower, end;
-    int first; // of its LIMB_SOLIDS solids
-};
-
-enum { LIMB_SOLIDS = 3 };
-
-static const struct limb_chain limb[LIMB_COUNT] = {
-    {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_LEFT_HAND, SOLID_LEFT_ARM + 1},
-    {SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM, SEG_RIGHT_HAND, SOLID_RIGHT_ARM + 1},
-    {SEG_LEFT_THIGH, SEG_LEFT_SHIN, SEG_LEFT_FOOT, SOLID_LEFT_LEG},
-    {SEG_RIGHT_THIGH, SEG_RIGHT_SHIN, SEG_RIGHT_FOOT, SOLID_RIGHT_LEG},
-};
-
-static struct body_pose reach_target(const struct fit_result *from, const struct limb_chain *l, struct vec3 target,
+static struct body_pose reach_target(const struct fit_result *from, const struct body_limb *l, struct vec3 target,
                                      struct vec3 pole)
 {
     struct body_pose pose = from->pose;
@@ -84,7 +70,7 @@ struct unexplained {                 // unexplained points within a limb's reach
 };
 
 static struct unexplained find_unexplained(const struct depth_evidence *e, const struct fit_result *r,
-                                           const struct limb_chain *l)
+                                           const struct body_limb *l)
 {
     struct vec3 base = r->build.origin[l->upper], opposite = r->build.origin[body_mirror(l->upper)];
     double reach = REACH_RATE * (v3_distance(base, r->build.origin[l->lower]) +
@@ -139,21 +125,20 @@ enum { POLES = 3 };
 // number.
 static int find_poles(const struct fit_task *task, const struct fit_result *r, int k, struct vec3 out[POLES])
 {
-    const double(*pelvis)[3] = (const double(*)[3])r->build.axes[SEG_PELVIS];
-    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
+    struct vec3 ahead = body_axis(&r->build, SEG_PELVIS, 2);
     if (k >= FIRST_LEG) {
         out[0] = ahead;
         return 1;
     }
     out[0] = v3_scale(task->up, -1);
-    out[1] = v3_scale(v3(pelvis[0][0], pelvis[1][0], pelvis[2][0]), k ? -1 : 1);
+    out[1] = v3_scale(body_axis(&r->build, SEG_PELVIS, 0), k ? -1 : 1);
     out[2] = v3_scale(ahead, -1);
     return 3;
 }
 
 static void try_limb(const struct fit_task *task, int k, struct fit_scratch *scratch, double *least)
 {
-    const struct limb_chain *l = &limb[k];
+    const struct body_limb *l = &body_limbs[k];
     const struct fit_result *best = &scratch->best;
     struct unexplained unexplained = find_unexplained(task->evidence, best, l);
     double misplaced_energy = best->limb_energy[l->upper] + best->limb_energy[l->lower] + best->limb_energy[l->end];
@@ -202,11 +187,11 @@ int limb_search(const struct fit_task *given, struct fit_scratch *scratch)
 double legs_swapped_log_odds(const struct fit_task *given, struct fit_scratch *scratch)
 {
     struct fit_result *best = &scratch->best;
-    double(*pelvis)[3] = best->build.axes[SEG_PELVIS];
-    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]), left = best->build.origin[SEG_LEFT_FOOT],
+    struct vec3 ahead = body_axis(&best->build, SEG_PELVIS, 2), left = best->build.origin[SEG_LEFT_FOOT],
                 right = best->build.origin[SEG_RIGHT_FOOT];
-    struct body_pose one = reach_target(best, &limb[FIRST_LEG], right, ahead),
-                     other = reach_target(best, &limb[FIRST_LEG + 1], left, ahead), pose = best->pose, now = best->pose;
+    struct body_pose one = reach_target(best, &body_limbs[FIRST_LEG], right, ahead),
+                     other = reach_target(best, &body_limbs[FIRST_LEG + 1], left, ahead), pose = best->pose,
+                     now = best->pose;
     for (int s = SEG_LEFT_THIGH; s <= SEG_RIGHT_FOOT; s++)
         pose.rotation[s] = s <= SEG_LEFT_FOOT ? one.rotation[s] : other.rotation[s];
     double refit = best->shape.hem_m > 0 ? energy_gain(given, &now, SWAP_SIGMA, scratch) : 0;
@@ -215,14 +200,14 @@ double legs_swapped_log_odds(const struct fit_task *given, struct fit_scratch *s
 
 double limb_moved_m(int k, const struct body_build *from, const struct body_build *to)
 {
-    const struct limb_chain *l = &limb[k];
+    const struct body_limb *l = &body_limbs[k];
     return fmax(v3_distance(from->origin[l->lower], to->origin[l->lower]),
                 v3_distance(from->origin[l->end], to->origin[l->end]));
 }
 
 void limb_copy(int k, const struct body_pose *from, struct body_pose *to)
 {
-    for (int s = (int)limb[k].upper; s <= (int)limb[k].end; s++)
+    for (int s = (int)body_limbs[k].upper; s <= (int)body_limbs[k].end; s++)
         to->rotation[s] = from->rotation[s];
 }
 
@@ -244,7 +229,7 @@ static void match_orientation(const struct body_shape *shape, enum segment s, co
 
 void limb_transfer(int k, const struct body_shape *shape, const struct body_build *from, struct body_pose *to)
 {
-    const enum segment chain[3] = {limb[k].upper, limb[k].lower, limb[k].end};
+    const enum segment chain[3] = {body_limbs[k].upper, body_limbs[k].lower, body_limbs[k].end};
     for (int i = 0; i < 3; i++) {
         match_orientation(shape, chain[i], from, to);
         if (i == 2)
@@ -269,7 +254,7 @@ struct limb_candidate {
 
 struct limb_task {
     const struct fit_task *task;
-    const struct limb_chain *limb;
+    const struct body_limb *limb;
     const struct fit_result *best;
     struct limb_point point[EVIDENCE_POINTS_MAX]; // within its reach, off every other solid
     int count;
@@ -279,13 +264,13 @@ struct limb_task {
 };
 
 // Distance of the nearest solid that is not of this limb.
-static double other_distance(const struct fit_result *r, const struct limb_chain *l, int i, struct vec3 p)
+static double other_distance(const struct fit_result *r, const struct body_limb *l, int i, struct vec3 p)
 {
-    if (r->solid[i] < l->first || r->solid[i] >= l->first + LIMB_SOLIDS)
+    if (r->solid[i] < l->first_solid || r->solid[i] >= l->first_solid + LIMB_SOLIDS)
         return (double)r->residual[i];
     double least = 1e9;
     for (int k = 0; k < r->build.solids; k++) {
-        if (k == l->first)
+        if (k == l->first_solid)
             k += LIMB_SOLIDS;
         if (k == r->build.solids)
             break;
@@ -336,7 +321,7 @@ static void find_targets(struct limb_task *t)
 // The energy of the limb's points and solids in a pose.
 static double limb_energy(const struct limb_task *t, const struct body_build *build)
 {
-    const struct limb_evidence evidence = {t->limb->first, LIMB_SOLIDS, t->point, t->count};
+    const struct limb_evidence evidence = {t->limb->first_solid, LIMB_SOLIDS, t->point, t->count};
     return body_evaluate_limb(t->task, build, &evidence);
 }
 
@@ -347,7 +332,7 @@ static void keep_candidate(struct limb_task *t, struct vec3 target, struct vec3 
     struct limb_candidate candidate = {reach_target(r, t->limb, target, pole), 0};
     struct body_build build;
     body_forward_kinematics(&r->shape, &candidate.pose, &build);
-    if (limb_moved_m((int)(t->limb - limb), &r->build, &build) < DISTINCT_M)
+    if (limb_moved_m((int)(t->limb - body_limbs), &r->build, &build) < DISTINCT_M)
         return;
     candidate.energy = limb_energy(t, &build);
     for (int i = 0; i < KEPT; i++)
@@ -381,7 +366,7 @@ static void find_candidates(struct limb_task *t, int k)
 double limb_alternative_log_odds(const struct fit_task *given, int k, struct fit_scratch *scratch)
 {
     struct fit_task task = *given;
-    struct limb_task t = {.task = &task, .limb = &limb[k], .best = &scratch->best};
+    struct limb_task t = {.task = &task, .limb = &body_limbs[k], .best = &scratch->best};
     task.learn_shape = false;
     task.shape.mean = scratch->best.shape;
     task.kernel_m = SEARCH_KERNEL_M;

@@ -9,8 +9,6 @@ struct fit_scratch {
     struct fit_result best, trial, other;
 };
 
-enum { FIRST_LEG = 2, LIMB_COUNT = 4 }; // left arm, right arm, left leg, right leg
-
 // The robust kernel with which poses are compared: wide, so that points that are left unexplained count. Chosen by
 // hand.
 #define SEARCH_KERNEL_M 0.12

@@ -26,10 +26,9 @@ static void point_foot(const struct body_shape *shape, struct body_pose *pose, e
 {
     struct body_build build;
     body_forward_kinematics(shape, pose, &build);
-    const double(*axes)[3] = (const double(*)[3])build.axes[foot];
-    struct vec3 way = v3_sub(toe, build.origin[foot]), left = v3(axes[0][0], axes[1][0], axes[2][0]),
-                ahead = v3(axes[0][2], axes[1][2], axes[2][2]);
-    double yaw = atan2(v3_dot(way, left), v3_dot(way, ahead));
+    struct vec3 to_toe = v3_sub(toe, build.origin[foot]), left = body_axis(&build, foot, 0),
+                ahead = body_axis(&build, foot, 2);
+    double yaw = atan2(v3_dot(to_toe, left), v3_dot(to_toe, ahead));
     yaw = fmax(-FOOT_YAW_MAX, fmin(FOOT_YAW_MAX, yaw));
     pose->rotation[foot] = quat_multiply(pose->rotation[foot], quat_from_rotation_vector(v3(0, yaw, 0)));
 }

@@ -68,9 +68,10 @@ static bool measure(const struct fit_task *task, struct person_measures *out)
         level[i] = level_of(task, e->point[i].p);
     out->top = rank_of(level, e->count, 0.995) + 0.01;
     out->bottom = rank_of(level, e->count, 0.005);
-    out->legs_cropped = e->bottom >= e->bounds.bottom - 2 || (task->have_floor && out->bottom > LEGS_HIDDEN_M);
-    out->head_cropped = e->top <= e->bounds.top + 2;
-    out->side_cropped = (e->right >= e->bounds.right - 2) - (e->left <= e->bounds.left + 2);
+    unsigned cropped = evidence_cropped_edges(e);
+    out->legs_cropped = cropped & CROP_BOTTOM || (task->have_floor && out->bottom > LEGS_HIDDEN_M);
+    out->head_cropped = cropped & CROP_TOP;
+    out->side_cropped = (cropped & CROP_RIGHT ? 1 : 0) - (cropped & CROP_LEFT ? 1 : 0);
     out->height = BODY_AVERAGE_HEIGHT_M;
     if (!out->legs_cropped && task->have_floor && out->bottom < STANDING_M)
         out->bottom = 0;

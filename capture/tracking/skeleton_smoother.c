@@ -50,15 +50,6 @@ struct smoother {
     int backward_person; // whose shape the backward pass has
 };
 
-static const struct {
-    enum joint root, bend, tip;
-} limb[LIMB_COUNT] = {
-    {JOINT_LEFT_SHOULDER, JOINT_LEFT_ELBOW, JOINT_LEFT_HAND},
-    {JOINT_RIGHT_SHOULDER, JOINT_RIGHT_ELBOW, JOINT_RIGHT_HAND},
-    {JOINT_LEFT_HIP, JOINT_LEFT_KNEE, JOINT_LEFT_FOOT},
-    {JOINT_RIGHT_HIP, JOINT_RIGHT_KNEE, JOINT_RIGHT_FOOT},
-};
-
 enum status smoother_open(struct smoother **out, const struct calibration *calibration)
 {
     if (!(*out = calloc(1, sizeof **out)))
@@ -130,8 +121,8 @@ static void add_leg_alternatives(struct smoother_frame *m, struct tracker *t)
         if (!(m->alternative_odds[k] > 0))
             continue;
         body_forward_kinematics(tracker_shape(t), &pose, &build);
-        m->estimate[ALTERNATIVE].joint[limb[k].bend] = build.joint[limb[k].bend];
-        m->estimate[ALTERNATIVE].joint[limb[k].tip] = build.joint[limb[k].tip];
+        m->estimate[ALTERNATIVE].joint[body_limbs[k].bend] = build.joint[body_limbs[k].bend];
+        m->estimate[ALTERNATIVE].joint[body_limbs[k].tip] = build.joint[body_limbs[k].tip];
     }
 }
 
@@ -171,11 +162,11 @@ static enum estimate right_estimate(int state) { return (enum estimate)(state % 
 static double limb_distance(const struct skeleton *a, const struct skeleton *b, int k)
 {
     if (k < LIMB_COUNT)
-        return fmax(v3_distance(a->joint[limb[k].bend], b->joint[limb[k].bend]),
-                    v3_distance(a->joint[limb[k].tip], b->joint[limb[k].tip]));
+        return fmax(v3_distance(a->joint[body_limbs[k].bend], b->joint[body_limbs[k].bend]),
+                    v3_distance(a->joint[body_limbs[k].tip], b->joint[body_limbs[k].tip]));
     double most = 0;
     for (int i = 0; i < LIMB_COUNT; i++)
-        most = fmax(most, v3_distance(a->joint[limb[i].root], b->joint[limb[i].root]));
+        most = fmax(most, v3_distance(a->joint[body_limbs[i].root], b->joint[body_limbs[i].root]));
     return most;
 }
 
@@ -342,7 +333,7 @@ static void merge_pair(struct smoother_frame *m, int first, const double posteri
     if (!m->has_backward || facing_differs(m))
         return;
     for (int k = first; k < first + 2; k++) {
-        const enum joint joint[2] = {limb[k].bend, limb[k].tip};
+        const enum joint joint[2] = {body_limbs[k].bend, body_limbs[k].tip};
         for (int i = 0; i < 2; i++) {
             struct vec3 mean = {0, 0, 0};
             for (int s = 0; s < STATES; s++) {
@@ -417,7 +408,7 @@ static void restore_lengths(struct smoother_frame *m, const struct body_build *b
 {
     struct vec3 *joint = m->result.joint;
     for (int k = 0; k < LIMB_COUNT; k++) {
-        const enum joint chain[3] = {limb[k].root, limb[k].bend, limb[k].tip};
+        const enum joint chain[3] = {body_limbs[k].root, body_limbs[k].bend, body_limbs[k].tip};
         for (int i = 1; i < 3; i++) {
             double length = v3_distance(build->joint[chain[i]], build->joint[chain[i - 1]]);
             struct vec3 along = v3_unit(v3_sub(joint[chain[i]], joint[chain[i - 1]]));

@@ -133,9 +133,8 @@ static int add_spheres(const struct body_build *build, struct bounding_sphere sp
         const struct body_solid *s = &build->solid[i];
         for (int k = 0; k < SPHERES_PER_SOLID; k++) {
             double t = k / (SPHERES_PER_SOLID - 1.0);
-            spheres[count++] =
-                (struct bounding_sphere){v3_mix(s->a, s->b, t), s->radius_a + (s->radius_b - s->radius_a) * t +
-                                                                    s->width_a + (s->width_b - s->width_a) * t};
+            spheres[count++] = (struct bounding_sphere){v3_mix(s->a, s->b, t), solid_radius(s, t) + s->width_a +
+                                                                                   (s->width_b - s->width_a) * t};
         }
     }
     return count;

@@ -84,18 +84,9 @@ static void learn_shape(struct tracker *t, const struct fit_task *task, const st
         t->shape_pose = fit->pose;
 }
 
-enum { CROP_LEFT = 1, CROP_RIGHT = 2, CROP_TOP = 4, CROP_BOTTOM = 8 };
-
-// Which of the image's edges crop the person.
-static unsigned crop_edges(const struct depth_evidence *e)
-{
-    return (e->left <= e->bounds.left + 2 ? CROP_LEFT : 0) | (e->right >= e->bounds.right - 2 ? CROP_RIGHT : 0) |
-           (e->top <= e->bounds.top + 2 ? CROP_TOP : 0) | (e->bottom >= e->bounds.bottom - 2 ? CROP_BOTTOM : 0);
-}
-
 static bool is_uncropped(const struct depth_evidence *e)
 {
-    return !(crop_edges(e) & (CROP_LEFT | CROP_RIGHT | CROP_BOTTOM));
+    return !(evidence_cropped_edges(e) & (CROP_LEFT | CROP_RIGHT | CROP_BOTTOM));
 }
 
 // Accumulates a pose's log-odds over the trials. True: they reached `enough`, and start from 0 again.
@@ -111,8 +102,7 @@ static bool accumulate_log_odds(double *evidence, double gain, double enough)
 // Log-odds that the person walks ahead and not backwards.
 static double walking_log_odds(const struct tracker *t)
 {
-    const double(*pelvis)[3] = (const double(*)[3])t->scratch->best.build.axes[SEG_PELVIS];
-    struct vec3 ahead = v3(pelvis[0][2], pelvis[1][2], pelvis[2][2]);
+    struct vec3 ahead = body_axis(&t->scratch->best.build, SEG_PELVIS, 2);
     return (t->backward ? -WALKING_LOG_ODDS : WALKING_LOG_ODDS) *
            fmax(-1, fmin(1, -v3_dot(t->filter.speed[JOINT_WAIST], ahead) / WALKING_M_S));
 }
@@ -163,7 +153,7 @@ static void update_hem(struct tracker *t, const struct fit_task *task)
 {
     const struct body_build *build = &t->scratch->best.build;
     double height = exp(t->shape.mean.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
-    struct vec3 spine = v3(build->axes[SEG_PELVIS][0][1], build->axes[SEG_PELVIS][1][1], build->axes[SEG_PELVIS][2][1]);
+    struct vec3 spine = body_axis(build, SEG_PELVIS, 1);
     struct hem hem;
     if (v3_dot(spine, task->up) < UPRIGHT_COSINE || !hem_detect(task, height, &hem))
         return;
@@ -265,7 +255,7 @@ static bool detect_person(struct tracker *t, struct fit_task *task)
     if (!found)
         return false;
     t->detection_count++;
-    t->cropped = crop_edges(t->evidence);
+    t->cropped = evidence_cropped_edges(t->evidence);
     adopt_fit(t, task);
     return true;
 }
@@ -274,7 +264,7 @@ static bool detect_person(struct tracker *t, struct fit_task *task)
 // would keep that. When fewer edges crop the person, detects the person again from scratch.
 static void reinitialise(struct tracker *t, struct fit_task *task)
 {
-    unsigned before = t->cropped, now = crop_edges(t->evidence);
+    unsigned before = t->cropped, now = evidence_cropped_edges(t->evidence);
     if (t->backward || __builtin_popcount(now) >= __builtin_popcount(before))
         return;
     t->cropped = now;
