@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-// Weights of the evidence, chosen by hand; docs/figures.md has what free space and patches gain on 80 films.
+// Weights of the evidence, chosen by hand; docs/notes/skeleton.md has what free space and patches gain.
 //
 // Neighbouring points have correlated errors (cloth, shape): those of a patch of this width weigh as one independent
 // point, and a frame as no more than PATCHES_MAX. If the person is occluded but for an arm, the arm weighs as before.

@@ -34,7 +34,7 @@ static const struct segment_rule segment_rule[SEG_COUNT] = {
 
 // The model's hem is this much lower than the level of the sharpest narrowing: a hem is not level, and a cone's surface
 // ends before its axis does. Cloth beyond the end would be matched to legs and pull knees forward, inward and thick.
-// The best of three lengths on the rendered skirt and coat of docs/figures.md.
+// The best of three lengths on rendered skirts and coats (docs/notes/skeleton.md).
 #define HEM_SLACK_M 0.06
 
 #define SKIRT_FORWARD 0.024 // of body height: the skirt's upper end ahead of the waist joint
@@ -118,7 +118,7 @@ static const struct solid_rule solid_rule[SOLID_SKIRT] = {
 #define TRUNK_FORWARD 0.03 // the middle of the trunk ahead of the spine's joints, of body height
 
 // Joints within segments, fractions of body height. From the head's joint at the seventh cervical vertebra: the head
-// between the ears, the neck where it meets the shoulders. Measured on rendered people (docs/figures.md).
+// between the ears, the neck where it meets the shoulders. Measured on rendered people (docs/notes/skeleton.md).
 static const struct vec3 head_centre = {0, 0.084, 0};
 static const struct vec3 neck = {0, -0.006, 0.0035};
 static const struct vec3 palm = {0, -0.154, 0};        // its beginning, from the elbow: beyond the wrist

@@ -8,8 +8,8 @@
 // The initial proportions are fractions of body height: Drillis and Contini (Body Segment Parameters, 1966; after
 // Winter, Biomechanics and Motor Control of Human Movement, fig. 4.1); breadths and depths of the trunk after Pheasant
 // and Haslegrave (Bodyspace, table 10.1: chest 250 mm deep, abdomen 260). Changed against those after measurements on
-// people of many sizes (docs/figures.md): the spine's joints lie behind the middle of the trunk, the hip joints 3 cm
-// ahead of the spine, and the knees 1 cm lower. The shape scales all of it to the person.
+// people of many sizes (docs/notes/skeleton.md): the spine's joints lie behind the middle of the trunk, the hip joints
+// 3 cm ahead of the spine, and the knees 1 cm lower. The shape scales all of it to the person.
 #pragma once
 #include "capture/recording/skeleton.h"
 

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-// Time constants and thresholds, chosen by hand; test_pose_filter and docs/figures.md measure jitter and lag.
+// Time constants and thresholds, chosen by hand; test_pose_filter measures jitter and lag.
 #define JITTER_S         0.5   // averaging time of the jitter's variance
 #define JITTER_INITIAL_M 0.008 // before any measurement
 #define JITTER_MIN_M     0.002

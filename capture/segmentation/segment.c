@@ -231,7 +231,7 @@ static void read_cells(struct segmenter *s, const uint16_t *image)
     }
 }
 
-// Bounds and weights of the person score. Chosen by hand for adults and children; docs/figures.md measures the outcome.
+// Bounds and weights of the person score. Chosen by hand for adults and children; docs/results.md measures the outcome.
 // Furniture that scores as a person is left to the static object rejection.
 static const double AREA_MIN_M2 = 0.12, AREA_MAX_M2 = 2.2; // visible surface
 static const double TALL_MIN_M = 0.4, TALL_MAX_M = 2.5;    // cropped by the image's edge; arms up

@@ -3,7 +3,7 @@
 #include "capture/body/solid_distance.h"
 #include "capture/body/two_bone_ik.h"
 
-// Chosen by hand; docs/figures.md measures the outcome.
+// Chosen by hand; docs/results.md measures the outcome.
 #define LIMB_MOVE_ENERGY  20   // energy that a limb must gain for each metre that a search moves it
 #define FLIP_SIGMA        4    // expected_sigma of fits about the flipped body,
 #define SWAP_SIGMA        2    // about exchanged legs,

@@ -5,7 +5,7 @@
 #include <string.h>
 
 enum { YAWS = 8, FACINGS = 4 };
-// Chosen by hand; docs/figures.md measures the outcome.
+// Chosen by hand; docs/results.md measures the outcome.
 #define POOR_FIT_ENERGY      75.0  // a fit's energy if all its points, 150 independent ones, are off by their sigma
 #define AWAY_LOG_ODDS        10.0  // against a person who faces away from the sensor
 #define AWAY_LOG_ODDS_UNSURE 45.0  // the same without feet, or without a floor under them: little other evidence

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Chosen by hand; docs/figures.md measures the outcome.
+// Chosen by hand; docs/results.md measures the outcome.
 #define GAP_NS              200000000 // frames further apart than this are not one motion
 #define AGREE_M             0.06      // two estimates of a limb about this far apart are half averaged
 #define FACING_DIFFERS_M    0.15      // trunks further apart face opposite ways

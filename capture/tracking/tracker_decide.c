@@ -21,7 +21,7 @@ enum {
 #define NEAR_M              0.06
 #define ROUGHLY_M           0.10
 #define EXPLAINED_SHARE_MIN 0.97  // within NEAR_M, of a person: of furniture fewer are,
-#define FIT_ENERGY_MAX      120.0 // or its fit has more energy: people's have 25 to 60 on the films of docs/figures.md
+#define FIT_ENERGY_MAX      120.0 // or its fit has more energy: people's have 25 to 60 on rendered films
 #define GOOD_SHARE          0.985 // within NEAR_M: below, limbs are searched and no shape is learned
 #define POOR_SHARE          0.7   // within ROUGHLY_M: below, the frame is poor
 #define LOST_SHARE          0.35  // within ROUGHLY_M: below, the person is lost immediately
@@ -35,7 +35,7 @@ enum {
 #define FLIPPED_SIGMA      4 // about the flipped body
 
 // Log-odds that are needed to change the pose, accumulated with DECAY a trial; at most TRIAL_SHARE from one trial:
-// while something is lost, any other pose fits better. Chosen by hand; docs/figures.md measures the outcome.
+// while something is lost, any other pose fits better. Chosen by hand; docs/results.md measures the outcome.
 #define DECAY               0.9
 #define TRIAL_SHARE         0.4
 #define FLIP_LOG_ODDS       20

@@ -1,5 +1,5 @@
-// State and steps that the source files of the tracker share: tracker.c predicts, observes and commits,
-// tracker_decide.c decides what a frame shows, tracker_backward.c serves the smoother.
+// State and steps that the source files of the tracker share: tracker_state.c opens and closes it, tracker.c predicts,
+// observes and commits, tracker_decide.c decides what a frame shows, tracker_backward.c serves the smoother.
 #pragma once
 #include "capture/body/hem_detector.h"
 #include "capture/body/pose_filter.h"

@@ -9,7 +9,7 @@
 enum { FPS = 30, FRAMES = 24, EVERY = 6, SEED = 11 };
 #define ROOT_M       0.03 // of each coordinate; as proportions of a take's beginning and end change a pose
 #define LIMB_RADIANS 0.10
-#define EVEN_ODDS    8.0 // without the refit before the comparison it is 35
+#define EVEN_ODDS    6.0 // 4.6; without the refit before the comparison it is 35
 
 static const enum segment limbs[] = {SEG_LEFT_UPPER_ARM, SEG_LEFT_FOREARM, SEG_RIGHT_UPPER_ARM, SEG_RIGHT_FOREARM,
                                      SEG_LEFT_THIGH,     SEG_LEFT_SHIN,    SEG_RIGHT_THIGH,     SEG_RIGHT_SHIN};
@@ -103,7 +103,7 @@ static void test_limb_is_transferred_from_other_pose(void **state)
     }
     print_message("seed %d: a transferred limb's end is %.0f mm off its place, a copied one's %.0f\n", SEED,
                   1000 * transferred / count, 1000 * copied / count);
-    EXPECT_AT_MOST(transferred, 0.5 * copied);
+    EXPECT_AT_MOST(transferred, 0.27 * copied); // 0.22
 }
 
 // The same body, but each foot comes to where the other one is.
@@ -146,9 +146,9 @@ static void test_swapped_legs_are_less_likely(void **state)
     }
     print_message("of %d frames %d are against both legs exchanged (log-odds %.0f), %d even more against one (%.0f)\n",
                   count, against, both / count, one, alone / count);
-    EXPECT_AT_LEAST(count, 10);
-    EXPECT_AT_LEAST(against, 0.9 * count);
-    EXPECT_AT_LEAST(one, 0.9 * count);
+    EXPECT_AT_LEAST(count, 25);
+    EXPECT_AT_LEAST(against, 0.96 * count); // all
+    EXPECT_AT_LEAST(one, 0.96 * count);
     tracked_film_close(&f);
 }
 

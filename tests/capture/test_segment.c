@@ -63,16 +63,18 @@ static double overlap(const struct segment_scene *s)
 static void test_mask_matches_person(void **state)
 {
     struct segment_scene *s = *state;
-    double sum = 0;
+    double sum = 0, worst = 1;
     int frames = 0;
     for (double t = 0; t < world_seconds(s->world); t += 0.5, frames++) {
         film(s, t, true, 100 + (uint64_t)frames);
         EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), OK);
         segmenter_update_background(s->segmenter);
         sum += overlap(s);
-        EXPECT_AT_LEAST(overlap(s), 0.80);
+        worst = fmin(worst, overlap(s));
     }
-    EXPECT_AT_LEAST(sum / frames, 0.89);
+    print_message("intersection over union: mean %.3f, worst frame %.3f\n", sum / frames, worst);
+    EXPECT_AT_LEAST(worst, 0.88);
+    EXPECT_AT_LEAST(sum / frames, 0.925);
 }
 
 static void test_check_detects_wrong_mask(void **state)
@@ -106,8 +108,10 @@ static void test_floor_plane_is_accurate(void **state)
     EXPECT_TRUE(segmenter_floor(s->segmenter, &up, &height_m));
     struct pose world_from_camera = world_sensor_pose(s->world);
     struct vec3 want = quat_rotate(quat_conjugate(world_from_camera.rotation), v3(0, 0, 1));
-    EXPECT_NEAR(acos(fmin(1, v3_dot(up, want))), 0, 0.01);
-    EXPECT_NEAR(height_m, world_from_camera.translation.z, 0.02);
+    print_message("floor: %.4f rad and %.4f m off\n", acos(fmin(1, v3_dot(up, want))),
+                  height_m - world_from_camera.translation.z);
+    EXPECT_NEAR(acos(fmin(1, v3_dot(up, want))), 0, 0.003);
+    EXPECT_NEAR(height_m, world_from_camera.translation.z, 0.006);
 }
 
 static void test_known_background_is_used(void **state)
@@ -117,7 +121,8 @@ static void test_known_background_is_used(void **state)
     segmenter_set_background(s->segmenter, s->depth);
     film(s, 1, true, 10);
     EXPECT_STATUS(segmenter_next(s->segmenter, s->depth, NULL, 0, s->mask), OK);
-    EXPECT_AT_LEAST(overlap(s), 0.88);
+    print_message("with a known background: intersection over union %.3f\n", overlap(s));
+    EXPECT_AT_LEAST(overlap(s), 0.915);
     // The room in front of its own background: no person.
     segmenter_drop_person(s->segmenter);
     film(s, 1, false, 11);

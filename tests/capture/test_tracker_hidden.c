@@ -38,7 +38,7 @@ static void test_any_initial_facing(void **state)
                 last = k;
         }
         print_message("seen from %g degrees: left and right are right from frame %d on\n", azimuth[i], last + 1);
-        EXPECT_AT_MOST(last + 1, i == 0 ? 0 : 20);
+        EXPECT_INT(last + 1, 0);
     }
     tracked_film_close(&s);
 }
@@ -50,7 +50,7 @@ static void test_bent_or_kicking_initial_pose(void **state)
     static const struct {
         const char *motion;
         double time_s, most_m;
-    } starts[] = {{"bend", 4, 0.06}, {"kata", 3.9, 0.15}};
+    } starts[] = {{"bend", 4, 0.03}, {"kata", 3.9, 0.08}};
     for (size_t i = 0; i < COUNT_OF(starts); i++) {
         struct tracked_film s;
         struct skeleton got;
@@ -112,7 +112,7 @@ static void test_behind_table(void **state)
         }
         print_message("%s behind a table: %.3f m over the joints with confidence\n", motions[m], error);
         EXPECT_INT(mirrored, 0);
-        EXPECT_AT_MOST(error, 0.065);
+        EXPECT_AT_MOST(error, 0.035);
         tracked_film_close(&s);
     }
 }
@@ -142,8 +142,8 @@ static void test_hidden_arm_is_recovered(void **state)
         print_message(
             "from %g degrees: the hidden hand within %.2f m, found again %d frames after, then within %.2f m\n",
             azimuth[i], hidden, again, out);
-        EXPECT_TRUE(again >= 0 && again <= 10);
-        EXPECT_AT_MOST(out, 0.12);
+        EXPECT_TRUE(again >= 0 && again <= 3);
+        EXPECT_AT_MOST(out, 0.06);
     }
     tracked_film_close(&s);
 }
@@ -196,8 +196,8 @@ static void test_joints_outside_image_are_predicted(void **state)
     print_message("of %d joints outside the image %d have confidence 1, of %d inside %d\n", c.gone, c.claimed,
                   c.visible, c.seen);
     EXPECT_AT_LEAST(c.gone, 100);
-    EXPECT_AT_MOST(c.claimed, 0.4 * c.gone);
-    EXPECT_AT_LEAST(c.seen, 0.78 * c.visible);
+    EXPECT_AT_MOST(c.claimed, 0.33 * c.gone);  // 0.29
+    EXPECT_AT_LEAST(c.seen, 0.81 * c.visible); // 0.83
 }
 
 int main(void)
