@@ -1,5 +1,5 @@
 // Contacts: feet against the floor, arms against the trunk, legs against each other. Quadratic penalties of
-// penetration, which end at a bound so that a wrong pose can leave through another solid.
+// penetration, whose energy is bounded.
 #include "capture/body/normal_equations.h"
 
 // Chosen by hand.

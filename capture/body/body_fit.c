@@ -153,8 +153,7 @@ struct free_sample {
     enum segment segment;
     struct vec3 c;
     double radius, rate;
-    const struct shape_jacobian
-        *slope; // how solid number `solid` moves with the shape; NULL: the shape is not learned from it
+    const struct shape_jacobian *slope; // of all solids by the shape; NULL: the shape is not learned from it
     int solid;
     double t, deep;      // t along the axis; the surface is deep * radius in front of it
     struct vec3 lateral; // from the axis to the sample, 0 or of length 1

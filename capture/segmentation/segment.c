@@ -219,8 +219,8 @@ static void read_cells(struct segmenter *s, const uint16_t *image)
         for (int x = 0; x < w; x++) {
             int d = here[x], left = x > 0 && x < w - 1 ? here[x - 1] : d, right = x > 0 && x < w - 1 ? here[x + 1] : d,
                 up = above[x], down = below[x];
-            int least = 2 * (d * s->step_slope_16 >>
-                             16); // by which the cells on both sides differ at least if the one in between flies
+            // By this much the cells on both sides differ at least if the one in between is flying.
+            int least = 2 * (d * s->step_slope_16 >> 16);
             out[x] = (uint16_t)d;
             if (!d || (abs(left - right) <= least && abs(up - down) <= least))
                 continue;
@@ -231,8 +231,8 @@ static void read_cells(struct segmenter *s, const uint16_t *image)
     }
 }
 
-// Bounds and weights of the person score. Chosen by hand for adults and children; docs/results.md measures the outcome.
-// Furniture that scores as a person is left to the static object rejection.
+// Bounds and weights of the person score. Chosen by hand for adults and children. Furniture that scores as a person is
+// left to the static object rejection (docs/notes/skeleton.md counts both).
 static const double AREA_MIN_M2 = 0.12, AREA_MAX_M2 = 2.2; // visible surface
 static const double TALL_MIN_M = 0.4, TALL_MAX_M = 2.5;    // cropped by the image's edge; arms up
 static const double TALL_UNCROPPED_MIN_M = 0.8;
@@ -242,7 +242,8 @@ static const double LEGS_HIDDEN_M = 0.5; // a bottom higher than this scores hal
 static const double TOP_WIDTH_M = 0.45;  // head and shoulders; a wider top scores less
 static const double FULL_HEIGHT_M = 1.3, FULL_AREA_M2 = 0.35;          // smaller ones score less, in proportion
 static const double CENTRE_RATE = 0.15, RANGE_RATE = 0.1, RANGE_M = 2; // the one in the middle, not too far
-static const double SIDE_CROPPED_RATE = 0.6, WIDE_RATE = 0.3, SLENDER_MIN = 0.7;
+static const double SIDE_CROPPED_RATE = 0.6;                           // factor where the image crops it at a side
+static const double WIDE_RATE = 0.3, SLENDER_MIN = 0.7; // factor of what is less tall than this, by its width
 
 // How much a component resembles a person, 0 = not at all. A wall runs from edge to edge, a cupboard is wide at the
 // top.

@@ -4,8 +4,7 @@
 #include <stdlib.h>
 
 // Chosen by hand.
-static const double NEAR_BODY_M =
-    0.10; // a cell this close to a predicted sphere, and twice the noise, is near the body
+static const double NEAR_BODY_M = 0.10;   // a cell this close to a sphere, and twice the noise, is near the body
 static const double REACH_MARGIN_M = 0.2; // more than NEAR_BODY_M and twice the noise at the farthest depth in use
 static const double TOP_M = 0.2;          // the height over which a component's top width is measured
 

@@ -13,7 +13,7 @@ enum {
     BLOCK_CELLS_MIN = 15, // confirmed cells that a block needs
 };
 
-// Chosen so that in recordings of real people static frames never exceeded 3 (see STATIC_FRAMES_MIN in tracker.c).
+// Chosen by hand; real people in recordings reached 3 static frames (STATIC_FRAMES_MIN in tracker_decide.c is 12).
 #define STATIC_MM           2.0 // a smaller shift is no motion: sensors drift while they warm up
 #define PERSON_SIGMAS       3.0 // significance of the whole person's mean shift,
 #define BLOCK_SIGMAS        4.5 // and of one block's, of which there are about a hundred

@@ -25,6 +25,9 @@ struct smoother;
 MUST_CHECK enum status smoother_open(struct smoother **out, const struct calibration *calibration);
 void smoother_close(struct smoother **s); // NULL is fine; sets *s = NULL
 
+// From now on smoother_push fails with ERR_MEMORY rather than keep more than this for frames. 0, the default: no limit.
+void smoother_limit_memory(struct smoother *s, size_t bytes_max);
+
 // After each frame of the take: the online estimate, NULL where there is no person or no depth. Where what was followed
 // turns out to be a static object, the frames before are withdrawn. time_ns must rise. ERR_MEMORY: the frame is not
 // added and the smoother is as it was. Frames pushed later would get wrong indices: the take must be smoothed up to

@@ -105,9 +105,9 @@ static void test_full_rotation_keeps_left_and_right(void **state)
     struct score score = run(&s, 20, 100, false);
     EXPECT_INT(score.nothing, 0);
     EXPECT_INT(score.swapped, 0);
-    EXPECT_AT_MOST(score.mean_m, 0.045);
-    EXPECT_AT_LEAST(score.within_10cm, 0.95);
-    EXPECT_AT_LEAST(score.iou, 0.89);
+    EXPECT_AT_MOST(score.mean_m, 0.03);
+    EXPECT_AT_LEAST(score.within_10cm, 0.98);
+    EXPECT_AT_LEAST(score.iou, 0.92);
     tracked_film_close(&s);
 }
 
@@ -131,9 +131,9 @@ static void test_other_people_are_tracked(void **state)
         tracked_film_open(&s, who[k], "kata");
         struct score score = run(&s, 30, 1.2, false);
         EXPECT_INT(score.swapped, 0);
-        EXPECT_AT_MOST(score.mean_m, 0.065);
-        EXPECT_AT_LEAST(score.within_10cm, 0.88);
-        EXPECT_AT_MOST(score.jump_m, 0.25);
+        EXPECT_AT_MOST(score.mean_m, 0.038);
+        EXPECT_AT_LEAST(score.within_10cm, 0.98);
+        EXPECT_AT_MOST(score.jump_m, 0.13);
         tracked_film_close(&s);
     }
 }
@@ -154,8 +154,11 @@ static void test_bone_lengths_are_constant(void **state)
             high[p] = k == 0 ? length : fmax(high[p], length);
         }
     }
-    for (int p = 0; p < PART_COUNT; p++) // they are still being learned
-        EXPECT_AT_MOST(high[p] / low[p], 1.12);
+    double most = 0;
+    for (int p = 0; p < PART_COUNT; p++)
+        most = fmax(most, high[p] / low[p]);
+    print_message("bone lengths, longest to shortest: at most %.3f\n", most);
+    EXPECT_AT_MOST(most, 1.05); // they are still being learned
     tracked_film_close(&s);
 }
 
@@ -202,6 +205,7 @@ static void test_black_repeated_and_backward_frames(void **state)
     assert_non_null(black);
     struct skeleton got, truth;
     EXPECT_STATUS(tracker_next(s.tracker, 0, black, &got, s.mask), NOTHING); // no person yet
+    double worst = 0, worst_again = 0;
     for (int k = 1; k < 30; k++) {
         double t = k / 30.0;
         film(&s, t, (uint64_t)k);
@@ -215,13 +219,16 @@ static void test_black_repeated_and_backward_frames(void **state)
         int64_t when = k == 20 ? nanoseconds(0.1) : nanoseconds(t); // the clock jumps back once
         EXPECT_STATUS(tracker_next(s.tracker, when, s.depth, &got, s.mask), OK);
         expect_sane(&got);
-        EXPECT_AT_MOST(mean_error(&got, &truth), 0.09);
+        worst = fmax(worst, mean_error(&got, &truth));
         if (k == 15) { // the same frame at the same time again
             struct skeleton again;
             EXPECT_STATUS(tracker_next(s.tracker, when, s.depth, &again, s.mask), OK);
-            EXPECT_AT_MOST(mean_error(&again, &got), 0.03);
+            worst_again = mean_error(&again, &got);
         }
     }
+    print_message("worst frame %.4f m off; the same frame again differs by %.4f m\n", worst, worst_again);
+    EXPECT_AT_MOST(worst, 0.045);
+    EXPECT_AT_MOST(worst_again, 0.025);
     free(black);
     tracked_film_close(&s);
 }
@@ -236,7 +243,7 @@ static void test_close_far_and_partly_outside_image(void **state)
     double z = truth.joint[JOINT_TORSO].z;
     static const struct {
         double distance_m, lateral_m, bound_m;
-    } at[] = {{0.9, 0, 0.12}, {4.5, 0, 0.09}, {2.5, 1.5, 0.25}};
+    } at[] = {{0.9, 0, 0.065}, {4.5, 0, 0.055}, {2.5, 1.5, 0.055}};
     for (size_t k = 0; k < COUNT_OF(at); k++) {
         tracker_reset(s.tracker);
         struct pose from = moved(stand, v3(truth.joint[JOINT_TORSO].x - at[k].lateral_m, 0, z - at[k].distance_m));
@@ -269,6 +276,7 @@ static void test_one_of_two_people_is_tracked(void **state)
     struct tracked_film s, other;
     tracked_film_open(&s, "woman", "still");
     tracked_film_open(&other, "man", "still");
+    double worst = 0;
     for (int k = 0; k < 6; k++) {
         tracked_film_shoot(&other, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)), 0, 90 + (uint64_t)k);
         film(&s, 0, 30 + (uint64_t)k);
@@ -280,8 +288,10 @@ static void test_one_of_two_people_is_tracked(void **state)
             two = world_joints_in_camera(other.world, 0, moved(world_sensor_pose(s.world), v3(1.1, 0, -0.3)));
         EXPECT_STATUS(tracker_next(s.tracker, k * 33333333LL, s.depth, &got, s.mask), OK);
         expect_sane(&got);
-        EXPECT_AT_MOST(fmin(mean_error(&got, &one), mean_error(&got, &two)), 0.09);
+        worst = fmax(worst, fmin(mean_error(&got, &one), mean_error(&got, &two)));
     }
+    print_message("two people: worst frame %.4f m off\n", worst);
+    EXPECT_AT_MOST(worst, 0.032);
     tracked_film_close(&s);
     tracked_film_close(&other);
 }
