@@ -21,6 +21,15 @@ enum { YAWS = 8, FACINGS = 4 };
 #define FOUND_M              0.10
 #define PI                   3.14159265358979323846
 
+// Fits: wide and rough from a standing pose, then fine with the shape learned. Sigmas are expected_sigma of body_fit.h.
+#define WIDE_KERNEL_M  0.25
+#define ROUGH_KERNEL_M 0.10
+#define FINE_KERNEL_M  0.06
+#define START_SIGMA    8
+#define REFINE_SIGMA   4
+#define LEARN_RATE     0.3
+enum { WIDE_ITERATIONS = 5, ROUGH_ITERATIONS = 7, FINE_ITERATIONS = 10, LIMB_SEARCHES = 2 };
+
 // Ranges of a person's height, and levels over the floor below which feet are cropped, or stand on the floor.
 static const double TALL_MIN_M = 0.9, TALL_MAX_M = 2.4, LEGS_HIDDEN_M = 0.4, STANDING_M = 0.25;
 
@@ -148,13 +157,13 @@ static void fit_start(struct fit_task *task, const struct body_pose *pose, struc
                       struct pose_candidates *c)
 {
     task->expected = *pose;
-    task->expected_sigma = 8;
-    task->iterations = 5;
-    task->kernel_m = 0.25;
+    task->expected_sigma = START_SIGMA;
+    task->iterations = WIDE_ITERATIONS;
+    task->kernel_m = WIDE_KERNEL_M;
     body_fit(task, pose, &scratch->trial);
     struct body_pose rough = scratch->trial.pose;
-    task->iterations = 7;
-    task->kernel_m = 0.10;
+    task->iterations = ROUGH_ITERATIONS;
+    task->kernel_m = ROUGH_KERNEL_M;
     body_fit(task, &rough, &scratch->trial);
     keep_best(c, &scratch->trial);
 }
@@ -167,19 +176,19 @@ static void refine_candidate(struct fit_task *task, const struct pose_candidate 
     task->learn_shape = false;
     task->shape.mean = c->shape;
     task->expected = pose;
-    task->expected_sigma = 4;
-    task->iterations = 5;
-    task->kernel_m = 0.10;
+    task->expected_sigma = REFINE_SIGMA;
+    task->iterations = WIDE_ITERATIONS;
+    task->kernel_m = ROUGH_KERNEL_M;
     body_evaluate(task, &pose, &c->shape, &scratch->best);
-    for (int round = 0; round < 2; round++)
+    for (int round = 0; round < LIMB_SEARCHES; round++)
         limb_search(task, scratch);
     task->learn_shape = true;
-    task->learn_rate = 0.3;
-    task->iterations = 10;
+    task->learn_rate = LEARN_RATE;
+    task->iterations = FINE_ITERATIONS;
     pose = scratch->best.pose;
     body_fit(task, &pose, &scratch->trial);
     pose = scratch->trial.pose;
-    task->kernel_m = 0.06;
+    task->kernel_m = FINE_KERNEL_M;
     task->shape.mean = scratch->trial.shape;
     body_fit(task, &pose, &scratch->best);
 }
