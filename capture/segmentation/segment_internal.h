@@ -1,4 +1,4 @@
-// State and helpers that the source files of the segmenter share.
+// State and functions that the source files of the segmenter share.
 #pragma once
 #include "base/depth_noise.h"
 #include "capture/segmentation/floor_plane.h"
