@@ -1,6 +1,7 @@
 // Which body part a depth pixel belongs to: the one whose cylinder (with round
 // ends) it lies nearest to. Pure.
 #pragma once
+#include "base/depth_noise.h"
 #include "capture/recording/recording.h"
 
 // The known parts of one skeleton. Metres, the skeleton's axes.
@@ -26,10 +27,6 @@ int part_nearest(const struct part_capsules *bones, struct vec3 p, double outsid
 // How far outside all parts a pixel may lie and still be this person: the mask
 // knows best, but where there is none, not far.
 double part_max_distance_m(bool has_mask);
-
-// How far one reading may lie from its neighbour on the same surface because depth comes in steps: they grow with the
-// square of the depth (45 mm at 4 m for a Kinect), and noise makes two or three of them.
-static inline int depth_step_mm(int depth_mm) { return (int)((int64_t)depth_mm * depth_mm / 160000); }
 
 // True where the pixel is the person's (mask NULL: is there) and at least two of
 // its four neighbours lie on one surface with it. At the edges of things depth
