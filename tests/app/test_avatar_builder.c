@@ -4,21 +4,21 @@
 
 #include "app/view/avatar_builder.h"
 #include "base/clock.h"
-#include "tests/support/rehearsal.h"
+#include "tests/support/rehearsed.h"
 
 #include <stdatomic.h>
 #include <string.h>
 
-static struct rehearsal rehearsal;
+static struct rehearsed rehearsed;
 
 static void count(void *self) { atomic_fetch_add((atomic_int *)self, 1); }
 
-static struct avatar prepare(const char *take, enum status *status)
+static struct avatar prepare(const char *path, enum status *status)
 {
     atomic_int news = 0;
     struct avatar_builder *p;
     struct avatar avatar = {0};
-    const struct avatar_builder_options how = {rehearsal.file, take, count, &news};
+    const struct avatar_builder_options how = {path, rehearsed.take, count, &news};
     EXPECT_STATUS(avatar_builder_start(&p, &how), OK);
     double share = 0;
     struct occluder_mesh room;
@@ -37,9 +37,9 @@ static void test_deterministic(void **state)
 {
     (void)state;
     enum status status;
-    struct avatar a = prepare("turn", &status);
+    struct avatar a = prepare(rehearsed.rehearsal.file, &status);
     EXPECT_STATUS(status, OK);
-    struct avatar b = prepare("turn", &status);
+    struct avatar b = prepare(rehearsed.rehearsal.file, &status);
     EXPECT_STATUS(status, OK);
     EXPECT_INT(a.surface.point_count, b.surface.point_count);
     size_t points = (size_t)a.surface.point_count;
@@ -57,7 +57,7 @@ static void test_cancel_at_any_moment(void **state)
     for (int ms = 0; ms < 500; ms = 2 * ms + 1) {
         atomic_int news = 0;
         struct avatar_builder *p;
-        const struct avatar_builder_options how = {rehearsal.file, "turn", count, &news};
+        const struct avatar_builder_options how = {rehearsed.rehearsal.file, rehearsed.take, count, &news};
         EXPECT_STATUS(avatar_builder_start(&p, &how), OK);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
         avatar_builder_close(&p);
@@ -69,23 +69,23 @@ static void test_missing_input_is_reported(void **state)
 {
     (void)state;
     enum status status;
-    struct avatar none = prepare("nobody", &status);
+    struct avatar none = prepare("/nowhere/at.all", &status);
     EXPECT_STATUS(status, ERR_MISSING);
-    EXPECT_SAYS("nobody");
+    EXPECT_SAYS("/nowhere/at.all");
     EXPECT_INT(none.surface.point_count, 0);
 }
 
 static int make(void **state)
 {
     (void)state;
-    rehearsal = rehearsal_make();
+    EXPECT_STATUS(rehearsed_open(&rehearsed, 0), OK);
     return 0;
 }
 
 static int end(void **state)
 {
     (void)state;
-    rehearsal_end(&rehearsal);
+    rehearsed_close(&rehearsed);
     return 0;
 }
 

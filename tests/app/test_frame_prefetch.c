@@ -21,10 +21,10 @@ enum { LATER = 2 };
 
 static struct rehearsed rehearsed;
 
-static struct frame_prefetch *start(const char *take_name)
+static struct frame_prefetch *start(const char *path)
 {
     struct frame_prefetch *a;
-    const struct frame_prefetch_options how = {rehearsed.rehearsal.file, take_name, &rehearsed.avatar};
+    const struct frame_prefetch_options how = {path, rehearsed.take, rehearsed.skeletons, &rehearsed.avatar};
     EXPECT_STATUS(prefetch_start(&a, &how), OK);
     return a;
 }
@@ -72,10 +72,10 @@ static void test_same_as_synchronous_load(void **state)
 {
     (void)state;
     static const int64_t shown[] = {0, 1, 6, 0};
-    struct frame_prefetch *a = start("turn");
+    struct frame_prefetch *a = start(rehearsed.rehearsal.file);
     struct frame_layer_loader *own;
     struct frame_layer before = {0};
-    EXPECT_STATUS(frame_layer_loader_open(&own, rehearsed.take, rehearsed.rays, &rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&own, &rehearsed.source, &rehearsed.avatar), OK);
     for (size_t i = 0; i < COUNT_OF(shown); i++) {
         struct frame_layer theirs, ours;
         prefetch_request(a, &shown[i], i + 1 < COUNT_OF(shown) ? 2 : 1);
@@ -98,7 +98,7 @@ static void test_same_as_synchronous_load(void **state)
 static void test_loads_only_requested_frames(void **state)
 {
     (void)state;
-    struct frame_prefetch *a = start("turn");
+    struct frame_prefetch *a = start(rehearsed.rehearsal.file);
     struct frame_layer frame;
     const int64_t first[] = {1, 2}, then[] = {5};
     prefetch_request(a, first, 2);
@@ -120,7 +120,7 @@ static void test_cancel_at_any_moment(void **state)
     (void)state;
     for (int ms = 0; ms < 50; ms = LATER * ms + 1) {
         const int64_t wanted[] = {0, 1, 2, 3, 4, 5};
-        struct frame_prefetch *a = start("turn");
+        struct frame_prefetch *a = start(rehearsed.rehearsal.file);
         prefetch_request(a, wanted, PREFETCH_MAX);
         clock_sleep_until_ns(clock_now_ns() + ms * 1000000ll);
         prefetch_close(&a);
@@ -131,7 +131,7 @@ static void test_cancel_at_any_moment(void **state)
 static void test_unloadable_frame_does_not_block(void **state)
 {
     (void)state;
-    struct frame_prefetch *a = start("nobody");
+    struct frame_prefetch *a = start("/nowhere/at.all");
     struct frame_layer frame;
     const int64_t wanted[] = {0};
     prefetch_request(a, wanted, 1);
@@ -150,7 +150,7 @@ static void test_damaged_frame_is_skipped(void **state)
     EXPECT_STATUS(database_open(&db, rehearsed.rehearsal.file, DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "UPDATE picture SET depth = x'00'"), OK);
     database_close(&db);
-    struct frame_prefetch *a = start("turn");
+    struct frame_prefetch *a = start(rehearsed.rehearsal.file);
     struct frame_layer frame;
     const int64_t wanted[] = {3, 4, 5};
     prefetch_request(a, wanted, 3);

@@ -6,6 +6,7 @@
 #include "capture/recording/recording_schema.h"
 #include "platform/database.h"
 
+#include <pthread.h>
 #include <sys/wait.h>
 
 // ------------------------------------------------------------- round trip
@@ -521,6 +522,52 @@ static void test_registered_depth_has_no_pose_of_its_own(void **state)
     EXPECT_NEAR(read.color_from_depth.translation.x, 0.1, 0);
 }
 
+// ------------------------------------------------------------- shared handles
+
+enum { HOUR_FRAMES = 108000 };
+
+static void *close_on_thread(void *take)
+{
+    struct take *closing = take;
+    take_close(&closing);
+    return NULL;
+}
+
+// Four handles, as the app has them: one index, whichever is closed first and on whatever thread.
+static void test_handles_share_one_index(void **state)
+{
+    (void)state;
+    enum { HANDLES = 4 };
+    write_recording(sample_path("shared"));
+    const char *path = sample_path("shared");
+    struct recording *r[HANDLES];
+    struct take *t[HANDLES];
+    pthread_t threads[HANDLES];
+    for (int i = 0; i < HANDLES; i++) {
+        EXPECT_STATUS(recording_open(&r[i], path), OK);
+        EXPECT_STATUS(i ? take_open_shared(&t[i], r[i], t[0]) : take_open(&t[i], r[i], "höher"), OK);
+        EXPECT_TRUE(take_entry(t[i], 0) == take_entry(t[0], 0));
+        EXPECT_TRUE(take_body(t[i]) == take_body(t[0]) && take_calibration(t[i]) == take_calibration(t[0]));
+    }
+    const double per_frame = (double)take_index_bytes(t[0]) / FRAMES;
+    print_message("%.0f bytes a frame for all handles, %.0f MB an hour\n", per_frame, per_frame * HOUR_FRAMES / 1e6);
+    EXPECT_AT_MOST((double)take_index_bytes(t[0]), 520.0 * FRAMES + 400); // 400: calibration and body
+    struct take_images first, second;                                     // of two handles: neither disturbs the other
+    EXPECT_STATUS(take_read(t[0], 0, TAKE_DEPTH, &first), OK);
+    EXPECT_STATUS(take_read(t[1], FRAMES - 1, TAKE_DEPTH, &second), OK);
+    EXPECT_TRUE(first.depth != second.depth);
+    for (int i = 0; i < HANDLES - 1; i++)
+        EXPECT_INT(pthread_create(&threads[i], NULL, close_on_thread, t[i]), 0);
+    for (int i = 0; i < FRAMES; i++)
+        same_frame(t[HANDLES - 1], i);
+    for (int i = 0; i < HANDLES - 1; i++)
+        pthread_join(threads[i], NULL);
+    same_frame(t[HANDLES - 1], 0);
+    take_close(&t[HANDLES - 1]);
+    for (int i = 0; i < HANDLES; i++)
+        recording_free(&r[i]);
+}
+
 int main(void)
 {
     printf("seed %d\n", SAMPLE_SEED);
@@ -536,6 +583,7 @@ int main(void)
         cmocka_unit_test(test_never_overwrites),
         cmocka_unit_test(test_read_only_folder),
         cmocka_unit_test(test_read_while_writing),
+        cmocka_unit_test(test_handles_share_one_index),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -109,35 +109,45 @@ static void test_cached_frame_is_identical(void **state)
     struct one_frame frame = {joints, film.rgb, film.depth, film.mask};
     struct painted_take stage;
     struct source_rays *rays;
-    struct depth_frame fresh, brought;
+    struct take_skeletons *skeletons;
+    struct take_images seen;
+    struct depth_frame fresh, cached;
     const int64_t first = 0;
     paint_person(&film, &ideal, &joints, &whole_measures);
     painted_take_open(&stage, &ideal, &frame, 1, &whole_measures);
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
+    EXPECT_STATUS(take_skeletons_open(&skeletons, stage.take), OK);
+    const struct frame_source source = {stage.take, skeletons, rays};
+    EXPECT_STATUS(take_read(stage.take, 0, TAKE_COLOR, &seen), OK);
+    static uint8_t wanted[3 * PIXELS], rgb[3 * PIXELS];
+    memcpy(wanted, seen.color, sizeof wanted);
     EXPECT_STATUS(depth_frame_open(&fresh, stage.take, rays), OK);
-    EXPECT_STATUS(depth_frame_open(&brought, stage.take, rays), OK);
+    EXPECT_STATUS(depth_frame_open(&cached, stage.take, rays), OK);
     EXPECT_STATUS(depth_frame_read(&fresh, stage.take, 0), OK);
     for (size_t k = 0; k < COUNT_OF(most_bytes); k++) {
         struct depth_frame_cache *cache;
-        EXPECT_STATUS(depth_frame_cache_open(&cache, stage.take, &first, 1, most_bytes[k]), OK);
+        EXPECT_STATUS(depth_frame_cache_open(&cache, &source, &first, 1, most_bytes[k]), OK);
         for (int time = 0; time < 3; time++) {
-            memset(brought.depth, 1, sizeof *brought.depth * PIXELS);
-            memset(brought.part, 1, PIXELS); // as whoever worked on it leaves it
-            memset(brought.edge_distance, 1, PIXELS);
-            memset(brought.half_width, 1, PIXELS);
-            brought.left = brought.top = brought.right = brought.bottom = 7;
-            EXPECT_STATUS(depth_frame_cache_read(cache, 0, &brought), OK);
-            EXPECT_INT(differing(&fresh, &brought), 0);
-            EXPECT_INT(brought.left, fresh.left);
-            EXPECT_INT(brought.top, fresh.top);
-            EXPECT_INT(brought.right, fresh.right);
-            EXPECT_INT(brought.bottom, fresh.bottom);
-            EXPECT_INT(brought.has_mask, fresh.has_mask);
+            memset(cached.depth, 1, sizeof *cached.depth * PIXELS);
+            memset(cached.part, 1, PIXELS); // contents left from other work
+            memset(cached.edge_distance, 1, PIXELS);
+            memset(cached.half_width, 1, PIXELS);
+            memset(rgb, 1, sizeof rgb);
+            cached.left = cached.top = cached.right = cached.bottom = 7;
+            EXPECT_STATUS(depth_frame_cache_read(cache, 0, &cached, time % 2 ? rgb : NULL), OK);
+            EXPECT_TRUE(time % 2 == 0 || !memcmp(rgb, wanted, sizeof rgb));
+            EXPECT_INT(differing(&fresh, &cached), 0);
+            EXPECT_INT(cached.left, fresh.left);
+            EXPECT_INT(cached.top, fresh.top);
+            EXPECT_INT(cached.right, fresh.right);
+            EXPECT_INT(cached.bottom, fresh.bottom);
+            EXPECT_INT(cached.has_mask, fresh.has_mask);
         }
         depth_frame_cache_close(&cache);
     }
     depth_frame_close(&fresh);
-    depth_frame_close(&brought);
+    depth_frame_close(&cached);
+    take_skeletons_close(&skeletons);
     source_rays_close(&rays);
     painted_take_close(&stage);
 }

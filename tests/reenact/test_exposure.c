@@ -64,11 +64,15 @@ static struct changed change_take(const char *name, changing *change)
 
 static void load(struct take *of, struct frame_layer *out)
 {
+    struct take_skeletons *skeletons;
     struct frame_layer_loader *loader;
-    EXPECT_STATUS(frame_layer_loader_open(&loader, of, rehearsed.rays, &rehearsed.avatar), OK);
+    EXPECT_STATUS(take_skeletons_open(&skeletons, of), OK);
+    const struct frame_source source = {of, skeletons, rehearsed.rays};
+    EXPECT_STATUS(frame_layer_loader_open(&loader, &source, &rehearsed.avatar), OK);
     EXPECT_STATUS(frame_layer_loader_load(loader, FRAME, out), OK);
     EXPECT_TRUE(out->has_images);
     frame_layer_loader_close(&loader);
+    take_skeletons_close(&skeletons);
 }
 
 // Compared with the frame as it is; and all points' light goes with it.

@@ -38,7 +38,7 @@ static int64_t draw_all(uint8_t *rgba)
     struct track_sample moment;
     int64_t most = 0;
     const struct take *take = rehearsed.take;
-    EXPECT_STATUS(skeleton_track_open(&motion, take), OK);
+    EXPECT_STATUS(skeleton_track_open(&motion, take, rehearsed.skeletons), OK);
     EXPECT_STATUS(
         skeleton_track_at(motion, take_entry(take, FRAME)->time_ns - take_entry(take, 0)->time_ns, true, &moment), OK);
     skeleton_track_close(&motion);
@@ -71,7 +71,7 @@ static void test_image_is_unchanged(void **state)
     (void)state;
     static uint8_t rgba[3][4 * W * H * VIEWS];
     struct frame_layer_loader *loader;
-    EXPECT_STATUS(frame_layer_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, &rehearsed.source, &rehearsed.avatar), OK);
     for (enum says says = WHAT_IS_FOUND; says <= NONE_MAY; says++) {
         give(loader, FRAME, says);
         EXPECT_AT_MOST(draw_all(rgba[says]), 3);
@@ -91,7 +91,7 @@ static void test_most_triangles_are_not_visible(void **state)
     struct frame_layer_loader *loader;
     struct frame_layer loaded;
     int own = 0;
-    EXPECT_STATUS(frame_layer_loader_open(&loader, rehearsed.take, rehearsed.rays, &rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, &rehearsed.source, &rehearsed.avatar), OK);
     EXPECT_STATUS(frame_layer_loader_load(loader, FRAME, &loaded), OK);
     const int count = loaded.triangle_count;
     for (int t = 0; t < count; t++)
@@ -111,7 +111,7 @@ static int make(void **state)
     EXPECT_STATUS(avatar_make(&given, rehearsed.take, rehearsed.rays, 1, NULL), OK);
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
-    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, rehearsed.take, rehearsed.rays, &lens, 0), OK);
+    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, &rehearsed.source, &lens, 0), OK);
     EXPECT_STATUS(avatar_renderer_set_avatar(renderer, &given), OK);
     EXPECT_TRUE(avatar_renderer_upload_step(renderer, SIZE_MAX));
     return 0;
