@@ -158,8 +158,8 @@ static struct vec3 reflect(const struct take_view *s, struct vec3 p)
     return v3_sub(p, v3_scale(s->right, 2 * v3_dot(s->right, v3_sub(p, s->pivot))));
 }
 
-// The camera pose in the take's world. Mirrored: of the camera reflected in the mirror plane; its image flipped left to right shows the
-// actor mirrored.
+// The camera pose in the take's world. Mirrored: of the camera reflected in the mirror plane; its image flipped left to
+// right shows the actor mirrored.
 static struct pose take_from_camera(const struct take_view *s, const struct take_view_request *request)
 {
     struct pose world_from_take = placement_pose(&request->placement, s->pivot);

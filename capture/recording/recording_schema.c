@@ -4,6 +4,7 @@
 #include "capture/recording/little_endian.h"
 
 #include <stdio.h>
+#include <unistd.h>
 
 const char *const recording_tables =
     "CREATE TABLE place(id INTEGER PRIMARY KEY, calibration BLOB, residuals BLOB, tags BLOB, points BLOB,"
@@ -315,7 +316,17 @@ bool body_is_finite(const struct body *body)
     return true;
 }
 
-// ------------------------------------------------------------- tables
+// ------------------------------------------------------------- files and tables
+
+void recording_remove_files(const char *path)
+{
+    static const char *const endings[] = {"", "-wal", "-shm"};
+    for (size_t i = 0; i < COUNT_OF(endings); i++) {
+        char name[4200];
+        if (snprintf(name, sizeof name, "%s%s", path, endings[i]) < (int)sizeof name)
+            unlink(name);
+    }
+}
 
 enum status recording_make_tables(struct database *db)
 {

@@ -1,5 +1,5 @@
 // The tables of a recording and the binary layout of their blobs, shared by writer, reader, verify and repair; internal
-// to this folder. docs/format.md specifies the same. Pure but for the last two functions.
+// to this folder. docs/format.md specifies the same. Pure but for the last three functions.
 #pragma once
 #include "capture/recording/recording.h"
 #include "platform/database.h"
@@ -101,6 +101,9 @@ static inline size_t depth_pixels(const struct calibration *c)
 {
     return (size_t)c->depth.width * (size_t)c->depth.height;
 }
+
+// Removes the file, its write-ahead log and the log's index, those that exist.
+void recording_remove_files(const char *path);
 
 // Makes the tables in an empty database; or checks that they are a recording's: ERR_FORMAT: another file type or a
 // newer schema; ERR_CORRUPT: tables are missing.

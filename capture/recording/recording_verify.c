@@ -10,7 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 // ------------------------------------------------------------- verify
 
@@ -145,16 +144,6 @@ static enum status rename_with_log(const char *from, const char *to)
     return OK;
 }
 
-static void remove_with_log(const char *path)
-{
-    static const char *const endings[] = {"", "-wal", "-shm"};
-    for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char name[4200];
-        snprintf(name, sizeof name, "%s%s", path, endings[i]);
-        unlink(name);
-    }
-}
-
 enum status recording_repair(const char *path, struct recording_report *out)
 {
     enum status status = recording_verify(path, out);
@@ -170,7 +159,7 @@ enum status recording_repair(const char *path, struct recording_report *out)
     snprintf(fresh, sizeof fresh, "%s.repair", path);
     if (file_exists(damaged))
         return fail(ERR_EXISTS, "%s is there from an earlier repair; move it away first", damaged);
-    remove_with_log(fresh); // left by an interrupted repair
+    recording_remove_files(fresh); // left by an interrupted repair
     status = recording_salvage(path, fresh, out);
     if (status == OK)
         status = rename_with_log(path, damaged);
@@ -182,7 +171,7 @@ enum status recording_repair(const char *path, struct recording_report *out)
     if (status != OK) {
         char sentence[512];
         snprintf(sentence, sizeof sentence, "%s", status_message());
-        remove_with_log(fresh);
+        recording_remove_files(fresh);
         return fail(status, "%s", sentence);
     }
     out->bytes = size_of(path);

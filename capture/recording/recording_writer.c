@@ -8,7 +8,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 struct recording_writer {
     struct database *db; // used here only between async_writer_pause and async_writer_resume
@@ -65,12 +64,7 @@ enum status recording_create(struct recording_writer **out, const char *path)
     if (status == OK)
         return OK;
     status = release(out, status);
-    static const char *const endings[] = {"", "-wal", "-shm"};
-    for (size_t i = 0; i < COUNT_OF(endings); i++) {
-        char name[4200];
-        if (snprintf(name, sizeof name, "%s%s", path, endings[i]) < (int)sizeof name)
-            unlink(name);
-    }
+    recording_remove_files(path);
     return status;
 }
 

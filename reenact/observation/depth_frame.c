@@ -5,7 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PERSON = 0, SURFACE_MM = 60, SHADOW_SLACK_PX = 2 }; // these and the next chosen by hand
+enum { UNASSIGNED = 0 }; // of a pixel of the actor before depth_frame_relabel: any value below PART_COUNT
+
+// Chosen by hand.
+enum { SURFACE_MM = 60, SHADOW_SLACK_PX = 2 };
 enum { NOISE_STEPS = 2 };     // noise does not separate two depth samples by more of depth_step_mm
 enum { BACKGROUND_MM = 100 }; // so far behind the actor a sample is certainly background
 
@@ -73,10 +76,10 @@ int depth_frame_median_mm(const struct depth_frame *s, int i)
 // only if the medians confirm it.
 static bool same_surface(const struct depth_frame *s, int a, int b)
 {
-    bool person = s->part[a] < PART_COUNT;
-    if (person != (s->part[b] < PART_COUNT))
+    const bool is_actor = s->part[a] < PART_COUNT;
+    if (is_actor != (s->part[b] < PART_COUNT))
         return false;
-    if (!person)
+    if (!is_actor)
         return true;
     const int step_mm = depth_step_mm(s->depth[a]), most_mm = step_mm > SURFACE_MM ? step_mm : SURFACE_MM;
     const int apart_mm = abs(s->depth[a] - s->depth[b]);
@@ -96,7 +99,7 @@ static inline void relax_edge(struct depth_frame *s, int i, int from)
 }
 
 // City-block distance transform in two passes (Rosenfeld and Pfaltz 1966), no farther from the actor's bounds than the
-// largest distance that is told apart.
+// distance that is distinguished.
 static void find_edge_distances(struct depth_frame *s)
 {
     const int w = s->width, h = s->height, most = s->max_edge_distance;
@@ -159,8 +162,8 @@ static void fill_projector_shadow(struct depth_frame *s, double fx)
                 continue;
             const bool background_first = s->part[row + from] == DEPTH_FRAME_BACKGROUND;
             const uint16_t background = s->depth[row + (background_first ? from : x)];
-            const uint16_t person = s->depth[row + (background_first ? x : from)];
-            const double wide = fx * PROJECTOR_BASELINE_M * 1000 * (1.0 / person - 1.0 / background);
+            const uint16_t actor = s->depth[row + (background_first ? x : from)];
+            const double wide = fx * PROJECTOR_BASELINE_M * 1000 * (1.0 / actor - 1.0 / background);
             for (int i = row + from + 1; i < row + x && x - from - 1 <= wide + SHADOW_SLACK_PX; i++)
                 if (s->part[i] == DEPTH_FRAME_BACKGROUND)
                     s->depth[i] = background;
@@ -168,7 +171,7 @@ static void fill_projector_shadow(struct depth_frame *s, double fx)
     }
 }
 
-// Labels every pixel of the actor PERSON or DEPTH_FRAME_MIXED, all others background.
+// Labels every pixel of the actor UNASSIGNED, until depth_frame_relabel, or DEPTH_FRAME_MIXED, all others background.
 static void find_actor_pixels(struct depth_frame *s, const struct take_images *images)
 {
     const int count = s->width * s->height;
@@ -181,7 +184,8 @@ static void find_actor_pixels(struct depth_frame *s, const struct take_images *i
                 break;
             i = (int)(next - mask);
         }
-        s->part[i] = part_pixel_on_surface(images->depth, mask, s->width, s->height, i) ? PERSON : DEPTH_FRAME_MIXED;
+        s->part[i] =
+            part_pixel_on_surface(images->depth, mask, s->width, s->height, i) ? UNASSIGNED : DEPTH_FRAME_MIXED;
     }
 }
 

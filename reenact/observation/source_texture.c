@@ -168,25 +168,33 @@ static void nearest_in_columns(const struct source_image *image, const struct so
     }
 }
 
-// Fills with the exact nearest usable pixel; the leftmost, then the upper one on a tie.
+// The exact nearest usable pixel of the window to (x, y); the leftmost, then the upper one on a tie. row: as
+// nearest_in_columns fills it.
+static void find_nearest(const struct source_patch *w, const int16_t *row, const int at[2], int nearest[2])
+{
+    const int x = at[0], y = at[1];
+    long best = -1;
+    nearest[0] = nearest[1] = 0;
+    for (int d = 0; d < w->width && (best < 0 || (long)d * d < best); d++)
+        for (int side = -1; side <= 1; side += 2) {
+            int cx = x + side * d;
+            int cy = cx >= 0 && cx < w->width ? row[y * w->width + cx] : -1;
+            long distance = (long)d * d + (long)(cy - y) * (cy - y);
+            if (cy >= 0 && (best < 0 || distance < best)) {
+                best = distance;
+                nearest[0] = cx;
+                nearest[1] = cy;
+            }
+        }
+}
+
 static void fill(const struct source_image *image, struct source_patch *w, const int16_t *row)
 {
     for (int y = 0; y < w->height; y++)
         for (int x = 0; x < w->width; x++) {
-            long best = -1;
-            int bx = 0, by = 0;
-            for (int d = 0; d < w->width && (best < 0 || (long)d * d < best); d++)
-                for (int side = -1; side <= 1; side += 2) {
-                    int cx = x + side * d;
-                    int cy = cx >= 0 && cx < w->width ? row[y * w->width + cx] : -1;
-                    long distance = (long)d * d + (long)(cy - y) * (cy - y);
-                    if (cy >= 0 && (best < 0 || distance < best)) {
-                        best = distance;
-                        bx = cx;
-                        by = cy;
-                    }
-                }
-            size_t from = ((size_t)(w->top + by) * image->width + w->left + bx) * 3;
+            int nearest[2];
+            find_nearest(w, row, (const int[2]){x, y}, nearest);
+            size_t from = ((size_t)(w->top + nearest[1]) * image->width + w->left + nearest[0]) * 3;
             memcpy(w->rgb + ((size_t)y * w->width + x) * 3, image->rgb + from, 3);
         }
 }

@@ -74,7 +74,7 @@ enum status skeleton_track_open(struct skeleton_track **out, const struct take *
         status = check_finite(m, m->count++);
     }
     if (status == OK && !m->count)
-        status = fail(ERR_INPUT, "the take has no skeleton, so there is nobody to show");
+        status = fail(ERR_INPUT, "the take has no skeleton, so there is no actor to show");
     if (status != OK)
         skeleton_track_close(out);
     return status;

@@ -1,5 +1,5 @@
-// A take is prepared on a thread of its own: it ends with the same avatar every
-// time, tells how far it is, and can be given up at any moment.
+// An avatar built in the background is the same every time; progress is reported, and building can be cancelled at any
+// moment.
 #include "tests/support/test.h"
 
 #include "app/view/avatar_builder.h"
@@ -13,7 +13,7 @@ static struct rehearsed rehearsed;
 
 static void count(void *self) { atomic_fetch_add((atomic_int *)self, 1); }
 
-static struct avatar prepare(const char *path, enum status *status)
+static struct avatar build(const char *path, enum status *status)
 {
     atomic_int news = 0;
     struct avatar_builder *p;
@@ -21,13 +21,13 @@ static struct avatar prepare(const char *path, enum status *status)
     const struct avatar_builder_options how = {path, rehearsed.take, count, &news};
     EXPECT_STATUS(avatar_builder_start(&p, &how), OK);
     double share = 0;
-    struct occluder_mesh room;
-    while (!avatar_builder_finished(p, &avatar, &room, status)) {
+    struct occluder_mesh occluders;
+    while (!avatar_builder_finished(p, &avatar, &occluders, status)) {
         EXPECT_AT_LEAST(avatar_builder_progress(p), share);
         share = avatar_builder_progress(p);
         clock_sleep_until_ns(clock_now_ns() + 5000000);
     }
-    occluder_mesh_free(&room);
+    occluder_mesh_free(&occluders);
     EXPECT_AT_LEAST(atomic_load(&news), *status == OK ? 3 : 1);
     avatar_builder_close(&p);
     return avatar;
@@ -37,9 +37,9 @@ static void test_deterministic(void **state)
 {
     (void)state;
     enum status status;
-    struct avatar a = prepare(rehearsed.rehearsal.file, &status);
+    struct avatar a = build(rehearsed.rehearsal.file, &status);
     EXPECT_STATUS(status, OK);
-    struct avatar b = prepare(rehearsed.rehearsal.file, &status);
+    struct avatar b = build(rehearsed.rehearsal.file, &status);
     EXPECT_STATUS(status, OK);
     EXPECT_INT(a.surface.point_count, b.surface.point_count);
     size_t points = (size_t)a.surface.point_count;
@@ -69,7 +69,7 @@ static void test_missing_input_is_reported(void **state)
 {
     (void)state;
     enum status status;
-    struct avatar none = prepare("/nowhere/at.all", &status);
+    struct avatar none = build("/nowhere/at.all", &status);
     EXPECT_STATUS(status, ERR_MISSING);
     EXPECT_SAYS("/nowhere/at.all");
     EXPECT_INT(none.surface.point_count, 0);

@@ -53,7 +53,7 @@ static void test_lost_hand_follows_trunk(void **state)
             EXPECT_NEAR(v3_distance(s.joint[JOINT_LEFT_HAND], truth.joint[JOINT_LEFT_HAND]), 0, 1e-5);
     }
     print_message("a hand lost for %d frames is off by %.1f mm\n", LOST_TO - LOST_FROM + 1, 1000 * worst);
-    EXPECT_AT_MOST(worst, 0.03);
+    EXPECT_AT_MOST(worst, 0.006);
     painted_take_close(&stage);
 }
 

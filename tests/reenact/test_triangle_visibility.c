@@ -1,5 +1,4 @@
-// Triangles that have nothing of the shown frame's own are told from those that may: drawn without looking into the
-// frame, the picture is the same.
+// triangle_visibility_find is conservative: drawn without sampling the frame where it says no, the image is the same.
 #include "tests/support/test.h"
 
 #include "reenact/render/avatar_renderer.h"
@@ -13,14 +12,14 @@ enum { W = 320, H = 240, VIEWS = 5, FRAME = 2, ANOTHER = 3 };
 static const struct lens lens = {W, H, 270, 270, (W - 1) / 2.0, (H - 1) / 2.0, 0, 0, 0, 0, 0, 0, 0};
 static const double PI = 3.14159265358979323846;
 
-static struct rehearsed rehearsed; // its avatar is as the renderer's
+static struct rehearsed rehearsed; // its avatar equals the renderer's
 static struct gpu *gpu;
 static struct gpu_target *target;
 static struct avatar_renderer *renderer;
 
 enum says { WHAT_IS_FOUND, ALL_MAY, NONE_MAY };
 
-// A frame that the renderer then shows. With no bytes to keep others in, the one before it goes.
+// Gives the renderer a frame to show. Its cache has no bytes for others, so the previous one is dropped.
 static void give(struct frame_layer_loader *loader, int64_t frame, enum says says)
 {
     struct frame_layer loaded;
@@ -31,7 +30,7 @@ static void give(struct frame_layer_loader *loader, int64_t frame, enum says say
     EXPECT_STATUS(avatar_renderer_add_frame(renderer, &loaded), OK);
 }
 
-// From all round, the first from where the sensor stood; how many calls a picture took at most.
+// Draws all views round the actor, the first from the sensor; returns the largest number of draw calls.
 static int64_t draw_all(uint8_t *rgba)
 {
     struct skeleton_track *motion;
@@ -57,7 +56,7 @@ static int64_t draw_all(uint8_t *rgba)
     return most;
 }
 
-// How many of the pictures' values differ by more than `by`.
+// Number of values that differ by more than `by`.
 static long differ(const uint8_t *a, const uint8_t *b, int by)
 {
     long count = 0;
@@ -80,11 +79,11 @@ static void test_image_is_unchanged(void **state)
     frame_layer_loader_close(&loader);
     print_message("%ld values differ from those drawn without the frame\n",
                   differ(rgba[WHAT_IS_FOUND], rgba[NONE_MAY], 1));
-    EXPECT_INT(differ(rgba[WHAT_IS_FOUND], rgba[ALL_MAY], 1), 0); // the sum may be rounded otherwise
-    EXPECT_AT_LEAST(differ(rgba[WHAT_IS_FOUND], rgba[NONE_MAY], 1), 2000);
+    EXPECT_INT(differ(rgba[WHAT_IS_FOUND], rgba[ALL_MAY], 1), 0); // sums may be rounded differently
+    EXPECT_AT_LEAST(differ(rgba[WHAT_IS_FOUND], rgba[NONE_MAY], 1), 5000);
 }
 
-// Of a person half of whom is turned away from the sensor.
+// About half of the actor faces away from the sensor.
 static void test_most_triangles_are_not_visible(void **state)
 {
     (void)state;
@@ -97,7 +96,7 @@ static void test_most_triangles_are_not_visible(void **state)
     for (int t = 0; t < count; t++)
         own += loaded.triangle_visible[t];
     print_message("%d of %d triangles may have colours of the frame's own\n", own, count);
-    EXPECT_AT_LEAST(own, 0.1 * count);
+    EXPECT_AT_LEAST(own, 0.45 * count);
     EXPECT_AT_MOST(own, 0.55 * count);
     frame_layer_free(&loaded);
     frame_layer_loader_close(&loader);
