@@ -59,7 +59,7 @@ MUST_CHECK enum status recording_put_body(struct recording_writer *w, const stru
 // Stores how many frames were dropped so far, by the sensor or by capture. ERR_IO.
 MUST_CHECK enum status recording_put_dropped(struct recording_writer *w, int64_t dropped);
 
-// Commits and marks the take as complete. ERR_IO: it stays marked as interrupted.
+// Commits and marks the take as complete. ERR_IO: it stays marked as interrupted, as recording_add_frame.
 MUST_CHECK enum status recording_end_take(struct recording_writer *w);
 
 // Replaces skeletons of the take that was ended last, in its first `count` frames: NULL keeps a frame's skeleton, one
@@ -95,9 +95,9 @@ const char *recording_take_name(const struct recording *r, int index);
 MUST_CHECK enum status take_open(struct take **out, struct recording *r, const char *name);
 
 // Opens another handle on the same take: it shares the index, which is immutable and reference-counted, and has its
-// own statement and decode buffers. `r` is another handle on the same file; one thread uses the two. `same` is only
-// read, must be open during the call and may be closed before or after, by any thread. ERR_IO, ERR_CORRUPT,
-// ERR_MEMORY; on failure *out is NULL.
+// own statement and decode buffers. `r` is another handle on the same file, used by the same thread as *out. `same` is
+// only read and must be open during the call; afterwards the handles may be closed in any order, by any threads.
+// ERR_IO, ERR_CORRUPT, ERR_MEMORY; on failure *out is NULL.
 //
 // Memory: the index has 520 bytes a frame, once for all handles (56 MB for an hour at 30 Hz; it was 528 for each of
 // the four handles of the app, 228 MB). A handle adds one decoded frame: colour 3, depth 2, mask 1 bytes a pixel.
@@ -115,8 +115,8 @@ struct take_entry {
 
 const struct calibration *take_calibration(const struct take *t);
 int64_t take_frame_count(const struct take *t);
-const struct take_entry *take_entry(const struct take *t, int64_t index); // asserts the range; until the last
-                                                                          // handle is closed
+// Asserts the range. Valid until the last handle on the take is closed.
+const struct take_entry *take_entry(const struct take *t, int64_t index);
 const struct body *take_body(const struct take *t);
 bool take_is_complete(const struct take *t); // false: interrupted, still readable
 int64_t take_dropped(const struct take *t);

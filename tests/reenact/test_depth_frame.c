@@ -79,7 +79,7 @@ static void test_projector_shadow_is_background(void **state)
     count_beside(&film, NARROW_PX, &empty, &wrong);
     count_beside(&film, WIDE_PX, &left, &wrong);
     print_message("without a depth sample: of a narrow strip %d pixels, of a wide one %d\n", empty, left);
-    EXPECT_AT_MOST(empty, 30);  // between the legs no wall is visible beyond the strip
+    EXPECT_AT_MOST(empty, 30);   // between the legs no wall is visible beyond the strip
     EXPECT_AT_LEAST(left, 9000); // too wide for a projector's shadow
     EXPECT_TRUE(wrong == 0);
 }
