@@ -3,9 +3,10 @@
 // other threads, whose handles share the take's index. One thread calls it, the gpu's. Textures belong to the take view
 // and are valid until the next take_view_draw.
 //
-// Memory that grows with the take: its index, 520 bytes a frame (recording.h), 8 of take_skeletons and 448 for each
-// frame with inpainted joints, and 4 of each of two skeleton_tracks: at most 58 MB for an hour without inpainting. It
-// was 333 MB: four indices of 528 bytes and a track of 976.
+// Memory that grows with the take, beside the renderer's pose index: the take's index, 520 bytes a frame (recording.h),
+// 8 of take_skeletons (8 more while the avatar is built) and 448 for each frame with inpainted joints, and 4 of each of
+// two skeleton_tracks: 59 MB for an hour, with 448 bytes for each inpainted frame on top. It was 437 MB: four indices
+// of 528 bytes and two tracks of 968.
 #pragma once
 #include "app/state/orbit.h"
 #include "app/state/view_state.h"

@@ -2,7 +2,7 @@
 // may read it. World axes: z up; the place's world, or without a place the camera's, rotated so that z is up for a
 // camera held level.
 //
-// Memory: 4 bytes for each frame with a skeleton (it was 976: the skeletons themselves lie in the take's index and in
+// Memory: 4 bytes for each frame with a skeleton (it was 968: the skeletons themselves lie in the take's index and in
 // take_skeletons, and are moved into the world when they are asked for).
 #pragma once
 #include "reenact/skeleton/take_skeletons.h"
