@@ -1,3 +1,4 @@
+// The mapper: collects the frames of a sweep, runs the steps of mapping in order, exports the place and the report.
 #include "capture/mapping/map_frontend.h"
 
 #include "platform/jpeg.h"
@@ -13,7 +14,7 @@ struct mapper {
     int32_t frames_with_tag[TAG_ID_COUNT]; // frames that show the tag, listed or not
 };
 
-// A lens that was learnt in another place is as sure as this; a guess is not.
+// Relative. A focal length self-calibrated in another place is more accurate than this; a guess is not.
 static const double MAX_FOCAL_SIGMA = 0.01;
 
 struct mapper_options mapper_default_options(void)
@@ -109,7 +110,7 @@ void mapper_close(struct mapper **out)
     *out = NULL;
 }
 
-// Every second frame goes when there are too many; every second picture too.
+// Drops every second frame when there are too many; every second image too.
 static void decimate_frames(struct mapper *m)
 {
     struct map *map = &m->map;
@@ -162,14 +163,14 @@ static enum status copy_image(const struct mapper *m, const struct frame *frame,
     return OK;
 }
 
-// The next picture that was looked at becomes a frame of the map. NOTHING: there is none.
+// The next image from the front end becomes a frame of the map. NOTHING: there is none.
 static enum status take_frame(struct mapper *m)
 {
     struct map_frontend_result result;
     enum status status = map_frontend_take(m->frontend, &result);
     if (status != OK)
         return status;
-    if (result.number % m->stride) { // which was smaller when it was put
+    if (result.number % m->stride) { // m->stride has grown since it was put
         map_frame_free(&result.observed);
         return OK;
     }
@@ -243,14 +244,14 @@ static void report_tags(const struct mapper *m, struct mapper_report *r)
         r->frames_placed += m->map.frames[i].placed;
 }
 
-// How much two views differ: metres, with a radian worth two.
+// How much two views differ: metres, with a radian counted as two.
 static double view_distance(struct pose camera_a_from_world, struct pose camera_b_from_world)
 {
     struct pose wa = pose_inverse(camera_a_from_world), wb = pose_inverse(camera_b_from_world);
     return v3_distance(wa.translation, wb.translation) + 2 * pose_angle(wa, wb);
 }
 
-// Hands the pictures that lie furthest apart, and from those it has, to the place, one after the other.
+// Farthest-point sampling: moves the images that are furthest from each other, and from the views the place has, to it.
 static void export_views(struct map *map, int32_t most, struct place *out)
 {
     double distance[MAP_MAX_FRAMES];
@@ -274,7 +275,7 @@ static void export_views(struct map *map, int32_t most, struct place *out)
             .jpeg_bytes = f->jpeg_bytes,
             .depth = f->depth,
         };
-        f->jpeg = NULL; // the place's now
+        f->jpeg = NULL; // owned by the place now
         f->depth = NULL;
         distance[best] = -1;
         for (int32_t i = 0; i < map->frame_count; i++)
@@ -283,7 +284,7 @@ static void export_views(struct map *map, int32_t most, struct place *out)
     }
 }
 
-// Views are read with the calibration of the place.
+// Views have no calibration of their own: they are read with the place's.
 static bool same_calibration(const struct calibration *a, const struct calibration *b)
 {
     return lens_equal(&a->color, &b->color) && lens_equal(&a->depth, &b->depth) && a->registered == b->registered &&
