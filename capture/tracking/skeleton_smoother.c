@@ -41,6 +41,7 @@ struct smoother {
     struct calibration calibration;
     struct smoother_frame *frame;
     int64_t count, capacity;
+    size_t bytes_max;         // of `frame`; 0: no limit
     struct body_shape *shape; // of each person found, as known last
     int people;
     bool in_backward_pass;
@@ -74,12 +75,16 @@ void smoother_close(struct smoother **s)
     *s = NULL;
 }
 
+void smoother_limit_memory(struct smoother *s, size_t bytes_max) { s->bytes_max = bytes_max; }
+
 // ------------------------------------------------------------- there and back
 
 static enum status reserve(struct smoother *s, int people)
 {
     if (s->count == s->capacity) {
         int64_t capacity = s->capacity ? 2 * s->capacity : 256;
+        if (s->bytes_max && (size_t)capacity * sizeof *s->frame > s->bytes_max)
+            return fail(ERR_MEMORY, "smoothing needs more than the %zu bytes allowed", s->bytes_max);
         struct smoother_frame *grown = realloc(s->frame, (size_t)capacity * sizeof *grown);
         if (!grown)
             return fail(ERR_MEMORY, "not enough memory to think a take over");

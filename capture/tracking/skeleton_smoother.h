@@ -21,6 +21,9 @@ struct smoother;
 MUST_CHECK enum status smoother_open(struct smoother **out, const struct calibration *calibration); // ERR_MEMORY
 void smoother_close(struct smoother **s); // NULL is fine; sets *s = NULL
 
+// From now on smoother_push fails with ERR_MEMORY rather than keep more than this for frames. 0, the default: no limit.
+void smoother_limit_memory(struct smoother *s, size_t bytes_max);
+
 // After each frame of the take: what the tracker told of it, NULL where there is nobody or no depth. Where what was
 // followed turns out to be furniture, the frames before are taken back: nobody was there.
 // time_ns must rise. ERR_MEMORY: 2.5 KiB a frame are kept.
