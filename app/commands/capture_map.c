@@ -1,5 +1,7 @@
+// reenact-capture map: maps the empty place from a sweep.
 #include "app/commands/commands.h"
 
+#include "app/commands/place_input.h"
 #include "capture/mapping/mapper.h"
 #include "capture/recording/recording.h"
 #include "platform/file.h"
@@ -34,8 +36,8 @@ static const struct argp_option options[] = {
      0},
     {"seconds", KEY_SECONDS, "S", 0, "film for S seconds; without it until the folder ends or Ctrl-C is pressed once",
      0},
-    {"quad-decimate", KEY_DECIMATE, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0},
-    {"json", KEY_JSON, NULL, 0, "report as JSON", 0},
+    COMMAND_OPTION_QUAD_DECIMATE(KEY_DECIMATE),
+    COMMAND_OPTION_JSON(KEY_JSON),
     {0},
 };
 
@@ -50,8 +52,8 @@ static error_t parse(int key, char *value, struct argp_state *state)
     case KEY_INTO: a->into = value; return 0;
     case KEY_JSON: a->json = true; return 0;
     case KEY_SECONDS: a->seconds = command_parse_number(state, "--seconds", value, 0.1, 1e6); return 0;
-    case KEY_DECIMATE: a->decimate = command_parse_number(state, "--quad-decimate", value, 1, 8); return 0;
-    case ARGP_KEY_ARG: argp_error(state, "'%s' is one word too many", value); return 0;
+    case KEY_DECIMATE: a->decimate = command_parse_quad_decimate(state, value); return 0;
+    case ARGP_KEY_ARG: command_refuse_argument(state, value); return 0;
     case ARGP_KEY_END:
         if (!a->sensor == !a->camera)
             argp_error(state, "either --sensor URI, with depth, or --camera URI, without");
@@ -83,7 +85,7 @@ static enum status feed_mapper(struct source *source, struct mapper *mapper, con
             status = OK;
             break;
         }
-        if (status == ERR_INPUT) { // one damaged picture; the next call goes on behind it
+        if (status == ERR_INPUT) { // one damaged image; the next call continues after it
             ++*damaged;
             status = OK;
             continue;
@@ -132,11 +134,7 @@ static enum status rewrite_place(const char *path, const struct place *place)
 
 static enum status read_place(const char *path, struct place *out)
 {
-    struct recording *recording = NULL;
-    enum status status = recording_open(&recording, path);
-    if (status == OK)
-        status = recording_read_place(recording, out);
-    recording_free(&recording);
+    enum status status = place_input_read(path, out);
     return status == NOTHING ? fail(ERR_INPUT, "%s holds no place yet; film one with map --out", path) : status;
 }
 
@@ -182,10 +180,7 @@ static void print_json(const char *path, const struct place *before, const struc
             json_push_number(corner, world[k].z);
         }
     }
-    char *text = json_print(root);
-    fputs(text ? text : "{}\n", stdout);
-    free(text);
-    json_free(&root);
+    (void)!command_print_json(&root); // the place is written
 }
 
 static void print_text(const char *path, const struct place *before, const struct place *place,
@@ -202,7 +197,7 @@ static void print_text(const char *path, const struct place *before, const struc
     printf("; %d views kept\n", (int)place->view_count);
 }
 
-// The first tag that so few pictures show that nothing vouches for it; NULL: none.
+// The first tag with too few observations to check its pose; NULL: none.
 static const struct place_tag *rarely_observed(const struct place *place)
 {
     enum { MIN_OBSERVATIONS = 3 };

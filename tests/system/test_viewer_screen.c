@@ -221,7 +221,7 @@ static void test_lost_graphics_context_is_recreated(void **state)
     unsetenv("LD_PRELOAD");
     print_message("%s%s", said.out, said.err);
     EXPECT_INT(said.exit_code, 0);
-    EXPECT_INT(times_said(said.out, "shows     the actor in his place"), 2);
+    EXPECT_INT(times_said(said.out, "shows     the actor in place"), 2);
 }
 
 static int set_up(void **state)
