@@ -22,12 +22,12 @@ enum { KEY_SENSOR = COMMAND_KEY, KEY_CAMERA, KEY_TAGS, KEY_OUT, KEY_INTO, KEY_JS
 static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
     {"camera", KEY_CAMERA, "URI", 0,
-     "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags say how large the "
-     "place is, and points are what pictures from several places agree on",
+     "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags give the "
+     "scale, and natural points are triangulated from several pictures",
      0},
     {"tags", KEY_TAGS, "TAGS.json", 0,
      "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
-     "the side is the outer edge of the black square; without it natural points and depth make the place",
+     "the side is the outer edge of the black square; without it the place is made of natural points and depth",
      0},
     {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
     {"into", KEY_INTO, "FILE", 0,
@@ -58,7 +58,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         if (!a->sensor == !a->camera)
             argp_error(state, "either --sensor URI, with depth, or --camera URI, without");
         if (!a->into == !a->out)
-            argp_error(state, "either --out FILE, for a new recording, or --into FILE, for a place that is there");
+            argp_error(state, "either --out FILE, for a new recording, or --into FILE, for an existing place");
         return 0;
     default: return ARGP_ERR_UNKNOWN;
     }
@@ -189,7 +189,7 @@ static void print_text(const char *path, const struct place *before, const struc
     printf("%s: a place with %d tags and %d natural points, from %d of %d pictures\n", path, (int)place->tag_count,
            (int)place->point_count, (int)r->frames_placed, (int)r->frames);
     if (before->tag_count || before->point_count)
-        printf("new are %d tags and %d points\n", (int)(place->tag_count - before->tag_count),
+        printf("%d tags and %d points are new\n", (int)(place->tag_count - before->tag_count),
                (int)(place->point_count - before->point_count));
     printf("%s fit to %.2f pixels", place->tag_count ? "tags" : "points", place->rms_px);
     if (place->rms_m > 0)
@@ -241,13 +241,13 @@ static void warn(const char *program, const struct place *place, const struct ma
                 program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
         fprintf(stderr,
-                "%s: warning: the floor is in no depth picture, so height 0 is the lowest thing that was recognised; "
+                "%s: warning: the floor is in no depth picture, so height 0 is the lowest tag or natural point; "
                 "film the floor too\n",
                 program);
     if (r->lost_to_s > r->lost_from_s)
         fprintf(
             stderr,
-            "%s: warning: nothing says where the sensor was from %.1f s to %.1f s of the sweep; film that part again, "
+            "%s: warning: the sensor could not be located from %.1f s to %.1f s of the sweep; film that part again, "
             "more slowly, with more of what was seen before in sight\n",
             program, r->lost_from_s, r->lost_to_s);
     if (damaged)
@@ -314,8 +314,8 @@ int capture_map(int argc, char **argv)
         "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together. Without --tags "
         "the place is known by its natural points alone: move slowly, and come back to where you began. "
         "With --into another sweep adds what the first one did not see; what is known already must be in sight now "
-        "and then. With --camera any camera will do whose lens calibration.json describes: the places of printed tags "
-        "are all that it can tell.",
+        "and then. --camera takes any camera whose lens calibration.json describes; the scale then comes from the "
+        "printed tags alone.",
         NULL,
         NULL,
         NULL};

@@ -26,7 +26,7 @@ static error_t parse(int key, char *value, struct argp_state *state)
         command_require(state, given->sensor, "--sensor URI");
         command_require(state, given->take, "--take NAME");
         if (!given->into == !given->out)
-            argp_error(state, "either --into FILE, for a recording that is there, or --out FILE, for a new one");
+            argp_error(state, "either --into FILE, for an existing recording, or --out FILE, for a new one");
         return 0;
     }
     return ARGP_ERR_UNKNOWN;

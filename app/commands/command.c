@@ -59,7 +59,7 @@ void command_warn_moved_tags(const char *program, int32_t count, int32_t first)
 {
     if (count)
         fprintf(stderr,
-                "%s: warning: tag %d%s not where the place has %s, and left out of account; put %s back, or add a new "
+                "%s: warning: tag %d%s not where the place has %s, and ignored; put %s back, or add a new "
                 "sweep with reenact-capture map --into\n",
                 program, (int)first, count > 1 ? " and others are" : " is", count > 1 ? "them" : "it",
                 count > 1 ? "them" : "it");

@@ -38,7 +38,8 @@ enum { COMMAND_KEY = 0x100 };
     }
 #define COMMAND_OPTION_QUAD_DECIMATE(key)                                                                              \
     {                                                                                                                  \
-        "quad-decimate", key, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: surest)", 0       \
+        "quad-decimate", key, "N", 0, "look for tags in pictures N times smaller (1 to 8, default 1: most reliable)",  \
+            0                                                                                                          \
     }
 double command_parse_quad_decimate(const struct argp_state *state, const char *value);
 

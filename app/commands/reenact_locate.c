@@ -140,11 +140,11 @@ static void report(const struct locate_arguments *a, const struct locate_summary
 {
     double placed = s->placed > 0 ? (double)s->placed : 1, rms = sqrt(s->sum_rms2 / placed);
     if (!a->json) {
-        printf("%s: %lld of %lld pictures placed, by %.1f tags in the mean, which fit to %.2f pixels\n", a->out,
+        printf("%s: %lld of %lld pictures placed, with %.1f tags each on average, which fit to %.2f pixels\n", a->out,
                (long long)s->placed, (long long)s->images, (double)s->tags_used / placed, rms);
         if (s->learnt)
-            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, give or take %.1f %%\n",
-                   s->lens.fx, s->lens.fy, s->lens.focal_sigma * 100);
+            printf("the camera's focal length, learnt from the place: %.1f x %.1f pixels, sigma %.1f %%\n", s->lens.fx,
+                   s->lens.fy, s->lens.focal_sigma * 100);
         return;
     }
     struct json *root = json_new_object();

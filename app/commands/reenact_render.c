@@ -30,11 +30,11 @@ static const struct argp_option options[] = {
     {"camera", KEY_CAMERA, "URI", 0, "the tablet's camera: libcamera, libcamera:N or folder:DIR", 0},
     {"out", KEY_OUT, "DIR", 0, "folder for the pictures, trajectory.txt and stats.json; made if need be", 0},
     {"detail", KEY_DETAIL, "LEVEL", 0,
-     "paper: the 2014 method to the letter; full: our best (default); auto: as much as the eye can tell", 0},
+     "paper: the 2014 method to the letter; full: the best quality (default); auto: as much as the eye can see", 0},
     {"layers", KEY_LAYERS, NULL, 0,
      "also write NAME_actor.png (the actor alone, RGBA, straight alpha) and NAME_source.png (where each of its "
-     "pixels is from: red 85 seen now, 170 borrowed from another moment, 255 filled in; 256 green + blue: how long "
-     "before or after, in hundredths of a second)",
+     "pixels is from: red 85 seen in this frame, 170 taken from another frame, 255 filled in; 256 green + blue: how "
+     "long before or after, in hundredths of a second)",
      0},
     {"start", KEY_START, "SECONDS", 0, "show the take from here when the first image comes (default 0)", 0},
     {"error", KEY_ERROR, "PX", 0, "with --detail auto, by how much the actor may be wrong (default 1)", 0},

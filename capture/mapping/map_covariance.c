@@ -68,7 +68,7 @@ enum status map_landmark_covariances(struct map *m)
 {
     struct landmark_information *sums = calloc((size_t)m->point_count + 1, sizeof *sums);
     if (!sums)
-        return fail(ERR_MEMORY, "no memory to weigh %d points", (int)m->point_count);
+        return fail(ERR_MEMORY, "no memory for the covariances of %d points", (int)m->point_count);
     for (int32_t i = 0; i < m->frame_count; i++) {
         const struct map_frame *f = &m->frames[i];
         for (int32_t n = 0; f->placed && n < f->feature_count; n++) {
@@ -207,8 +207,9 @@ enum status map_tag_covariances(struct map *m)
     const int n = 6 * m->tag_count;
     double *all = calloc((size_t)n * (size_t)n + 1, sizeof *all);
     double *common = calloc(6 * (size_t)n + 1, sizeof *common), *half = calloc(6 * (size_t)n + 1, sizeof *half);
-    enum status status = all && common && half ? map_joint_tag_covariance(m, all)
-                                               : fail(ERR_MEMORY, "no memory to weigh %d tags", (int)m->tag_count);
+    enum status status = all && common && half
+                             ? map_joint_tag_covariance(m, all)
+                             : fail(ERR_MEMORY, "no memory for the covariances of %d tags", (int)m->tag_count);
     if (status == OK && !m->has_prior)
         remove_gauge_freedom(m, all, common, half);
     for (int32_t t = 0; t < m->tag_count && status == OK; t++) {

@@ -161,7 +161,7 @@ static enum status cull_inconsistent(struct map *m)
     const struct lens *lens = &m->calibration.color;
     double *squares = calloc((size_t)m->point_count + 1, sizeof *squares);
     if (!squares)
-        return fail(ERR_MEMORY, "no memory to judge %d points", (int)m->point_count);
+        return fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
     for (int pass = 0; pass < 2; pass++)
         for (int32_t i = 0; i < m->frame_count; i++)
             for (int32_t k = 0; k < m->frames[i].feature_count; k++) {

@@ -106,7 +106,7 @@ enum status map_check_overlap(const struct map *m)
     for (int32_t i = 0; i < m->frame_count; i++)
         if (m->frames[i].placed)
             return OK;
-    return fail(ERR_INPUT, "the sweep shows nothing that is in the place already, so nothing says where it belongs; "
+    return fail(ERR_INPUT, "the sweep shows nothing that is in the place already, so it cannot be registered to it; "
                            "begin it where the place is known, with its tags or much of what was filmed in sight");
 }
 

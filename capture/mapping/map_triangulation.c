@@ -116,7 +116,7 @@ enum status map_cull_low_parallax(struct map *m)
 {
     struct vec3 *first = calloc((size_t)m->point_count + 1, sizeof *first); // direction of the first observation
     double *least = malloc(sizeof *least * ((size_t)m->point_count + 1));   // least cosine between that and any other
-    enum status status = first && least ? OK : fail(ERR_MEMORY, "no memory to judge %d points", (int)m->point_count);
+    enum status status = first && least ? OK : fail(ERR_MEMORY, "no memory to check %d points", (int)m->point_count);
     for (int32_t i = 0; i < m->point_count && status == OK; i++)
         least[i] = 1;
     for (int32_t i = 0; i < m->frame_count && status == OK; i++) {

@@ -26,14 +26,14 @@ static enum status check(const struct calibration *calibration, const struct map
                          const struct mapper_options *options)
 {
     if (!calibration->color.width)
-        return fail(ERR_INPUT, "a place is known by what is seen in colour, and this sensor has depth only");
+        return fail(ERR_INPUT, "a place is mapped from colour pictures, and this sensor has depth only");
     enum status status = lens_check(&calibration->color, "color");
     if (status != OK)
         return status;
     if (calibration->color.focal_sigma > MAX_FOCAL_SIGMA)
         return fail(ERR_INPUT,
-                    "the camera's focal length is known to %.1f %% only, and a place would be no truer; measure "
-                    "its lens and write it down (the guide says where)",
+                    "the camera's focal length is known to %.1f %% only, and the place would be no more accurate; "
+                    "calibrate its lens (the guide says how)",
                     calibration->color.focal_sigma * 100);
     if (options->most_points < 0 || options->most_points > MAP_MAX_CANDIDATES || options->most_views < 0)
         return fail(ERR_INPUT, "most_points must lie between 0 and %d, most_views must not be negative",
@@ -42,11 +42,12 @@ static enum status check(const struct calibration *calibration, const struct map
         return fail(ERR_INPUT, "a place is mapped by at most %d tags, not %d", (int)MAPPER_MAX_TAGS, (int)tag_count);
     if (!tag_count && !(options->prior && options->prior->tag_count) &&
         (!map_depth_usable(calibration) || !options->most_points))
-        return fail(ERR_INPUT, "without tags only depth that belongs to the colour's pixels says how large a place "
-                               "is, and this sensor has none; hang tags and list them");
+        return fail(ERR_INPUT, "without tags the scale of a place comes from depth on the colour's pixels, and this "
+                               "sensor has none; hang tags and list them");
     for (int32_t i = 0; i < tag_count; i++) {
         if (tags[i].id < 0 || tags[i].id >= TAG_ID_COUNT || !(tags[i].side_m > 0) || !isfinite(tags[i].side_m))
-            return fail(ERR_INPUT, "tag %d with a side of %g m is no tag of tag36h11", (int)tags[i].id, tags[i].side_m);
+            return fail(ERR_INPUT, "tag %d with a side of %g m cannot be a tag of tag36h11", (int)tags[i].id,
+                        tags[i].side_m);
         for (int32_t k = 0; k < i; k++)
             if (tags[k].id == tags[i].id)
                 return fail(ERR_INPUT, "tag %d is listed twice", (int)tags[i].id);
