@@ -313,8 +313,7 @@ static void measure_points(const struct map *m, const struct map_frame *f, struc
         if (s->point < 0)
             continue;
         struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
-        struct vec3 ray = lens_ray(lens, s->feature.at);
-        add(px, hypot(lens->fx * (p.x / p.z - ray.x), lens->fy * (p.y / p.z - ray.y)));
+        add(px, map_reprojection_px(lens, p, &s->feature));
         if (s->depth > 0)
             add(metres, p.z - s->depth);
     }

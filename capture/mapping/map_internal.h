@@ -78,6 +78,13 @@ struct map {
     double rms_px, rms_m;
 };
 
+// Reprojection error of a feature, pixels; p: its landmark in camera axes.
+static inline double map_reprojection_px(const struct lens *lens, struct vec3 p, const struct feature *feature)
+{
+    struct vec3 ray = lens_ray(lens, feature->at);
+    return hypot(lens->fx * (p.x / p.z - ray.x), lens->fy * (p.y / p.z - ray.y));
+}
+
 // ---- map_tags.c: lookup of observed tags
 // Standard deviation of a tag's corners in a map that still grows, pixels. Chosen by hand.
 static const double MAP_TAG_PX = 0.1;

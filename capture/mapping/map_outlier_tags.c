@@ -28,8 +28,7 @@ static bool landmarks_agree(const struct map *m, const struct map_frame *f)
         if (s->point < 0)
             continue;
         struct vec3 p = pose_apply(f->camera_from_world, m->points[s->point].world);
-        struct vec3 ray = lens_ray(lens, s->feature.at);
-        agree += p.z > 0 && hypot(lens->fx * (p.x / p.z - ray.x), lens->fy * (p.y / p.z - ray.y)) < INLIER_PX;
+        agree += p.z > 0 && map_reprojection_px(lens, p, &s->feature) < INLIER_PX;
     }
     return agree >= MIN_POINTS;
 }

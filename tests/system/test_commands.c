@@ -177,10 +177,9 @@ static void test_bad_sensors(void **state)
     EXPECT_SENTENCE(PROCESS(CAPTURE, "record", "--sensor", uri("depthless"), "--out", out, "--take", "x"), "depth");
 }
 
-// Two tags on a wall, 0.4 m between their centres, filmed by a camera without depth.
-static void test_camera_maps_tags(void **state)
+// The folder "wall": two tags on a wall, 0.4 m between their centres, filmed by a camera without depth.
+static void make_wall(void)
 {
-    (void)state;
     enum { ACROSS = 320, DOWN = 240, PICTURES = 4 };
     static uint8_t rgb[ACROSS * DOWN * 3];
     const struct place_tag tags[] = {
@@ -207,6 +206,12 @@ static void test_camera_maps_tags(void **state)
                  "{\"color\": {\"width\": 320, \"height\": 240, \"fx\": 300, \"fy\": 300, "
                  "\"cx\": 159.5, \"cy\": 119.5}}");
     scratch_text(&scratch, "pair.json", "{\"family\": \"tag36h11\", \"side_m\": {\"3\": 0.2, \"8\": 0.2}}");
+}
+
+static void test_camera_maps_tags(void **state)
+{
+    (void)state;
+    make_wall();
     char file[512];
     snprintf(file, sizeof file, "%s", scratch_file(&scratch, "wall.reenact"));
     EXPECT_SENTENCE(PROCESS(CAPTURE, "map", "--camera", uri("wall"), "--out", file), "tags");
