@@ -1,7 +1,8 @@
 // Scores poses and measures radii: [D14], equations 2 to 4.
 #include "capture/body_radii.h"
 
-#include <stdlib.h>
+#include "capture/median.h"
+
 #include <string.h>
 
 // lambda of equation 3. Each of the two arm terms is at most theta * sin(theta), so together they reach 3.64. lambda is
@@ -159,12 +160,6 @@ static double walk_to_edge(const struct projected_skeleton *seen, const struct p
     return walk->furthest_px;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 double body_radii_measure_part(const struct calibration *calibration, const struct skeleton *skeleton,
                                const uint16_t *depth, const uint8_t *mask, enum part part)
 {
@@ -199,8 +194,7 @@ double body_radii_measure_part(const struct calibration *calibration, const stru
     }
     if (count < SAMPLES_MIN)
         return 0;
-    qsort(widths, (size_t)count, sizeof *widths, by_value);
-    return widths[count / 2] / 2;
+    return median_of(widths, (size_t)count) / 2;
 }
 
 bool body_radii_add_frame(struct body_radii *r, int64_t index, const struct calibration *calibration,

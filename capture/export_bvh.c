@@ -2,6 +2,7 @@
 // offsets and, for each frame, the root's position and every joint's rotation.
 #include "capture/export.h"
 
+#include "capture/median.h"
 #include "platform/file.h"
 
 #include <stdio.h>
@@ -46,12 +47,6 @@ static bool usable(const struct skeleton *s, int bone)
     return s->confidence[bones[bone].joint] > 0 && v3_finite(s->joint[bones[bone].joint]);
 }
 
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 // The median length of every bone over the take, metres; 0 where it was not known in any frame.
 static enum status bone_lengths(const struct take *take, double length[BONES])
 {
@@ -67,8 +62,7 @@ static enum status bone_lengths(const struct take *take, double length[BONES])
                 seen[count++] =
                     v3_distance(e->skeleton.joint[bones[b].joint], e->skeleton.joint[bones[bones[b].parent].joint]);
         }
-        qsort(seen, (size_t)count, sizeof *seen, by_value);
-        length[b] = count ? seen[count / 2] : 0;
+        length[b] = median_of(seen, (size_t)count);
     }
     free(seen);
     return OK;
