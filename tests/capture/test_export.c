@@ -78,7 +78,7 @@ static void test_bvh_matches_take(void **state)
     }
     print_message("joints from BVH: mean error %.3f m, %.3f m at worst\n", sum, worst);
     EXPECT_AT_MOST(sum, 0.05);
-    EXPECT_AT_MOST(worst, 0.2);
+    EXPECT_AT_MOST(worst, 0.1);
     bvh_free(&bvh);
     free(text);
 }

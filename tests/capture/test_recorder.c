@@ -98,7 +98,7 @@ static void test_take_matches_truth(void **state)
             sum += v3_distance(entry->skeleton.joint[j], wanted.joint[j]) / (JOINT_COUNT * FRAMES);
     }
     print_message("mean joint error %.3f m\n", sum);
-    EXPECT_AT_MOST(sum, 0.08);
+    EXPECT_AT_MOST(sum, 0.05);
     const struct body *body = take_body(take);
     EXPECT_AT_LEAST(body->representative_frame, 0);
     for (int p = 0; p < PART_COUNT; p++)
