@@ -54,7 +54,7 @@ struct recorder {
     // used by the writing thread only, until it is joined
     int64_t written, tracked;
 
-    // how each worker ended, with its sentence, because status_message() is per thread
+    // how each worker ended, with its sentence, which is kept per thread
     enum status process_status, write_status;
     char process_sentence[512], write_sentence[512];
 };

@@ -16,7 +16,7 @@ struct slot {
     uint16_t *depth;
     size_t jpeg_capacity;
     enum status status;
-    char message[512]; // of a worker's failure: status_message() is per thread
+    char message[512]; // of a worker's failure, which is another thread's
 };
 
 // Images go to the workers in turn, so that results do not depend on their speed.
