@@ -1,3 +1,4 @@
+// Registration of frames by the landmarks they show.
 #include "capture/mapping/map_internal.h"
 
 #include "locate/relocalization.h"
@@ -28,7 +29,7 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
             if (!landmarks_refine_pose(&query, NULL, &pose[k], d->matches, MAP_MAX_FEATURES, &agree[k]))
                 agree[k] = 0;
         int best = agree[1] > agree[0];
-        // Both may lead to the same pose: the search reaches far.
+        // Both may have converged to the same pose, because the search radius is wide.
         if (!agree[best] || (2 * agree[best] < 3 * agree[!best] && pose_angle(pose[0], pose[1]) > 0.02))
             continue;
         f->camera_from_world = pose[best];
@@ -39,10 +40,10 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
     return OK;
 }
 
-// So many points must agree for a frame that no tag vouches for.
+// Landmark inliers that a frame without a tag needs. Chosen by hand.
 enum { MIN_INLIERS = 20 };
 
-// Sharpens `guess` by the points that d's frame shows. False: too few agree.
+// Refines `guess` by the landmarks that d's frame shows, and places the frame there. False: too few inliers.
 static bool refine_and_register(struct map *m, struct map_scratch *d, struct map_frame *f, struct pose guess)
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
@@ -57,7 +58,7 @@ static bool refine_and_register(struct map *m, struct map_scratch *d, struct map
     return true;
 }
 
-// From the frame next to it, and as that one came from the one before.
+// First guess: the neighbour's pose, moved on as the neighbour was from the frame before it. Second: without motion.
 static bool register_from_neighbour(struct map *m, struct map_scratch *d, int32_t i, int step)
 {
     const struct map_frame *neighbour = &m->frames[i - step];
@@ -80,8 +81,8 @@ static bool relocalize_frame(struct map *m, struct map_scratch *d, struct map_fr
     return relocalize(&query, d->matches, count, NULL, &guess, &agree) && refine_and_register(m, d, f, guess);
 }
 
-// Errors grow from frame to frame; before they are larger than the search for points
-// reaches, everything is adjusted, so that a way round closes.
+// Drift grows from frame to frame. Everything is adjusted before it exceeds the search radius of landmark matching, so
+// that loops can close. Chosen by hand.
 enum { ADJUST_EVERY = 20, ADJUST_ROUNDS = 6 };
 
 static enum status count_placed(struct map *m, int *placed)
