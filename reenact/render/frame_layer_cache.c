@@ -1,9 +1,10 @@
+// Cache of frame layers on the GPU.
 #include "reenact/render/frame_layer_cache.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// Of those shown last none goes, for one may step back to them.
+// The frames used last are not evicted: stepping back shows them again. Chosen by hand.
 enum { PROTECTED_FRAMES = 16 };
 
 struct cached_layer {
@@ -16,11 +17,11 @@ struct frame_layer_cache {
     struct gpu *gpu;
     struct take *take;
     const struct source_rays *rays;
-    struct frame_layer_loader *loader; // of the avatar; NULL before the first frame
+    struct frame_layer_loader *loader; // for the avatar; NULL before the first frame
     struct cached_layer *layers;
     int count, capacity;
     size_t bytes, max_bytes;
-    int64_t now;
+    int64_t now; // counts uses
 };
 
 enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu, struct take *take,
@@ -65,7 +66,7 @@ void frame_layer_cache_close(struct frame_layer_cache **out)
     *out = NULL;
 }
 
-// From the kept frame before it to the one after it, round the take.
+// Frames from the resident frame before layer i to the one after it, cyclically over the take.
 static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
 {
     const int64_t frames = take_frame_count(f->take);
@@ -80,16 +81,16 @@ static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
     return before + after;
 }
 
-// The one to let go: of those not shown or given lately, the one that others are nearest to, so that those kept lie
-// all along the take; else the oldest.
+// The layer to evict: among those not used recently, the one with the smallest neighbour gap, so that residents spread
+// over the take; if all were used recently, the least recently used.
 static int eviction_candidate(const struct frame_layer_cache *f)
 {
     const int64_t longest = 2 * take_frame_count(f->take);
     int least = 0;
     int64_t least_worth = INT64_MAX;
     for (int i = 0; i < f->count; i++) {
-        const bool lately = f->layers[i].used > f->now - PROTECTED_FRAMES;
-        const int64_t worth = lately ? longest + f->layers[i].used : neighbor_gap(f, i);
+        const bool recent = f->layers[i].used > f->now - PROTECTED_FRAMES;
+        const int64_t worth = recent ? longest + f->layers[i].used : neighbor_gap(f, i);
         if (worth < least_worth)
             least_worth = worth, least = i;
     }

@@ -2,7 +2,7 @@
 // or sent for what has not changed, and never more memory than is promised.
 #include "tests/support/test.h"
 
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 #include "tests/support/compiled.h"
 #include "tests/support/rehearsed.h"
 #include "tests/support/retake.h"
