@@ -1,7 +1,9 @@
+// Estimates joint noise from registrations.
 #include "reenact/skeleton/joint_noise.h"
 
+// Chosen by hand.
 static const double PRIOR_M = 0.06, PRIOR_RAD = 0.5;
-static const double PRIOR_END_RAD = 1.2; // joints do not tell how skull, hands and feet are turned
+static const double PRIOR_END_RAD = 1.2; // joints do not determine the rotation of skull, hands and feet
 static const double MIN_M = 0.003, MIN_RAD = 0.03;
 
 struct joint_noise joint_noise_prior(void)
