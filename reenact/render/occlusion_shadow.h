@@ -3,7 +3,7 @@
 // (occlusion_shadow.frag). One thread: that of the GPU context.
 #pragma once
 #include "platform/gpu.h"
-#include "reenact/scene/occluder_mesh.h"
+#include "reenact/scene/occlusion_frustum.h"
 
 struct occlusion_shadow;
 
