@@ -1,6 +1,6 @@
 #version 300 es
-// Fragment of the avatar: the shown frame's own colour where its depth agrees and it saw the point squarely, the fused
-// texture elsewhere, blended smoothly.
+// Fragment of the avatar: the shown frame's own colour where its depth agrees and it viewed the surface frontally, the
+// fused texture elsewhere, blended smoothly.
 precision highp float;
 
 in vec4 uv;

@@ -373,7 +373,7 @@ enum status avatar_renderer_draw(struct avatar_renderer *p, const struct avatar_
     for (int b = 0; b < BONE_COUNT; b++)
         viewer_from_bone[b] = affine_from_pose(pose_multiply(viewer_from_world, shown.bone[b]));
     const struct silhouette_corners corners =
-        silhouette_edges_find(p->silhouette, viewer_from_bone, now->shift, now->own, absent);
+        silhouette_edges_find(p->silhouette, viewer_from_bone, now->shift, now->triangle_visible, absent);
     if (corners.front == 0)
         return OK;
     upload_shown_mesh(p, now, &corners);

@@ -44,7 +44,7 @@ static void drop(struct frame_layer_cache *f, int i)
     gpu_texture_close(&f->layers[i].shown.depth);
     free(f->layers[i].shown.shift);
     free(f->layers[i].shown.points);
-    free(f->layers[i].shown.own);
+    free(f->layers[i].shown.triangle_visible);
     f->layers[i] = f->layers[--f->count];
 }
 
@@ -131,7 +131,7 @@ static enum status insert(struct frame_layer_cache *f, struct frame_layer *loade
     s->corrections = loaded->corrections;
     s->shift = loaded->shift;
     s->points = loaded->points;
-    s->own = loaded->triangle_visible;
+    s->triangle_visible = loaded->triangle_visible;
     loaded->shift = NULL;
     loaded->points = NULL;
     loaded->triangle_visible = NULL;

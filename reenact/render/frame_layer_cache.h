@@ -18,7 +18,7 @@ struct gpu_frame_layer {
     struct bone_corrections corrections;
     float (*shift)[3];
     struct frame_layer_point *points;
-    bool *own;
+    bool *triangle_visible;
 };
 
 // Loads the frame unless it is resident. *out: borrowed until the next call. Errors of take_read; ERR_DEVICE.

@@ -79,8 +79,8 @@ static void integrate_row(const struct depth_view *v, bool ideal, int y, int z)
         double px = (double)(p[0] / p[2]) * v->lens.fx + v->lens.cx;
         double py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
         if (!ideal) {
-            struct pixel bent = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
-            px = bent.x, py = bent.y;
+            struct pixel distorted = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
+            px = distorted.x, py = bent.y;
         }
         px += 0.5, py += 0.5;
         if (!(px >= 0 && py >= 0 && px < v->lens.width && py < v->lens.height))
@@ -344,12 +344,4 @@ enum status occluder_mesh_make(struct occluder_mesh *out, const struct place *pl
     for (double step = VOXEL_M; status == OK && too_large; step *= COARSENING)
         status = try_mesh(out, place, take, step, options ? options : &defaults, &too_large);
     return status;
-}
-
-void occluder_mesh_free(struct occluder_mesh *mesh)
-{
-    free(mesh->points);
-    free(mesh->corners);
-    free(mesh->spheres);
-    *mesh = (struct occluder_mesh){0};
 }

@@ -1,4 +1,4 @@
-// Naive surface nets of the occluder grid.
+// Naive surface nets of the occluder grid; allocation of its mesh.
 #include "reenact/scene/occluder_grid.h"
 
 #include <stdlib.h>
@@ -83,6 +83,14 @@ static void add_faces(const struct occluder_grid *g, const int32_t *number, stru
         for (int y = 0; y + 1 < g->size[1]; y++)
             for (int x = 0; x + 1 < g->size[0]; x++)
                 add_quads(g, number, occluder_grid_index(g, x, y, z), (const int[3]){x, y, z}, out);
+}
+
+void occluder_mesh_free(struct occluder_mesh *mesh)
+{
+    free(mesh->points);
+    free(mesh->corners);
+    free(mesh->spheres);
+    *mesh = (struct occluder_mesh){0};
 }
 
 enum status occluder_surface_nets(const struct occluder_grid *g, struct occluder_mesh *out, bool *too_large)

@@ -22,9 +22,9 @@ void joint_noise_add(struct joint_noise_sum *sum, const struct bind_pose *bind,
     for (int b = 0; b < BONE_COUNT; b++) {
         const struct vec3 middle = bone_frame_midpoint(&bind->frame[b]);
         const struct vec3 moved = v3_sub(pose_apply(correction[b], middle), middle);
-        const struct vec3 turned = quat_to_rotation_vector(correction[b].rotation);
+        const struct vec3 rotated = quat_to_rotation_vector(correction[b].rotation);
         sum->m2[b] += v3_dot(moved, moved) / 3 + uncertainty->m[b] * uncertainty->m[b];
-        sum->rad2[b] += v3_dot(turned, turned) / 3 + uncertainty->rad[b] * uncertainty->rad[b];
+        sum->rad2[b] += v3_dot(rotated, rotated) / 3 + uncertainty->rad[b] * uncertainty->rad[b];
     }
     sum->frames++;
 }
