@@ -19,15 +19,13 @@ struct renderer_options renderer_default_options(void)
 
 static enum status open_programs(struct renderer *p)
 {
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
     static const char *const compose_samplers[] = {"camera_image", "actor_image", "shadow_image"};
     const struct gpu_program_source compose = {.name = "compose",
                                                .vertex = shader_find("fullscreen.vert"),
                                                .fragment = shader_find("compose.frag"),
                                                .samplers = compose_samplers,
                                                .sampler_count = 3};
-    enum status status = gpu_mesh_open(&p->fullscreen, p->gpu, corners, 2, 3, order, 3);
+    enum status status = fullscreen_mesh_open(&p->fullscreen, p->gpu);
     if (status == OK)
         status = gpu_texture_open(&p->no_shadow, p->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, (const uint8_t[4]){0});
     if (status == OK)

@@ -11,7 +11,7 @@
 
 enum { VERTEX = 16 }; // floats of a vertex, as avatar.vert takes them
 
-static const float NEAREST_M = 0.05F, FARTHEST_M = 60, HALF_SILHOUETTE_PX = 0.5F;
+static const float NEAREST_M = (float)VIEW_NEAREST_M, HALF_SILHOUETTE_PX = 0.5F;
 
 enum uniform { VIEW_LENS, VIEW_RANGE, FRAME_PARAMS, VIEWER_FROM_FRAME, UNIFORMS };
 
@@ -197,7 +197,7 @@ static enum status open_programs(struct avatar_renderer *p, const struct lens *v
         if (status != OK)
             return status;
     }
-    const float range[4] = {NEAREST_M, FARTHEST_M, 0, 0};
+    const float range[4] = {NEAREST_M, VIEW_FARTHEST_M, 0, 0};
     avatar_renderer_set_lens(p, view);
     set_uniform(p, VIEW_RANGE, range, 1);
     return OK;

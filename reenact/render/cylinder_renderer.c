@@ -9,7 +9,6 @@
 
 enum { SIDES = 4, ALONG = 24 }; // meshes of 8, 16, 32, 64 sides; rings along a cylinder
 
-static const double NEAREST_M = 0.05, FARTHEST_M = 60;
 static const double SILHOUETTE_ERROR_PX = 0.1; // chosen by hand: below what antialiasing shows
 
 enum uniform { VIEWER_FROM_PART, SOURCE_FROM_PART, VIEW_LENS, VIEW_RANGE, SOURCE_LENS, SOURCE_WINDOW, CODE, UNIFORMS };
@@ -61,7 +60,7 @@ static enum status open_program(struct cylinder_renderer *c)
     enum status status = gpu_program_open(&c->program, c->gpu, &text);
     if (status != OK)
         return status;
-    const float range[4] = {(float)NEAREST_M, (float)FARTHEST_M, 0, 0};
+    const float range[4] = {(float)VIEW_NEAREST_M, VIEW_FARTHEST_M, 0, 0};
     float lens[12];
     lens_uniform(&take_calibration(c->take)->color, lens);
     gpu_program_set(c->program, SOURCE_LENS, lens, 3);
@@ -176,14 +175,14 @@ static enum status draw_part(struct cylinder_renderer *c, const struct cylinder_
         return NOTHING;
     double radius = body->radius_rate[part] * here.length;
     double nearest_z = fmin(here.origin.z, here.origin.z + here.z.z * here.length) - radius;
-    if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < NEAREST_M)
+    if (fmax(here.origin.z, here.origin.z + here.z.z * here.length) + radius < VIEW_NEAREST_M)
         return NOTHING; // behind the camera
     enum status status = texture_for(c, view, chosen, part, &frame, &texture);
     if (status != OK)
         return status;
     if (!bone_frame_viewer_aligned(&take_entry(c->take, frame)->skeleton, part, eye, &there))
         return NOTHING;
-    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(nearest_z, NEAREST_M), &mesh);
+    status = mesh_for(c, view->whole, part, c->view_fx * radius / fmax(nearest_z, VIEW_NEAREST_M), &mesh);
     if (status != OK)
         return status;
     struct affine_map viewer_from_part = cylinder_affine(&here, radius);

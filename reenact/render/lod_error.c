@@ -2,7 +2,7 @@
 #include "reenact/render/lod_error.h"
 
 // Half a voxel of the TSDF, and 4 mm of residual distance to the depth samples after articulated ICP; chosen by hand.
-// docs/figures.md compares the predictions with measured silhouette errors.
+// docs/notes/retrieval-and-drawing.md compares the predictions with measured silhouette errors.
 static const double FULL_ERROR_M = 0.5 * TSDF_VOXEL_M + 0.004;
 
 double lod_cylinder_error_m(const struct avatar *a)

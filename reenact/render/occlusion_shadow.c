@@ -13,7 +13,6 @@ enum { ROUND = 12 }; // points about the shadow's rim, for its bounds
 static const double PI = 3.14159265358979323846, FLOOR_M = 0.02;
 
 // All chosen by hand.
-static const float NEAREST_M = 0.05F, FARTHEST_M = 60;
 static const float ROOM_BACK_M = 0.06F;  // depth bias of the room: what the actor touches does not cut into the body
 static const float FLOOR_BACK_M = 0.15F; // depth bias of the floor, for the feet
 static const float DARKNESS = 0.6F;      // share of the light that comes from above; the rest is not blocked
@@ -132,7 +131,7 @@ void occlusion_shadow_close(struct occlusion_shadow **a)
 
 void occlusion_shadow_set_lens(struct occlusion_shadow *a, const struct lens *view)
 {
-    const float range[4] = {NEAREST_M, FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
+    const float range[4] = {(float)VIEW_NEAREST_M, VIEW_FARTHEST_M, ROOM_BACK_M, FLOOR_BACK_M};
     float lens[12];
     a->view = *view;
     lens_uniform(view, lens);

@@ -1,4 +1,4 @@
-// Shader texts by name; the lens uniform.
+// Shader texts by name; what several programs share.
 #include "reenact/render/shaders.h"
 
 #include <string.h>
@@ -18,4 +18,11 @@ void lens_uniform(const struct lens *l, float out[12])
                                l->width, l->height};
     for (int i = 0; i < 12; i++)
         out[i] = (float)values[i];
+}
+
+enum status fullscreen_mesh_open(struct gpu_mesh **out, struct gpu *gpu)
+{
+    static const float corners[] = {-1, -1, 3, -1, -1, 3};
+    static const uint16_t order[] = {0, 1, 2};
+    return gpu_mesh_open(out, gpu, corners, 2, 3, order, 3);
 }

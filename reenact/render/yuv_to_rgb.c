@@ -33,8 +33,6 @@ int yuv_planes(enum dmabuf_layout layout, int width, int height, struct yuv_plan
 
 enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
 {
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
     static const char *const uniforms[] = {[ARRANGEMENT] = "arrangement", [COEFFICIENTS] = "coefficients"};
     static const char *const samplers[] = {"first_plane", "chroma_plane"};
     const struct gpu_program_source text = {.name = "camera",
@@ -49,7 +47,7 @@ enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
     if (!r)
         return fail(ERR_MEMORY, "out of memory");
     r->gpu = gpu;
-    enum status status = gpu_mesh_open(&r->fullscreen, gpu, corners, 2, 3, order, 3);
+    enum status status = fullscreen_mesh_open(&r->fullscreen, gpu);
     if (status == OK)
         status = gpu_program_open(&r->program, gpu, &text);
     if (status != OK) {

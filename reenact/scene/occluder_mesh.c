@@ -80,7 +80,7 @@ static void integrate_row(const struct depth_view *v, bool ideal, int y, int z)
         double py = (double)(p[1] / p[2]) * v->lens.fy + v->lens.cy;
         if (!ideal) {
             struct pixel distorted = lens_project(&v->lens, v3((double)p[0], (double)p[1], (double)p[2]));
-            px = distorted.x, py = bent.y;
+            px = distorted.x, py = distorted.y;
         }
         px += 0.5, py += 0.5;
         if (!(px >= 0 && py >= 0 && px < v->lens.width && py < v->lens.height))

@@ -97,8 +97,6 @@ static void test_pixels_are_unchanged(void **state)
     uint8_t rgb[W * H * 3], rgba[W * H * 4];
     for (int i = 0; i < W * H * 3; i++)
         rgb[i] = (uint8_t)(i * 37 + 11);
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
     static const char *const samplers[] = {"camera_image", "actor_image", "shadow_image"};
     struct gpu_program_source text = {.name = "compose",
                                       .vertex = shader_find("fullscreen.vert"),
@@ -110,7 +108,7 @@ static void test_pixels_are_unchanged(void **state)
     struct gpu_texture *texture;
     struct gpu_target *target, *empty;
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
-    EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
+    EXPECT_STATUS(fullscreen_mesh_open(&mesh, g), OK);
     EXPECT_STATUS(gpu_texture_open(&texture, g, GPU_RGB8, W, H, GPU_NEAREST, rgb), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
     EXPECT_STATUS(gpu_target_open(&empty, g, W, H), OK);
@@ -135,8 +133,6 @@ static void test_jobs_draw_only_within_their_boxes(void **state)
 {
     (void)state;
     enum { W = 9, H = 6 };
-    static const float corners[] = {-1, -1, 3, -1, -1, 3};
-    static const uint16_t order[] = {0, 1, 2};
     static const struct gpu_box boxes[] = {{2, 1, 3, 4}, {-3, 4, 5, 9}, {7, -2, 9, 3}, {20, 20, 2, 2}};
     const struct gpu_program_source text = {.name = "one colour",
                                             .vertex = shader_find("fullscreen.vert"),
@@ -149,7 +145,7 @@ static void test_jobs_draw_only_within_their_boxes(void **state)
     uint8_t rgba[W * H * 4];
     EXPECT_STATUS(gpu_open(&g), OK);
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
-    EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
+    EXPECT_STATUS(fullscreen_mesh_open(&mesh, g), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
     for (int used = 0; used <= (int)COUNT_OF(boxes); used++) { // the last without a box
         for (int b = 0; b < used; b++)
