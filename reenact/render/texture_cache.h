@@ -20,7 +20,7 @@ struct source_texture {
 // The whole colour image as recorded. NOTHING: the frame has none. Errors of take_read; ERR_DEVICE.
 MUST_CHECK enum status texture_cache_whole(struct texture_cache *c, int64_t frame, struct source_texture *out);
 
-// The frame's texture of one part (source_patch_make); of a frame without depth, where parts
-// cannot be told apart, the whole image. NOTHING: it shows too little of the part.
+// The frame's texture of one part (source_patch_make); of a frame without depth, which
+// does not distinguish parts, the whole image. NOTHING: it shows too little of the part.
 MUST_CHECK enum status texture_cache_part(struct texture_cache *c, int64_t frame, enum part p,
                                           struct source_texture *out);
