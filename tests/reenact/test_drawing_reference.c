@@ -164,7 +164,7 @@ static void draw(struct set *s, uint8_t *rgba)
     int parts;
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
-    EXPECT_STATUS(avatar_make(&given, s->rehearsed.take, s->rehearsed.rays, 4, NULL), OK); // as s->rehearsed.avatar
+    EXPECT_STATUS(avatar_make(&given, s->rehearsed.take, s->rehearsed.rays, 4, NULL), OK); // the same again
     EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, s->rehearsed.take, s->rehearsed.rays, &lens, 0), OK);
     EXPECT_STATUS(avatar_renderer_set_avatar(renderer, &given), OK);
     EXPECT_TRUE(avatar_renderer_upload_step(renderer, SIZE_MAX));
