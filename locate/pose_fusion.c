@@ -50,7 +50,7 @@ static void map_error_transition(const struct pose_fusion *a, const struct pose_
         lower[i] = fresh[i] = measurement->map_covariance[i] - kept[i];
     for (int i = 0; i < 6; i++)
         lower[i * 7] += 1e-3 * measurement->map_covariance[i * 7];
-    if (!all && cholesky(lower, 6))
+    if (!all && cholesky_factor(lower, 6))
         return;
     // The picture before was looked at from elsewhere, so the two do not quite match.
     memset(keep, 0, 36 * sizeof *keep);

@@ -287,7 +287,7 @@ double pnp_refine(const struct pnp_tag *tags, int count, double tag_px, const st
         memcpy(d, n.g, sizeof d);
         for (int i = 0; i < n.size; i++)
             a[i * n.size + i] *= 1 + damping;
-        if (!cholesky(a, n.size))
+        if (!cholesky_factor(a, n.size))
             break;
         cholesky_solve(a, n.size, d);
         struct pose next = *pose;

@@ -433,7 +433,7 @@ static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few,
         memcpy(d, g->gradient, sizeof d);
         for (int i = 0; i < PARAMETERS; i++)
             a[i * PARAMETERS + i] *= 1 + damping;
-        if (!cholesky(a, PARAMETERS))
+        if (!cholesky_factor(a, PARAMETERS))
             return false;
         cholesky_solve(a, PARAMETERS, d);
         struct tag_model next = *m;

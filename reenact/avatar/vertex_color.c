@@ -1,5 +1,6 @@
 #include "reenact/avatar/vertex_color.h"
 
+#include "base/linear_algebra.h"
 #include "base/parallel.h"
 #include "reenact/avatar/color_inpainting.h"
 
@@ -210,23 +211,6 @@ static bool robust_color(const struct color_sample samples[SAMPLES_KEPT], const 
     return true;
 }
 
-// Symmetric positive definite, in place.
-static void solve(double a[SH_TERMS][SH_TERMS], double b[SH_TERMS])
-{
-    for (int i = 0; i < SH_TERMS; i++)
-        for (int r = i + 1; r < SH_TERMS; r++) {
-            double f = a[r][i] / a[i][i];
-            for (int c = i; c < SH_TERMS; c++)
-                a[r][c] -= f * a[i][c];
-            b[r] -= f * b[i];
-        }
-    for (int i = SH_TERMS - 1; i >= 0; i--) {
-        for (int c = i + 1; c < SH_TERMS; c++)
-            b[i] -= a[i][c] * b[c];
-        b[i] /= a[i][i];
-    }
-}
-
 // What all samples say of the light, in the least squares' normal equations: the lower half of the matrix.
 struct sh_equations {
     double a[SH_TERMS][SH_TERMS], b[SH_TERMS], size;
@@ -301,7 +285,7 @@ static void iterate_sh(struct sh_fit *l)
         all.a[r][r] += (double)SH_REGULARIZATION * all.size;
     }
     all.b[0] += (double)SH_REGULARIZATION * all.size; // towards even light
-    solve(all.a, all.b);
+    gauss_solve(&all.a[0][0], SH_TERMS, all.b);
     for (int r = 0; r < SH_TERMS; r++)
         l->light.term[r] = (float)(all.b[r] / all.b[0]);
 }

@@ -41,7 +41,7 @@ static void check_sure(const struct pose_fusion *a)
 {
     double covariance[36];
     pose_fusion_covariance(a, covariance);
-    EXPECT_TRUE(cholesky(covariance, 6));
+    EXPECT_TRUE(cholesky_factor(covariance, 6));
 }
 
 // The map is 10 mm off by what comes into sight. Seen on and on that is one error of the map's, as likely as not; but
