@@ -5,13 +5,12 @@
 #include "app/camera/present_gap.h"
 #include "app/state/frame_skip.h"
 #include "base/clock.h"
+#include "base/condition.h"
 #include "platform/source.h"
 
-#include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 // One waits to be located, one to be looked at; each of the three threads holds at
 // most two, while it changes one for another.
@@ -103,11 +102,8 @@ static bool must_stop(struct camera_feed *e)
 static void wait_until(struct camera_feed *e, int64_t when_ns)
 {
     pthread_mutex_lock(&e->lock);
-    while (!e->closing && !e->suspended) {
-        const struct timespec until = {(time_t)(when_ns / 1000000000), (long)(when_ns % 1000000000)};
-        if (pthread_cond_timedwait(&e->changed, &e->lock, &until) == ETIMEDOUT)
-            break;
-    }
+    while (!e->closing && !e->suspended && condition_wait_until_ns(&e->changed, &e->lock, when_ns))
+        continue;
     pthread_mutex_unlock(&e->lock);
 }
 
@@ -301,11 +297,7 @@ enum status camera_feed_open(struct camera_feed **out, const struct camera_feed_
     if (!e)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&e->lock, NULL);
-    pthread_condattr_t clock;
-    pthread_condattr_init(&clock);
-    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC); // clock_now_ns's
-    pthread_cond_init(&e->changed, &clock);
-    pthread_condattr_destroy(&clock);
+    condition_open(&e->changed);
     e->place = options->place;
     e->notify = options->notify;
     e->notify_self = options->notify_self;

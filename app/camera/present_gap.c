@@ -1,11 +1,10 @@
 #include "app/camera/present_gap.h"
 
 #include "base/clock.h"
+#include "base/condition.h"
 
-#include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
-#include <time.h>
 
 static const int64_t MAX_WAIT_NS = 50000000;
 
@@ -21,11 +20,7 @@ enum status present_gap_open(struct present_gap **out)
     if (!l)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&l->lock, NULL);
-    pthread_condattr_t clock;
-    pthread_condattr_init(&clock);
-    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC); // clock_now_ns's
-    pthread_cond_init(&l->changed, &clock);
-    pthread_condattr_destroy(&clock);
+    condition_open(&l->changed);
     return OK;
 }
 
@@ -58,9 +53,8 @@ int64_t present_gap_count(struct present_gap *l)
 void present_gap_wait(struct present_gap *l, int64_t count)
 {
     const int64_t until_ns = clock_now_ns() + MAX_WAIT_NS;
-    const struct timespec until = {(time_t)(until_ns / 1000000000), (long)(until_ns % 1000000000)};
     pthread_mutex_lock(&l->lock);
-    while (l->count <= count && pthread_cond_timedwait(&l->changed, &l->lock, &until) != ETIMEDOUT)
+    while (l->count <= count && condition_wait_until_ns(&l->changed, &l->lock, until_ns))
         continue;
     pthread_mutex_unlock(&l->lock);
 }

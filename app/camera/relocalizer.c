@@ -3,7 +3,6 @@
 #include "base/thread_priority.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -29,9 +28,8 @@ struct relocalizer {
     struct relocalizer_frame newer;
     bool newer_pending, closing;
     int max_finds, finds;
-    int64_t gap_count;  // when it was lent
-    enum status status; // of the last search
-    char sentence[512];
+    int64_t gap_count;      // when it was lent
+    struct failure failure; // of the last search
 };
 
 // A solver that gave up did so on this picture, no more.
@@ -109,8 +107,7 @@ static void *run(void *self)
         enum status status = search(s, track, most, &finds);
         pthread_mutex_lock(&s->lock);
         s->finds = finds;
-        s->status = status;
-        snprintf(s->sentence, sizeof s->sentence, "%s", status < 0 ? status_message() : "");
+        failure_keep(&s->failure, status);
         s->newer_pending = false;
         s->track = NULL;
     }
@@ -194,8 +191,8 @@ enum status relocalizer_finish(struct relocalizer *s, int *finds)
 {
     pthread_mutex_lock(&s->lock);
     assert(!s->track);
-    const enum status status = s->status;
+    const enum status status = failure_restore(&s->failure);
     *finds = s->finds;
     pthread_mutex_unlock(&s->lock);
-    return status < 0 ? fail(status, "%s", s->sentence) : status;
+    return status;
 }

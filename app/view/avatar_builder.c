@@ -19,8 +19,7 @@ struct avatar_builder {
     atomic_int done; // of PROGRESS_STEPS
     atomic_bool cancelled, ended;
     // The threads' until they have ended.
-    enum status status;
-    char sentence[512];
+    struct failure failure; // or NOTHING, or OK
     struct avatar avatar;
     struct occluder_mesh occluders;
 };
@@ -56,7 +55,7 @@ static enum status open_take(const struct avatar_builder *p, struct recording **
 // The room is quickly made, and not worth a sentence where it fails.
 static void build_occluders(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = keep_going, .self = p};
+    const struct progress_watch watch = {.on_progress = keep_going, .self = p};
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct place place = {0};
@@ -70,7 +69,7 @@ static void build_occluders(struct avatar_builder *p)
 
 static enum status build_avatar(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = report_progress, .self = p};
+    const struct progress_watch watch = {.on_progress = report_progress, .self = p};
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;
@@ -97,9 +96,7 @@ static void do_task(void *self, int task)
         build_occluders(p);
         return;
     }
-    p->status = build_avatar(p);
-    if (p->status < 0)
-        strncpy(p->sentence, status_message(), sizeof p->sentence - 1);
+    failure_keep(&p->failure, build_avatar(p));
 }
 
 static void *run(void *self)
@@ -154,7 +151,7 @@ bool avatar_builder_finished(struct avatar_builder *p, struct avatar *avatar, st
 {
     if (!atomic_load(&p->ended))
         return false;
-    *status = p->status < 0 ? fail(p->status, "%s", p->sentence) : p->status;
+    *status = failure_restore(&p->failure);
     *avatar = p->avatar;
     *occluders = p->occluders;
     p->avatar = (struct avatar){0};

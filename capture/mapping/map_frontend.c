@@ -3,7 +3,6 @@
 #include "base/queue.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,8 +13,7 @@ struct slot {
     uint8_t *color, *jpeg;
     uint16_t *depth;
     size_t jpeg_capacity;
-    enum status status;
-    char message[512]; // of a worker's failure, which is another thread's
+    struct failure failure; // how the worker ended
 };
 
 // Every WORKERS-th picture is a worker's, so that nothing depends on who is quicker.
@@ -119,11 +117,10 @@ static void process_frame(struct worker *w, struct slot *s)
 {
     const struct lens *lens = &w->frontend->map->calibration.color;
     gray_from_rgb(s->result.frame.color, (size_t)lens->width * (size_t)lens->height, w->gray);
-    s->status = detect_tags(w, &s->result);
-    if (s->status == OK)
-        s->status = detect_features(w, &s->result);
-    if (s->status != OK)
-        snprintf(s->message, sizeof s->message, "%s", status_message());
+    enum status status = detect_tags(w, &s->result);
+    if (status == OK)
+        status = detect_features(w, &s->result);
+    failure_keep(&s->failure, status);
 }
 
 static void *run(void *context)
@@ -259,9 +256,9 @@ enum status map_frontend_take(struct map_frontend *l, struct map_frontend_result
     struct worker *w = &l->workers[l->taken++ % WORKERS];
     if (w->runs)
         s = queue_take(w->done); // the same, once it is done
-    if (s->status != OK) {
+    if (s->failure.status != OK) {
         map_frame_free(&s->result.observed);
-        return fail(s->status, "%s", s->message);
+        return failure_restore(&s->failure);
     }
     *out = s->result;
     s->result.observed = (struct map_frame){0}; // the taker's now

@@ -405,10 +405,10 @@ enum status take_open(struct take **out, struct recording *r, const char *name)
     if (status == OK)
         status = read_entries(t, r->takes[index].id);
     if (database_in_transaction(r->db)) {
-        char sentence[512];
-        snprintf(sentence, sizeof sentence, "%s", status_message());
+        struct failure first;
+        failure_keep(&first, status);
         enum status ended = database_run(r->db, "COMMIT");
-        status = status != OK ? fail(status, "%s", sentence) : ended;
+        status = status != OK ? failure_restore(&first) : ended;
     }
     if (status == OK)
         status = statement_open(&t->read_images, r->db, "SELECT " IMAGE_COLUMNS " FROM picture WHERE rowid = ?");

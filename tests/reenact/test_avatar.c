@@ -380,8 +380,8 @@ static void test_avatar_may_come_later(void **state)
     struct source_rays *rays;
     struct avatar avatar;
     struct patience calm = {.most = INT32_MAX}, impatient = {.most = 2};
-    const struct progress_watch watch = {.went_on = be_patient, .self = &calm},
-                                hasty = {.went_on = be_patient, .self = &impatient};
+    const struct progress_watch watch = {.on_progress = be_patient, .self = &calm},
+                                hasty = {.on_progress = be_patient, .self = &impatient};
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(stage.take)), OK);
     EXPECT_STATUS(avatar_make(&avatar, stage.take, rays, AVATAR_FRAMES, &hasty), NOTHING);
     EXPECT_INT(impatient.calls, 2);
