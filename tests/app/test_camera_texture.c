@@ -30,11 +30,12 @@ static void shake(struct rng *rng, uint8_t *bytes, size_t count)
 // stride: of every plane; the second follows behind the first's rows.
 static void by_processor(const uint8_t *in, size_t stride, const struct dmabuf_image *l, uint8_t *rgb)
 {
+    const struct yuv_layout layout = {l->encoding, W, H};
     switch (l->layout) {
-    case DMABUF_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, l->encoding, W, H, rgb); break;
+    case DMABUF_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, &layout, rgb); break;
     case DMABUF_RGBX: pixels_from_packed(in, stride, PACKED_RGBX, W, H, rgb); break;
     case DMABUF_BGRX: pixels_from_packed(in, stride, PACKED_BGRX, W, H, rgb); break;
-    default: pixels_from_yuv422(in, stride, l->layout == DMABUF_YUYV, l->encoding, W, H, rgb); break;
+    default: pixels_from_yuv422(in, stride, l->layout == DMABUF_YUYV, &layout, rgb); break;
     }
 }
 
