@@ -1,5 +1,5 @@
-// Reading from OpenNI2: holding a file's player back, pairing depth and colour,
-// turning pictures round. See openni.c for what comes out.
+// Reading from OpenNI2: throttling a file's player, pairing depth and colour,
+// mirroring images. openni.c describes the frames.
 #include "base/clock.h"
 #include "platform/openni_internal.h"
 
@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Goes before the pixels in memory that the gate hands out.
+// Header of the memory that the gate allocates, before the pixels.
 struct gate_block {
     struct lane *lane;
     bool taken;
@@ -51,7 +51,7 @@ void gate_free(void *data, void *cookie)
     if (!data)
         return;
     struct gate_block *block = (struct gate_block *)((uint8_t *)data - BLOCK_BYTES);
-    gate_taken(block->lane, block); // thrown away unread: the next may come
+    gate_taken(block->lane, block); // discarded unread: the next may come
     free(block);
 }
 
@@ -104,8 +104,8 @@ enum status openni_read_frame(struct openni_sensor *s, int wait_ms)
     return OK;
 }
 
-// Is it known which colour picture, if any, belongs to the oldest depth picture? For a file
-// this depends on the pictures' order alone, never on how fast they come.
+// Whether it is decided which colour image, if any, belongs to the oldest depth image. For a file this depends only on
+// the order of the images, not on timing.
 static bool pairing_decided(const struct openni_sensor *s, bool over)
 {
     if (!s->depth.count)
@@ -113,7 +113,7 @@ static bool pairing_decided(const struct openni_sensor *s, bool over)
     if (over || !s->color.stream)
         return true;
     if (s->color.count && time_of(s->color.queue[s->color.count - 1]) >= time_of(s->depth.queue[0]))
-        return true; // whatever comes later is further away
+        return true; // later images are further away
     return s->depth.count >= (s->file ? LANE_QUEUE : 2);
 }
 
@@ -166,8 +166,8 @@ static enum status copy_color(struct openni_sensor *s, const OniFrame *frame)
     return OK;
 }
 
-// Counts what is missing between the last depth picture handed out and the oldest in the queue. A sensor
-// drops; a file's missing pictures are damage, which is said once, before the picture behind it.
+// Counts the depth images missing between the last one returned and the oldest in the queue. A sensor has dropped them;
+// in a file they are damaged, which is reported once, before the next image.
 static enum status count_gap(struct openni_sensor *s)
 {
     int index = s->depth.queue[0]->frameIndex, gap = s->last_index < 0 ? 0 : index - s->last_index - 1;
@@ -181,7 +181,7 @@ static enum status count_gap(struct openni_sensor *s)
     return fail(ERR_INPUT, "%s: the %d pictures before number %d are damaged and left out", s->name, gap, index);
 }
 
-// The colour picture nearest in time, at most half a frame away; -1: none.
+// The colour image nearest in time, at most half a frame away; -1: none.
 static int color_for(const struct openni_sensor *s, int64_t time_ns)
 {
     int best = -1;
@@ -196,7 +196,7 @@ static int color_for(const struct openni_sensor *s, int64_t time_ns)
     return best;
 }
 
-// Makes a frame of the oldest depth picture and its colour. NOTHING: its time does not rise, it was dropped.
+// Makes a frame of the oldest depth image and its colour. NOTHING: it was dropped because its time does not rise.
 static enum status make_frame(struct openni_sensor *s, struct frame *out)
 {
     enum status status = count_gap(s);
@@ -222,14 +222,14 @@ static enum status make_frame(struct openni_sensor *s, struct frame *out)
     out->depth = s->mm;
     out->color = color >= 0 ? s->rgb : NULL;
     drop_oldest(&s->depth, 1);
-    int used = color + 1; // and those before it; what is older than half a frame serves no later picture
+    int used = color + 1; // and those before it; colour older than half a frame fits no later depth image
     while (used < s->color.count && time_of(s->color.queue[used]) < time_ns - s->half_frame_ns)
         used++;
     drop_oldest(&s->color, used);
     return status;
 }
 
-// A file that ends before the number of pictures it announced says so, once.
+// Reports, once, a file that ends before the number of images it announced.
 static enum status at_end(struct openni_sensor *s)
 {
     int64_t lost = s->facts->remaining;
@@ -246,13 +246,13 @@ enum status openni_next(void *self, struct frame *out)
     for (;;) {
         while (s->depth.count < LANE_QUEUE && !(s->file && pairing_decided(s, false)) && openni_read_frame(s, 0) == OK)
             since_ns = clock_now_ns();
-        // Asked before the queues are filled a last time: what came before the end is then in them.
+        // Read before the queues are filled for the last time, so that they then hold all that came before the end.
         bool gone = atomic_load(&s->gone), over = gone || atomic_load(&s->ended);
         if (over)
             while (s->depth.count < LANE_QUEUE && openni_read_frame(s, 0) == OK)
                 ;
         if (!s->file && s->depth.count > 2)
-            drop_oldest(&s->depth, s->depth.count - 2); // late: the newest is wanted; the gap is counted
+            drop_oldest(&s->depth, s->depth.count - 2); // late: keep the newest; count_gap() counts the rest
         if (pairing_decided(s, over)) {
             enum status status = make_frame(s, out);
             if (status != NOTHING)
