@@ -319,17 +319,17 @@ enum status gpu_make_texture(struct gpu_texture *t, enum gpu_filter filter, cons
     return gpu_check(t->g);
 }
 
-enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width, int height,
-                             enum gpu_filter filter, const uint8_t *pixels)
+enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, const struct gpu_texture_layout *layout,
+                             const uint8_t *pixels)
 {
-    assert(width > 0 && height > 0);
+    assert(layout->width > 0 && layout->height > 0);
     *out = NULL;
     gpu_make_current(g);
     struct gpu_texture *t = calloc(1, sizeof *t);
     if (!t)
         return fail(ERR_MEMORY, "out of memory");
-    *t = (struct gpu_texture){.g = g, .format = format, .width = width, .height = height};
-    enum status status = gpu_make_texture(t, filter, pixels);
+    *t = (struct gpu_texture){.g = g, .format = layout->format, .width = layout->width, .height = layout->height};
+    enum status status = gpu_make_texture(t, layout->filter, pixels);
     gpu_count_made(g, texture_bytes(t));
     g->counts.uploads += pixels != NULL;
     if (status != OK) {
@@ -366,9 +366,9 @@ void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels)
 
 // ---------------------------------------------------------------- meshes
 
-enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components, int vertex_count,
-                          const uint16_t *indices, int index_count)
+enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data)
 {
+    const int components = data->components, vertex_count = data->vertex_count, index_count = data->index_count;
     assert(((components >= 2 && components <= 4) || (components % 4 == 0 && components <= 20)) && vertex_count > 0 &&
            vertex_count <= 65536 && index_count > 0);
     *out = NULL;
@@ -381,15 +381,16 @@ enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *ver
                            .bytes = sizeof(float) * (size_t)components * (size_t)vertex_count +
                                     sizeof(uint16_t) * (size_t)index_count};
     gpu_count_made(g, m->bytes);
-    g->counts.uploads += vertices != NULL;
+    g->counts.uploads += data->vertices != NULL;
     glGenVertexArrays(1, &m->array);
     glGenBuffers(1, &m->vertices);
     glGenBuffers(1, &m->indices);
     glBindVertexArray(m->array);
     glBindBuffer(GL_ARRAY_BUFFER, m->vertices);
-    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof(float) * components * vertex_count, vertices, GL_STATIC_DRAW);
+    glBufferData(GL_ARRAY_BUFFER, (GLsizeiptr)sizeof(float) * components * vertex_count, data->vertices,
+                 GL_STATIC_DRAW);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, m->indices);
-    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof(uint16_t) * index_count, indices, GL_STATIC_DRAW);
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER, (GLsizeiptr)sizeof(uint16_t) * index_count, data->indices, GL_STATIC_DRAW);
     for (int at = 0; at < components; at += 4) {
         int size = components - at < 4 ? components - at : 4;
         glEnableVertexAttribArray((GLuint)at / 4);

@@ -68,20 +68,29 @@ void gpu_program_set(struct gpu_program *p, int index, const float *vec4s, int c
 // ---- textures: bytes that the shader reads as 0..1; coordinates are clamped to the edge
 enum gpu_format { GPU_R8 = 1, GPU_RG8 = 2, GPU_RGB8 = 3, GPU_RGBA8 = 4 }; // the value: bytes a pixel
 enum gpu_filter { GPU_NEAREST, GPU_LINEAR };
+struct gpu_texture_layout {
+    enum gpu_format format;
+    int width, height; // pixels
+    enum gpu_filter filter;
+};
 // ERR_DEVICE: too large, or out of memory. pixels may be NULL: undefined until written.
-MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g, enum gpu_format format, int width,
-                                        int height, enum gpu_filter filter, const uint8_t *pixels);
+MUST_CHECK enum status gpu_texture_open(struct gpu_texture **out, struct gpu *g,
+                                        const struct gpu_texture_layout *layout, const uint8_t *pixels);
 void gpu_texture_close(struct gpu_texture **t);
 // Overwrites the whole texture, or `count` rows from row `first` on. Rows without padding.
 void gpu_texture_write(struct gpu_texture *t, const uint8_t *pixels);
 void gpu_texture_write_rows(struct gpu_texture *t, int first, int count, const uint8_t *pixels);
 
 // ---- meshes: triangles, three indices each
-// vertices: `components` floats each: 2 to 4, or 8, 12, 16, 20, which are four at each
-// of the shader's locations 0, 1, 2 ... vertices and indices may be NULL: undefined
-// until written. ERR_DEVICE: out of memory.
-MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const float *vertices, int components,
-                                     int vertex_count, const uint16_t *indices, int index_count);
+struct gpu_mesh_data {
+    const float *vertices;   // NULL: undefined until written
+    int components;          // floats of a vertex: 2 to 4, or 8, 12, 16, 20, four at each of the locations 0, 1, 2 ...
+    int vertex_count;        // at most 65536
+    const uint16_t *indices; // NULL: undefined until written
+    int index_count;
+};
+// ERR_DEVICE: out of memory. The data are copied.
+MUST_CHECK enum status gpu_mesh_open(struct gpu_mesh **out, struct gpu *g, const struct gpu_mesh_data *data);
 void gpu_mesh_close(struct gpu_mesh **m);
 // Overwrites `count` floats or indices from number `first` on.
 void gpu_mesh_write_vertices(struct gpu_mesh *m, int first, const float *floats, int count);

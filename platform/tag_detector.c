@@ -52,13 +52,14 @@ static int compare_detections(const void *left, const void *right)
     return (a->corner[0].x > b->corner[0].x) - (a->corner[0].x < b->corner[0].x);
 }
 
-enum status tag_detector_detect(struct tag_detector *f, const uint8_t *gray, int width, int height,
-                                struct tag_detection *out, int capacity, int *count)
+enum status tag_detector_detect(struct tag_detector *f, const struct gray_image *gray, struct tag_detection *out,
+                                int capacity, int *count)
 {
+    const int width = gray->width, height = gray->height;
     *count = 0;
     if (width < 16 || height < 16) // smaller than any decodable tag and than the library's tiles
         return OK;
-    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray};
+    image_u8_t image = {.width = width, .height = height, .stride = width, .buf = (uint8_t *)(uintptr_t)gray->pixels};
     zarray_t *found = apriltag_detector_detect(f->detector, &image);
     if (!found)
         return fail(ERR_MEMORY, "no memory to detect tags in an image of %d x %d pixels", width, height);

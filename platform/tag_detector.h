@@ -19,6 +19,11 @@ struct tag_detection {
                             // is (0, 0)
 };
 
+struct gray_image {
+    const uint8_t *pixels; // width * height bytes
+    int width, height;
+};
+
 struct tag_detector; // belongs to one thread at a time
 
 // quad_decimate: squares are detected in an image this many times smaller per
@@ -26,10 +31,10 @@ struct tag_detector; // belongs to one thread at a time
 MUST_CHECK enum status tag_detector_open(struct tag_detector **out, double quad_decimate);
 void tag_detector_close(struct tag_detector **f); // NULL is fine; sets *f = NULL
 
-// gray: width * height bytes. *count: number of detections written to `out`, at
+// *count: number of detections written to `out`, at
 // most `capacity`, in order of id; an id can occur twice. None is OK with 0.
 // ERR_MEMORY.
-MUST_CHECK enum status tag_detector_detect(struct tag_detector *f, const uint8_t *gray, int width, int height,
+MUST_CHECK enum status tag_detector_detect(struct tag_detector *f, const struct gray_image *gray,
                                            struct tag_detection *out, int capacity, int *count);
 
 // The printed pattern of a tag: 1 is white, row 0 is the top row.

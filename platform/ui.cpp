@@ -72,7 +72,8 @@ enum status build_font_atlas(ui *u, double px_per_dp)
     for (long i = 0, n = long(width) * height; i < n; i++) // premultiplied white
         pixels[4 * i] = pixels[4 * i + 1] = pixels[4 * i + 2] = pixels[4 * i + 3];
     gpu_texture_close(&u->font_texture);
-    enum status status = gpu_texture_open(&u->font_texture, u->gpu, GPU_RGBA8, width, height, GPU_LINEAR, pixels);
+    const gpu_texture_layout layout = {GPU_RGBA8, width, height, GPU_LINEAR};
+    enum status status = gpu_texture_open(&u->font_texture, u->gpu, &layout, pixels);
     atlas->SetTexID(u->font_texture);
     atlas->ClearTexData();
     u->px_per_dp = px_per_dp;

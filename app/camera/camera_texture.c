@@ -82,7 +82,8 @@ static enum status upload(struct camera_texture *v, const struct camera_frame *f
     gpu_texture_close(&v->uploaded);
     v->width = frame->lens.width;
     v->height = frame->lens.height;
-    return gpu_texture_open(&v->uploaded, v->gpu, GPU_RGB8, v->width, v->height, GPU_LINEAR, frame->rgb);
+    return gpu_texture_open(&v->uploaded, v->gpu,
+                            &(struct gpu_texture_layout){GPU_RGB8, v->width, v->height, GPU_LINEAR}, frame->rgb);
 }
 
 // ---------------------------------------------------------------- borrowing

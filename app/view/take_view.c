@@ -219,7 +219,8 @@ static enum status upload_pixels(struct take_view *s, struct gpu_texture **textu
     gpu_texture_close(texture);
     *width = new_width;
     *height = new_height;
-    return gpu_texture_open(texture, s->gpu, format, new_width, new_height, GPU_LINEAR, pixels);
+    return gpu_texture_open(texture, s->gpu, &(struct gpu_texture_layout){format, new_width, new_height, GPU_LINEAR},
+                            pixels);
 }
 
 // From the renderer's codes to colours: green was seen just now, blue to violet was

@@ -61,7 +61,8 @@ static enum status detect_tags(struct worker *w, struct map_frontend_result *out
     const uint16_t *depth = map_depth_usable(&map->calibration) ? out->frame.depth : NULL;
     struct map_frame *f = &out->observed;
     int count;
-    enum status status = tag_detector_detect(w->finder, w->gray, lens->width, lens->height, seen, PNP_MAX_TAGS, &count);
+    enum status status = tag_detector_detect(w->finder, &(struct gray_image){w->gray, lens->width, lens->height}, seen,
+                                             PNP_MAX_TAGS, &count);
     if (status != OK)
         return status;
     f->seen = calloc((size_t)count + 1, sizeof *f->seen);

@@ -71,9 +71,10 @@ static enum status open_programs(struct renderer *p)
                                                .fragment = shader_find("compose.frag"),
                                                .samplers = compose_samplers,
                                                .sampler_count = 3};
-    enum status status = gpu_mesh_open(&p->fullscreen, p->gpu, corners, 2, 3, order, 3);
+    enum status status = gpu_mesh_open(&p->fullscreen, p->gpu, &(struct gpu_mesh_data){corners, 2, 3, order, 3});
     if (status == OK)
-        status = gpu_texture_open(&p->no_shadow, p->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, (const uint8_t[4]){0});
+        status = gpu_texture_open(&p->no_shadow, p->gpu, &(struct gpu_texture_layout){GPU_RGBA8, 1, 1, GPU_NEAREST},
+                                  (const uint8_t[4]){0});
     if (status == OK)
         status = occlusion_shadow_open(&p->occlusion, p->gpu, &p->lens);
     if (status == OK)
@@ -86,7 +87,8 @@ static enum status open_programs(struct renderer *p)
 static enum status open_targets(struct renderer *p, bool sources, bool shadow)
 {
     int w = p->lens.width, h = p->lens.height;
-    enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
+    enum status status =
+        gpu_texture_open(&p->camera, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, w, h, GPU_NEAREST}, NULL);
     if (status == OK && (p->detail != DETAIL_FULL || p->avatar_later))
         status = gpu_target_open(&p->plain, p->gpu, w, h);
     if (status == OK && p->detail != DETAIL_PAPER)

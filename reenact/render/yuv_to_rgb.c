@@ -48,7 +48,7 @@ enum status yuv_to_rgb_open(struct yuv_to_rgb **out, struct gpu *gpu)
     if (!r)
         return fail(ERR_MEMORY, "out of memory");
     r->gpu = gpu;
-    enum status status = gpu_mesh_open(&r->fullscreen, gpu, corners, 2, 3, order, 3);
+    enum status status = gpu_mesh_open(&r->fullscreen, gpu, &(struct gpu_mesh_data){corners, 2, 3, order, 3});
     if (status == OK)
         status = gpu_program_open(&r->program, gpu, &text);
     if (status != OK) {

@@ -67,8 +67,10 @@ static void test_gpu_conversion_matches_cpu(void **state)
         size_t stride = (size_t)planes[0].format * (size_t)planes[0].width;
         shake(&rng, bytes, sizeof bytes);
         for (int i = 0; i < count; i++)
-            EXPECT_STATUS(gpu_texture_open(&textures[i], gpu, planes[i].format, planes[i].width, planes[i].height,
-                                           GPU_NEAREST, bytes + (i ? stride * H : 0)),
+            EXPECT_STATUS(gpu_texture_open(&textures[i], gpu,
+                                           &(struct gpu_texture_layout){planes[i].format, planes[i].width,
+                                                                        planes[i].height, GPU_NEAREST},
+                                           bytes + (i ? stride * H : 0)),
                           OK);
         const struct gpu_texture *const read[2] = {textures[0], textures[1]};
         EXPECT_STATUS(yuv_to_rgb_draw(raw, &what, read), OK);

@@ -17,7 +17,7 @@ static int find(struct tag_picture *p, double decimate, struct tag_detection *ou
     for (size_t i = 0; i < sizeof gray; i++)
         gray[i] = rgb[3 * i + 1];
     EXPECT_STATUS(tag_detector_open(&f, decimate), OK);
-    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, out, 8, &count), OK);
+    EXPECT_STATUS(tag_detector_detect(f, &(struct gray_image){gray, WIDTH, HEIGHT}, out, 8, &count), OK);
     tag_detector_close(&f);
     EXPECT_TRUE(f == NULL);
     return count;
@@ -74,9 +74,10 @@ static void test_blank_image(void **state)
     int count = 7;
     memset(gray, 90, sizeof gray);
     EXPECT_STATUS(tag_detector_open(&f, 2), OK);
-    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, seen, 8, &count), OK);
+    EXPECT_STATUS(tag_detector_detect(f, &(struct gray_image){gray, WIDTH, HEIGHT}, seen, 8, &count), OK);
     EXPECT_INT(count, 0);
-    EXPECT_STATUS(tag_detector_detect(f, gray, 3, 2, seen, 8, &count), OK); // smaller than any tag
+    EXPECT_STATUS(tag_detector_detect(f, &(struct gray_image){gray, 3, 2}, seen, 8, &count),
+                  OK); // smaller than any tag
     EXPECT_INT(count, 0);
     tag_detector_close(&f);
     tag_detector_close(&f);

@@ -80,7 +80,9 @@ static void test_sizes_beyond_driver_are_refused(void **state)
     struct gpu *g;
     EXPECT_STATUS(gpu_open(&g), OK);
     struct gpu_texture *t;
-    EXPECT_STATUS(gpu_texture_open(&t, g, GPU_R8, gpu_max_size(g) + 1, 1, GPU_NEAREST, NULL), ERR_DEVICE);
+    EXPECT_STATUS(
+        gpu_texture_open(&t, g, &(struct gpu_texture_layout){GPU_R8, gpu_max_size(g) + 1, 1, GPU_NEAREST}, NULL),
+        ERR_DEVICE);
     EXPECT_TRUE(t == NULL);
     struct gpu_target *target;
     EXPECT_STATUS(gpu_target_open(&target, g, 1, gpu_max_size(g) + 1), ERR_DEVICE);
@@ -112,8 +114,8 @@ static void test_pixels_survive(void **state)
     struct gpu_texture *texture;
     struct gpu_target *target, *empty;
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
-    EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
-    EXPECT_STATUS(gpu_texture_open(&texture, g, GPU_RGB8, W, H, GPU_NEAREST, rgb), OK);
+    EXPECT_STATUS(gpu_mesh_open(&mesh, g, &(struct gpu_mesh_data){corners, 2, 3, order, 3}), OK);
+    EXPECT_STATUS(gpu_texture_open(&texture, g, &(struct gpu_texture_layout){GPU_RGB8, W, H, GPU_NEAREST}, rgb), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
     EXPECT_STATUS(gpu_target_open(&empty, g, W, H), OK);
     gpu_draw(&(struct gpu_job){.target = target,
@@ -151,7 +153,7 @@ static void test_bounding_boxes_contain_actor(void **state)
     uint8_t rgba[W * H * 4];
     EXPECT_STATUS(gpu_open(&g), OK);
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
-    EXPECT_STATUS(gpu_mesh_open(&mesh, g, corners, 2, 3, order, 3), OK);
+    EXPECT_STATUS(gpu_mesh_open(&mesh, g, &(struct gpu_mesh_data){corners, 2, 3, order, 3}), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
     for (int used = 0; used <= (int)COUNT_OF(boxes); used++) { // at last without a box
         for (int b = 0; b < used; b++)

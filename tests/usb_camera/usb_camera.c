@@ -217,7 +217,7 @@ static bool serve_one(struct camera *c, struct usb_request *r)
 
 static enum status serve(struct camera *c)
 {
-    struct usb_request *request = malloc(sizeof *heard);
+    struct usb_request *request = malloc(sizeof *request);
     c->waiting = malloc(sizeof *c->waiting * MAX_WAITING);
     enum status status = request && c->waiting ? usbip_plug(&c->socket) : fail(ERR_MEMORY, "out of memory");
     if (status == OK) {
