@@ -4,7 +4,7 @@
 //
 // Images have their top row first, everywhere: in textures, in targets and in
 // what is read back. (-1, -1) in clip space is the outer corner of the top-left
-// pixel. Whoever draws into a window mirrors the image vertically there.
+// pixel. Drawing into a window mirrors the image vertically there (gpu_draw2d.h does).
 //
 // A gpu and all objects made from it belong to one thread at a time. Close
 // objects before their gpu. Every uniform is an array of vec4, which keeps the

@@ -12,7 +12,7 @@ struct gpu_draw2d;
 
 // The shaders. Inputs: vec2 position at location 0, vec2 uv at 1, vec4 color at 2. Uniform vec4 map[2]: x, y, z of each
 // are a row of the affine map from pixels to clip space; w is the share of the texture that uv 0..1 spans, along u and
-// along v. One sampler, picture. They write premultiplied colours.
+// along v. One sampler, `picture`. They write premultiplied colours.
 struct gpu_draw2d_shaders {
     const char *vertex, *fragment;
 };

@@ -214,20 +214,20 @@ class Source
         {
             std::unique_lock<std::mutex> guard(lock_);
             bool arrived =
-                arrived_.wait_for(guard, std::chrono::seconds(5), [this] { return latest_ != nullptr || gone_; });
+                arrived_.wait_for(guard, std::chrono::seconds(5), [this] { return latest_ != nullptr || unplugged_; });
             request = std::exchange(latest_, nullptr);
             facts_->dropped += std::exchange(dropped_, 0);
-            if (!request && gone_)
+            if (!request && unplugged_)
                 return fail(ERR_DEVICE, "the camera %s was unplugged", name_.c_str());
             if (!arrived)
                 return fail(ERR_DEVICE, "the camera %s has sent no picture for 5 seconds", name_.c_str());
         }
-        enum status status = take(request, out);
+        enum status status = fill_frame(request, out);
         if (status == OK && facts_->dmabuf_enabled)
             out->dmabuf = export_dmabuf(request);
         if (!out->dmabuf && !requeue(request) && status == OK) {
             std::lock_guard<std::mutex> guard(lock_);
-            gone_ = true; // reported by the next call; this image is valid
+            unplugged_ = true; // reported by the next call; this image is valid
         }
         return status;
     }
@@ -297,13 +297,13 @@ class Source
                 stream.pixelFormat = format;
                 break;
             }
-        lens known = {};
+        lens stored = {};
         std::snprintf(facts_->camera_id, sizeof facts_->camera_id, "%s", camera_->id().c_str());
-        known_ = camera_lens_read(camera_->id().c_str(), &known);
-        if (known_ < 0)
-            return known_;
-        stream.size =
-            known_ == OK ? libcamera::Size(unsigned(known.width), unsigned(known.height)) : libcamera::Size(640, 480);
+        lens_status_ = camera_lens_read(camera_->id().c_str(), &stored);
+        if (lens_status_ < 0)
+            return lens_status_;
+        stream.size = lens_status_ == OK ? libcamera::Size(unsigned(stored.width), unsigned(stored.height))
+                                         : libcamera::Size(640, 480);
         stream.bufferCount = BUFFERS;
         if (config_->validate() == libcamera::CameraConfiguration::Invalid || camera_->configure(config_.get()) != 0)
             return fail(ERR_DEVICE, "the camera %s cannot be set to %s", name_.c_str(), stream.toString().c_str());
@@ -334,7 +334,7 @@ class Source
         c = {};
         c.registered = true;
         c.color_from_depth.rotation.w = 1;
-        if (known_ == NOTHING) {
+        if (lens_status_ == NOTHING) {
             c.color = camera_lens_guess(width_, height_);
             return OK;
         }
@@ -381,9 +381,9 @@ class Source
             if (metadata.status == libcamera::FrameMetadata::FrameSuccess) {
                 unused = std::exchange(latest_, request);
                 dropped_ += unused != nullptr;
-                if (numbered_ && metadata.sequence > sequence_ + 1)
+                if (has_sequence_ && metadata.sequence > sequence_ + 1)
                     dropped_ += metadata.sequence - sequence_ - 1;
-                numbered_ = true;
+                has_sequence_ = true;
                 sequence_ = metadata.sequence;
             } else {
                 unused = request; // the image is damaged
@@ -401,12 +401,12 @@ class Source
     {
         {
             std::lock_guard<std::mutex> guard(lock_);
-            gone_ = true;
+            unplugged_ = true;
         }
         arrived_.notify_one();
     }
 
-    enum status take(libcamera::Request *request, frame *out)
+    enum status fill_frame(libcamera::Request *request, frame *out)
     {
         const libcamera::FrameBuffer *buffer = request->buffers().begin()->second;
         const Mapping &memory = *mappings_.at(buffer);
@@ -474,7 +474,7 @@ class Source
     std::unique_ptr<libcamera::FrameBufferAllocator> allocator_;
     std::vector<std::unique_ptr<libcamera::Request>> requests_;
     std::map<const libcamera::FrameBuffer *, std::unique_ptr<Mapping>> mappings_;
-    enum status known_ = NOTHING; // OK: a calibration of this camera is stored
+    enum status lens_status_ = NOTHING; // OK: a calibration of this camera is stored
     libcamera::PixelFormat format_;
     int width_ = 0, height_ = 0;
     unsigned stride_ = 0;
@@ -487,7 +487,7 @@ class Source
     libcamera::Request *latest_ = nullptr;
     int64_t dropped_ = 0;
     unsigned sequence_ = 0;
-    bool numbered_ = false, gone_ = false;
+    bool has_sequence_ = false, unplugged_ = false;
 };
 
 // Turns exceptions into a status: none may leave this file.

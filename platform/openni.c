@@ -121,7 +121,7 @@ static int mode_score(const OniVideoMode *mode, OniSensorType type)
 }
 
 // Creates the stream in its best mode, not started. NOTHING: the device has no such stream.
-static enum status make_stream(struct openni_sensor *s, struct lane *lane, OniSensorType type)
+static enum status make_stream(struct openni_sensor *s, struct image_stream *stream, OniSensorType type)
 {
     const char *what = type == ONI_SENSOR_DEPTH ? "depth" : "colour";
     const OniSensorInfo *info = oniDeviceGetSensorInfo(s->device, type);
@@ -136,37 +136,37 @@ static enum status make_stream(struct openni_sensor *s, struct lane *lane, OniSe
     if (!best)
         return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s gives its %s pictures in no format that can be used", s->name,
                     what);
-    lane->mode = *best;
+    stream->mode = *best;
     char why[200];
-    if (oniDeviceCreateStream(s->device, type, &lane->stream) != ONI_STATUS_OK) {
-        lane->stream = NULL;
+    if (oniDeviceCreateStream(s->device, type, &stream->handle) != ONI_STATUS_OK) {
+        stream->handle = NULL;
         return fail(ERR_DEVICE, "%s gives no %s stream: %s", s->name, what, last_error(why));
     }
-    if (!s->file && oniStreamSetProperty(lane->stream, ONI_STREAM_PROPERTY_VIDEO_MODE, &lane->mode,
-                                         sizeof lane->mode) != ONI_STATUS_OK)
-        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels: %s", s->name, what, lane->mode.resolutionX,
-                    lane->mode.resolutionY, last_error(why));
+    if (!s->file && oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_VIDEO_MODE, &stream->mode,
+                                         sizeof stream->mode) != ONI_STATUS_OK)
+        return fail(ERR_DEVICE, "%s refuses %s of %d x %d pixels: %s", s->name, what, stream->mode.resolutionX,
+                    stream->mode.resolutionY, last_error(why));
     OniBool mirrored = FALSE;
     int size = sizeof mirrored;
     if (!s->file)
-        oniStreamSetProperty(lane->stream, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
-    if (oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
-        lane->mirrored = mirrored; // some devices ignore the setting, and files cannot change it
-    if (s->file && oniStreamSetFrameBuffersAllocator(lane->stream, gate_alloc, gate_free, lane) != ONI_STATUS_OK)
+        oniStreamSetProperty(stream->handle, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, sizeof mirrored);
+    if (oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_MIRRORING, &mirrored, &size) == ONI_STATUS_OK)
+        stream->mirrored = mirrored; // some devices ignore the setting, and files cannot change it
+    if (s->file && oniStreamSetFrameBuffersAllocator(stream->handle, gate_alloc, gate_free, stream) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s: its %s cannot be read picture by picture: %s", s->name, what, last_error(why));
     return OK;
 }
 
-static enum status read_lens(const struct openni_sensor *s, const struct lane *lane, const char *what,
+static enum status read_lens(const struct openni_sensor *s, const struct image_stream *stream, const char *what,
                              struct lens *lens)
 {
     float h = 0, v = 0;
     int h_size = sizeof h, v_size = sizeof v;
-    if (oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &h, &h_size) != ONI_STATUS_OK ||
-        oniStreamGetProperty(lane->stream, ONI_STREAM_PROPERTY_VERTICAL_FOV, &v, &v_size) != ONI_STATUS_OK ||
+    if (oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_HORIZONTAL_FOV, &h, &h_size) != ONI_STATUS_OK ||
+        oniStreamGetProperty(stream->handle, ONI_STREAM_PROPERTY_VERTICAL_FOV, &v, &v_size) != ONI_STATUS_OK ||
         !(h > 0.1f && h < 3.0f) || !(v > 0.1f && v < 3.0f))
         return fail(s->file ? ERR_INPUT : ERR_DEVICE, "%s does not say how wide its %s camera sees", s->name, what);
-    int w = lane->mode.resolutionX, height = lane->mode.resolutionY;
+    int w = stream->mode.resolutionX, height = stream->mode.resolutionY;
     *lens = (struct lens){.width = w,
                           .height = height,
                           .fx = w / (2 * tan(0.5 * (double)h)),
@@ -181,7 +181,7 @@ static enum status calibrate(struct openni_sensor *s)
     struct calibration *c = &s->facts->calibration;
     *c = (struct calibration){.registered = true, .color_from_depth = POSE_IDENTITY};
     enum status status = read_lens(s, &s->depth, "depth", &c->depth);
-    if (status != OK || !s->color.stream)
+    if (status != OK || !s->color.handle)
         return status;
     if ((status = read_lens(s, &s->color, "colour", &c->color)) != OK)
         return status;
@@ -218,7 +218,7 @@ static enum status make_streams(struct openni_sensor *s)
     s->half_frame_ns = 500000000 / (d->fps > 0 ? d->fps : 30);
     if (s->file) {
         int count = -1, size = sizeof count;
-        if (oniStreamGetProperty(s->depth.stream, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
+        if (oniStreamGetProperty(s->depth.handle, ONI_STREAM_PROPERTY_NUMBER_OF_FRAMES, &count, &size) ==
                 ONI_STATUS_OK &&
             count >= 0)
             s->facts->remaining = count;
@@ -238,15 +238,15 @@ static enum status start(struct openni_sensor *s)
              ONI_STATUS_OK ||
          oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &paused, sizeof paused) != ONI_STATUS_OK))
         return fail(ERR_DEVICE, "%s cannot be played picture by picture: %s", s->name, last_error(why));
-    if (oniStreamStart(s->depth.stream) != ONI_STATUS_OK)
+    if (oniStreamStart(s->depth.handle) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s does not start its depth: %s", s->name, last_error(why));
-    if (s->color.stream && oniStreamStart(s->color.stream) != ONI_STATUS_OK)
+    if (s->color.handle && oniStreamStart(s->color.handle) != ONI_STATUS_OK)
         return fail(ERR_DEVICE, "%s does not start its colour: %s", s->name, last_error(why));
     if (s->file) {
         oniDeviceSetProperty(s->device, ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, &as_fast_as_read, sizeof as_fast_as_read);
         for (int ms = 0; !s->got_frame && !atomic_load(&s->ended) && ms < FILE_SILENCE_MS; ms += SLICE_MS)
             (void)!openni_read_frame(s, SLICE_MS); // the first image stays queued for openni_next
-    } else if (s->color.stream) {
+    } else if (s->color.handle) {
         oniDeviceEnableDepthColorSync(s->device); // optional: frames are paired by time in any case
     }
     return OK;
@@ -262,20 +262,20 @@ static void openni_close(void *self)
     if (s->file && s->device && !s->got_frame)
         clock_sleep_until_ns(clock_now_ns() + 100000000);
     gate_open(&s->gate);
-    lane_release_frames(&s->depth);
-    lane_release_frames(&s->color);
+    image_stream_release_frames(&s->depth);
+    image_stream_release_frames(&s->color);
     if (s->callbacks)
         oniUnregisterDeviceCallbacks(s->callbacks);
-    if (s->color.stream)
-        oniStreamStop(s->color.stream);
-    if (s->depth.stream)
-        oniStreamStop(s->depth.stream);
+    if (s->color.handle)
+        oniStreamStop(s->color.handle);
+    if (s->depth.handle)
+        oniStreamStop(s->depth.handle);
     if (s->file && s->device)
         clock_sleep_until_ns(clock_now_ns() + PLAYER_IDLE_NS);
-    if (s->color.stream)
-        oniStreamDestroy(s->color.stream);
-    if (s->depth.stream)
-        oniStreamDestroy(s->depth.stream);
+    if (s->color.handle)
+        oniStreamDestroy(s->color.handle);
+    if (s->depth.handle)
+        oniStreamDestroy(s->depth.handle);
     if (s->device)
         oniDeviceClose(s->device);
     if (s->initialized)

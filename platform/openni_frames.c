@@ -9,7 +9,7 @@
 
 // Header of the memory that the gate allocates, before the pixels.
 struct gate_block {
-    struct lane *lane;
+    struct image_stream *stream;
     bool taken;
 };
 enum { BLOCK_BYTES = 64 }; // keeps the pixels aligned
@@ -18,28 +18,28 @@ enum { BLOCK_BYTES = 64 }; // keeps the pixels aligned
 
 void *gate_alloc(int size, void *cookie)
 {
-    struct lane *lane = cookie;
-    struct gate *gate = lane->gate;
+    struct image_stream *stream = cookie;
+    struct gate *gate = stream->gate;
     pthread_mutex_lock(&gate->lock);
-    while (lane->untaken && !gate->open)
+    while (stream->untaken && !gate->open)
         pthread_cond_wait(&gate->changed, &gate->lock);
-    lane->untaken = true;
+    stream->untaken = true;
     pthread_mutex_unlock(&gate->lock);
     size_t rounded = (BLOCK_BYTES + (size_t)size + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
     uint8_t *memory = aligned_alloc(BLOCK_BYTES, rounded);
     if (!memory)
         return NULL;
-    *(struct gate_block *)memory = (struct gate_block){lane, false};
+    *(struct gate_block *)memory = (struct gate_block){stream, false};
     return memory + BLOCK_BYTES;
 }
 
-static void gate_taken(struct lane *lane, struct gate_block *block)
+static void gate_taken(struct image_stream *stream, struct gate_block *block)
 {
-    struct gate *gate = lane->gate;
+    struct gate *gate = stream->gate;
     pthread_mutex_lock(&gate->lock);
     if (!block->taken) {
         block->taken = true;
-        lane->untaken = false;
+        stream->untaken = false;
         pthread_cond_broadcast(&gate->changed);
     }
     pthread_mutex_unlock(&gate->lock);
@@ -51,7 +51,7 @@ void gate_free(void *data, void *cookie)
     if (!data)
         return;
     struct gate_block *block = (struct gate_block *)((uint8_t *)data - BLOCK_BYTES);
-    gate_taken(block->lane, block); // discarded unread: the next may come
+    gate_taken(block->stream, block); // discarded unread: the next may come
     free(block);
 }
 
@@ -65,11 +65,11 @@ void gate_open(struct gate *gate)
 
 // ------------------------------------------------------------- frames
 
-void lane_release_frames(struct lane *lane)
+void image_stream_release_frames(struct image_stream *stream)
 {
-    for (int i = 0; i < lane->count; i++)
-        oniFrameRelease(lane->queue[i]);
-    lane->count = 0;
+    for (int i = 0; i < stream->count; i++)
+        oniFrameRelease(stream->queue[i]);
+    stream->count = 0;
 }
 
 static int64_t time_of(const OniFrame *frame)
@@ -77,29 +77,29 @@ static int64_t time_of(const OniFrame *frame)
     return (int64_t)frame->timestamp * 1000; // microseconds
 }
 
-static void drop_oldest(struct lane *lane, int how_many)
+static void drop_oldest(struct image_stream *stream, int how_many)
 {
     for (int i = 0; i < how_many; i++)
-        oniFrameRelease(lane->queue[i]);
-    lane->count -= how_many;
-    memmove(lane->queue, lane->queue + how_many, (size_t)lane->count * sizeof *lane->queue);
+        oniFrameRelease(stream->queue[i]);
+    stream->count -= how_many;
+    memmove(stream->queue, stream->queue + how_many, (size_t)stream->count * sizeof *stream->queue);
 }
 
 enum status openni_read_frame(struct openni_sensor *s, int wait_ms)
 {
-    struct lane *lanes[2] = {&s->depth, &s->color};
-    OniStreamHandle streams[2] = {s->depth.stream, s->color.stream};
+    struct image_stream *both[2] = {&s->depth, &s->color};
+    OniStreamHandle streams[2] = {s->depth.handle, s->color.handle};
     int index = 0;
     OniFrame *frame = NULL;
-    if (oniWaitForAnyStream(streams, s->color.stream ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
+    if (oniWaitForAnyStream(streams, s->color.handle ? 2 : 1, &index, wait_ms) != ONI_STATUS_OK ||
         oniStreamReadFrame(streams[index], &frame) != ONI_STATUS_OK || !frame)
         return NOTHING;
-    struct lane *lane = lanes[index];
+    struct image_stream *stream = both[index];
     if (s->file)
-        gate_taken(lane, (struct gate_block *)((uint8_t *)frame->data - BLOCK_BYTES));
-    if (lane->count == LANE_QUEUE)
-        drop_oldest(lane, 1);
-    lane->queue[lane->count++] = frame;
+        gate_taken(stream, (struct gate_block *)((uint8_t *)frame->data - BLOCK_BYTES));
+    if (stream->count == STREAM_QUEUE)
+        drop_oldest(stream, 1);
+    stream->queue[stream->count++] = frame;
     s->got_frame = true;
     return OK;
 }
@@ -110,17 +110,17 @@ static bool pairing_decided(const struct openni_sensor *s, bool over)
 {
     if (!s->depth.count)
         return false;
-    if (over || !s->color.stream)
+    if (over || !s->color.handle)
         return true;
     if (s->color.count && time_of(s->color.queue[s->color.count - 1]) >= time_of(s->depth.queue[0]))
         return true; // later images are further away
-    return s->depth.count >= (s->file ? LANE_QUEUE : 2);
+    return s->depth.count >= (s->file ? STREAM_QUEUE : 2);
 }
 
-static enum status check_frame(const struct openni_sensor *s, const struct lane *lane, const OniFrame *frame,
+static enum status check_frame(const struct openni_sensor *s, const struct image_stream *stream, const OniFrame *frame,
                                int pixel_bytes, const char *what)
 {
-    int w = lane->mode.resolutionX, h = lane->mode.resolutionY;
+    int w = stream->mode.resolutionX, h = stream->mode.resolutionY;
     if (frame->width != w || frame->height != h)
         return fail(ERR_INPUT, "%s: %s picture %d has %d x %d pixels where %d x %d were announced", s->name, what,
                     frame->frameIndex, frame->width, frame->height, w, h);
@@ -244,12 +244,13 @@ enum status openni_next(void *self, struct frame *out)
     struct openni_sensor *s = self;
     int64_t since_ns = clock_now_ns();
     for (;;) {
-        while (s->depth.count < LANE_QUEUE && !(s->file && pairing_decided(s, false)) && openni_read_frame(s, 0) == OK)
+        while (s->depth.count < STREAM_QUEUE && !(s->file && pairing_decided(s, false)) &&
+               openni_read_frame(s, 0) == OK)
             since_ns = clock_now_ns();
         // Read before the queues are filled for the last time, so that they then hold all that came before the end.
         bool gone = atomic_load(&s->gone), over = gone || atomic_load(&s->ended);
         if (over)
-            while (s->depth.count < LANE_QUEUE && openni_read_frame(s, 0) == OK)
+            while (s->depth.count < STREAM_QUEUE && openni_read_frame(s, 0) == OK)
                 ;
         if (!s->file && s->depth.count > 2)
             drop_oldest(&s->depth, s->depth.count - 2); // late: keep the newest; count_gap() counts the rest

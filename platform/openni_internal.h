@@ -13,7 +13,7 @@ typedef struct _OniRecorder _OniRecorder;
 #include <OniCAPI.h>
 
 enum {
-    LANE_QUEUE = 8,
+    STREAM_QUEUE = 8,
     SLICE_MS = 50,          // one wait for a frame, before checking whether the source still exists
     LIVE_SILENCE_MS = 5000, // a sensor without frames for this long has failed
     FILE_SILENCE_MS = 3000, // a file without frames for this long has ended; its next frame takes milliseconds
@@ -28,11 +28,11 @@ struct gate {
     bool open; // closing: waits end
 };
 
-struct lane { // one stream and the images read from it, oldest first
-    OniStreamHandle stream;
+struct image_stream { // one stream and the images read from it, oldest first
+    OniStreamHandle handle;
     OniVideoMode mode;
     bool mirrored; // by the source: copying mirrors it back
-    OniFrame *queue[LANE_QUEUE];
+    OniFrame *queue[STREAM_QUEUE];
     int count;
     struct gate *gate;
     bool untaken; // guarded by gate.lock: OpenNI2 holds an image that is not yet in the queue
@@ -46,9 +46,9 @@ struct openni_sensor {
     OniDeviceHandle device;
     OniCallbackHandle callbacks;
     struct gate gate;
-    struct lane depth, color; // color.stream is NULL where there is none
-    bool got_frame;           // an image was received
-    atomic_bool gone, ended;  // set from OpenNI2's threads
+    struct image_stream depth, color; // color.handle is NULL where there is none
+    bool got_frame;                   // an image was received
+    atomic_bool gone, ended;          // set from OpenNI2's threads
     uint16_t *mm;
     uint8_t *rgb;
     int64_t half_frame_ns;
@@ -57,7 +57,7 @@ struct openni_sensor {
 };
 
 // ---- openni_frames.c
-// Allocators of a file's images for OpenNI2; `cookie` is the lane.
+// Allocators of a file's images for OpenNI2; `cookie` is the stream.
 void *gate_alloc(int size, void *cookie);
 void gate_free(void *data, void *cookie);
 void gate_open(struct gate *gate);
@@ -65,6 +65,6 @@ void gate_open(struct gate *gate);
 // Waits at most `wait_ms` for an image and appends it to its queue. NOTHING: none came.
 enum status openni_read_frame(struct openni_sensor *s, int wait_ms);
 
-void lane_release_frames(struct lane *lane);
+void image_stream_release_frames(struct image_stream *stream);
 
 enum status openni_next(void *self, struct frame *out); // as source_next

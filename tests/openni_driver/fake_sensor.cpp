@@ -48,7 +48,7 @@ std::string setting(const char *name, const char *otherwise)
 }
 
 // OpenNI2's properties are untyped memory.
-template <typename T> OniStatus give(const T &value, void *data, int *size)
+template <typename T> OniStatus write_property(const T &value, void *data, int *size)
 {
     if (*size < static_cast<int>(sizeof value))
         return ONI_STATUS_BAD_PARAMETER;
@@ -57,7 +57,7 @@ template <typename T> OniStatus give(const T &value, void *data, int *size)
     return ONI_STATUS_OK;
 }
 
-template <typename T> OniStatus take(T &value, const void *data, int size)
+template <typename T> OniStatus read_property(T &value, const void *data, int size)
 {
     if (size != static_cast<int>(sizeof value))
         return ONI_STATUS_BAD_PARAMETER;
@@ -101,16 +101,17 @@ class Stream : public oni::driver::StreamBase
     OniStatus getProperty(int id, void *data, int *size) override
     {
         switch (id) {
-        case ONI_STREAM_PROPERTY_VIDEO_MODE: return give(mode_, data, size);
+        case ONI_STREAM_PROPERTY_VIDEO_MODE: return write_property(mode_, data, size);
         case ONI_STREAM_PROPERTY_HORIZONTAL_FOV:
-            return give(static_cast<float>(2 * std::atan(0.5 * lens_.width / lens_.fx)), data, size);
+            return write_property(static_cast<float>(2 * std::atan(0.5 * lens_.width / lens_.fx)), data, size);
         case ONI_STREAM_PROPERTY_VERTICAL_FOV:
-            return give(static_cast<float>(2 * std::atan(0.5 * lens_.height / lens_.fy)), data, size);
-        case ONI_STREAM_PROPERTY_MIRRORING: return give(OniBool(mirrored_ ? TRUE : FALSE), data, size);
-        case ONI_STREAM_PROPERTY_STRIDE: return give(stride(), data, size);
-        case ONI_STREAM_PROPERTY_CROPPING: return give(OniCropping{}, data, size); // OpenNI2's recorder needs it
-        case ONI_STREAM_PROPERTY_MAX_VALUE: return give(65535, data, size);
-        case ONI_STREAM_PROPERTY_MIN_VALUE: return give(0, data, size);
+            return write_property(static_cast<float>(2 * std::atan(0.5 * lens_.height / lens_.fy)), data, size);
+        case ONI_STREAM_PROPERTY_MIRRORING: return write_property(OniBool(mirrored_ ? TRUE : FALSE), data, size);
+        case ONI_STREAM_PROPERTY_STRIDE: return write_property(stride(), data, size);
+        case ONI_STREAM_PROPERTY_CROPPING:
+            return write_property(OniCropping{}, data, size); // OpenNI2's recorder needs it
+        case ONI_STREAM_PROPERTY_MAX_VALUE: return write_property(65535, data, size);
+        case ONI_STREAM_PROPERTY_MIN_VALUE: return write_property(0, data, size);
         default: return ONI_STATUS_NOT_SUPPORTED;
         }
     }
@@ -119,14 +120,14 @@ class Stream : public oni::driver::StreamBase
     {
         if (id == ONI_STREAM_PROPERTY_VIDEO_MODE) {
             OniVideoMode wanted;
-            OniStatus status = take(wanted, data, size);
+            OniStatus status = read_property(wanted, data, size);
             if (status != ONI_STATUS_OK)
                 return status;
             return std::memcmp(&wanted, &mode_, sizeof wanted) ? ONI_STATUS_NOT_SUPPORTED : ONI_STATUS_OK;
         }
         if (id == ONI_STREAM_PROPERTY_MIRRORING && setting("REENACT_FAKE_SENSOR_MIRROR", "settable") != "fixed") {
             OniBool wanted;
-            OniStatus status = take(wanted, data, size);
+            OniStatus status = read_property(wanted, data, size);
             if (status == ONI_STATUS_OK)
                 mirrored_ = wanted != FALSE;
             return status;
@@ -263,14 +264,14 @@ class Device : public oni::driver::DeviceBase
 
     OniStatus getProperty(int id, void *data, int *size) override
     {
-        return id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION ? give(registration_, data, size)
+        return id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION ? write_property(registration_, data, size)
                                                             : ONI_STATUS_NOT_SUPPORTED;
     }
 
     OniStatus setProperty(int id, const void *data, int size) override
     {
         OniImageRegistrationMode wanted;
-        if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION || take(wanted, data, size) != ONI_STATUS_OK ||
+        if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION || read_property(wanted, data, size) != ONI_STATUS_OK ||
             !isImageRegistrationModeSupported(wanted))
             return ONI_STATUS_NOT_SUPPORTED;
         registration_ = wanted;
