@@ -1,4 +1,4 @@
-// Progress of long work, and cancellation by the one who waits for it.
+// Progress and cancellation of long work, by callbacks of its caller.
 #pragma once
 #include "base/status.h"
 

@@ -16,8 +16,8 @@ struct feature {
     uint8_t descriptor[32];
 };
 
-// gray: width * height bytes. Writes at most `capacity` features, strongest first, no more of each cell of about 40
-// pixels than its share; *count is their number. ERR_MEMORY; ERR_SOLVER: OpenCV failed.
+// gray: width * height bytes. Writes at most `capacity` features, the strongest of each cell of about 40 pixels; *count
+// is their number. ERR_MEMORY; ERR_SOLVER: OpenCV failed.
 MUST_CHECK enum status features_detect(const uint8_t *gray, int width, int height, struct feature *out, int capacity,
                                        int *count);
 

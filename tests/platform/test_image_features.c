@@ -55,9 +55,9 @@ static void test_features_survive_half_rotation(void **state)
         printf("level %d: %d of %d features found again, mean offset %.3f %.3f px, on the right %.3f px\n", i, count[i],
                found, sum_x[i] / count[i], sum_y[i] / count[i], sum_right[i] / count_right[i]);
         EXPECT_AT_LEAST(count_right[i], 5);
-        EXPECT_NEAR(sum_x[i] / count[i], 0, 0.1);
-        EXPECT_NEAR(sum_y[i] / count[i], 0, 0.1);
-        EXPECT_NEAR(sum_right[i] / count_right[i], 0, 0.15);
+        EXPECT_NEAR(sum_x[i] / count[i], 0, 0.01);
+        EXPECT_NEAR(sum_y[i] / count[i], 0, 0.01);
+        EXPECT_NEAR(sum_right[i] / count_right[i], 0, 0.01);
     }
 }
 
