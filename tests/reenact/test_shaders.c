@@ -103,7 +103,7 @@ static void test_pixels_survive(void **state)
         rgb[i] = (uint8_t)(i * 37 + 11);
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
-    static const char *const samplers[] = {"camera_picture", "actor_picture", "shadow_picture"};
+    static const char *const samplers[] = {"camera_image", "actor_image", "shadow_image"};
     struct gpu_program_source text = {.name = "compose",
                                       .vertex = shader_find("fullscreen.vert"),
                                       .fragment = shader_find("compose.frag"),
