@@ -243,7 +243,7 @@ static void print_stats(const struct watch *w)
     struct camera_feed_state feed = w->viewer.feed ? camera_feed_query(w->viewer.feed) : (struct camera_feed_state){0};
     printf("screen    %s, %s\n", window_driver(w->screen), gpu_renderer(w->gpu));
     printf("pictures  %lld from the camera, %lld let go by, %lld drawn, %lld with the actor in his place\n",
-           (long long)feed.came, (long long)feed.dropped, (long long)t->frames, (long long)w->viewer.placed);
+           (long long)feed.received, (long long)feed.dropped, (long long)t->frames, (long long)w->viewer.placed);
     if (w->viewer.camera_texture) {
         struct camera_texture_counts c = camera_texture_count(w->viewer.camera_texture);
         printf("camera    %lld pictures read where they lie, %lld uploaded%s%s\n", (long long)c.imported,

@@ -40,7 +40,8 @@ static int place_frames(struct map *m, bool accept_ambiguous)
         if (f->placed)
             continue;
         int count = map_tag_correspondences(m, f, tags);
-        enum status status = count ? pnp_solve(tags, count, lens->fx, lens->fy, BOOTSTRAP_RMS_PX, NULL, &fit) : NOTHING;
+        const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
+        enum status status = count ? pnp_solve(&problem, BOOTSTRAP_RMS_PX, &fit) : NOTHING;
         if (status == OK || (status == AMBIGUOUS && accept_ambiguous)) {
             f->placed = true;
             f->camera_from_world = fit.camera_from_world;

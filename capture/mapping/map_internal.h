@@ -117,6 +117,18 @@ struct map_scratch {
     struct landmark_match matches[MAP_MAX_FEATURES];
 };
 void map_index_features(struct map_scratch *d, const struct map *m, const struct map_frame *f);
+// All landmarks of the map against the features in *d, with the tags of the same frame, which may be none.
+static inline struct match_query map_match_query(const struct map *m, const struct map_scratch *d, struct pnp_tag *tags,
+                                                 int tag_count)
+{
+    return (struct match_query){.points = m->points,
+                                .point_count = m->point_count,
+                                .index = &d->index,
+                                .depth = d->depth,
+                                .lens = &m->calibration.color,
+                                .tags = tags,
+                                .tag_count = tag_count};
+}
 // Takes over the first `count` of d->matches as what the frame shows.
 void map_assign_matches(struct map_frame *f, const struct map_scratch *d, int count);
 // Features that show no point of the map yet become points, where their depth is known or can be guessed.

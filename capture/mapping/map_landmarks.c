@@ -52,8 +52,8 @@ static void add_frame_landmarks(struct map *m, struct map_scratch *d, struct map
     int count = 0, tag_count = map_tag_correspondences(m, f, tags), with_depth = 0;
     f->visited = true;
     map_index_features(d, m, f);
-    bool known = landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags,
-                                       tag_count, NULL, &f->camera_from_world, d->matches, MAP_MAX_FEATURES, &count);
+    const struct match_query query = map_match_query(m, d, tags, tag_count);
+    bool known = landmarks_refine_pose(&query, NULL, &f->camera_from_world, d->matches, MAP_MAX_FEATURES, &count);
     map_assign_matches(f, d, known ? count : 0);
     for (int32_t i = 0; i < f->feature_count; i++)
         with_depth += !m->has_depth || f->features[i].depth > 0;
@@ -106,8 +106,9 @@ static void rematch_all(struct map *m, struct map_scratch *d)
         if (!f->placed)
             continue;
         map_index_features(d, m, f);
-        int count = landmarks_match(m->points, m->point_count, &d->index, &m->calibration.color, NULL,
-                                    &f->camera_from_world, REMATCH_PX, false, d->matches, MAP_MAX_FEATURES);
+        const struct match_query query = map_match_query(m, d, NULL, 0);
+        int count = landmarks_match(&query, (struct match_window){REMATCH_PX, false}, NULL, &f->camera_from_world,
+                                    d->matches, MAP_MAX_FEATURES);
         map_assign_matches(f, d, count);
     }
 }

@@ -69,11 +69,13 @@ static int match_old_points(struct map *m, struct map_frame *f, struct loop_scra
     const struct lens *lens = &m->calibration.color;
     int agree, matched = 0;
     map_index_features(frame, m, f);
-    int count = relocalize_match(d->points, d->count, &frame->index, frame->matches, MAP_MAX_FEATURES);
-    if (!relocalize(d->points, &frame->index, lens, frame->matches, count, NULL, &pose, &agree) || agree < MIN_INLIERS)
+    const struct match_query query = {
+        .points = d->points, .point_count = d->count, .index = &frame->index, .lens = lens};
+    int count = relocalize_match(&query, frame->matches, MAP_MAX_FEATURES);
+    if (!relocalize(&query, frame->matches, count, NULL, &pose, &agree) || agree < MIN_INLIERS)
         return 0;
-    count = landmarks_match(d->points, d->count, &frame->index, lens, NULL, &pose, INLIER_PX, false, frame->matches,
-                            MAP_MAX_FEATURES);
+    count =
+        landmarks_match(&query, (struct match_window){INLIER_PX, false}, NULL, &pose, frame->matches, MAP_MAX_FEATURES);
     for (int k = 0; k < count; k++) {
         struct map_feature *s = &f->features[frame->matches[k].feature];
         int32_t old = d->point_index[frame->matches[k].point];

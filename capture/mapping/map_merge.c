@@ -64,11 +64,13 @@ static bool register_by_consensus(const struct map *m, struct map_scratch *d, co
     struct pnp_solution fit;
     int agree;
     map_index_features(d, m, f);
-    int count = relocalize_match(m->points, m->held_points, &d->index, d->matches, MAP_MAX_FEATURES);
-    if (relocalize(m->points, &d->index, lens, d->matches, count, NULL, camera_from_world, &agree) &&
-        agree >= MIN_POINTS)
+    const struct match_query query = {
+        .points = m->points, .point_count = m->held_points, .index = &d->index, .lens = lens};
+    const struct pose_problem problem = {.tags = tags, .tag_count = tag_count, .fx = lens->fx, .fy = lens->fy};
+    int count = relocalize_match(&query, d->matches, MAP_MAX_FEATURES);
+    if (relocalize(&query, d->matches, count, NULL, camera_from_world, &agree) && agree >= MIN_POINTS)
         return true;
-    if (pnp_solve(tags, tag_count, lens->fx, lens->fy, INLIER_RMS_PX, NULL, &fit) != OK || fit.used < MIN_TAGS)
+    if (pnp_solve(&problem, INLIER_RMS_PX, &fit) != OK || fit.used < MIN_TAGS)
         return false;
     *camera_from_world = fit.camera_from_world;
     return true;

@@ -18,13 +18,14 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
         if (f->placed)
             continue;
         int count = map_tag_correspondences(m, f, tags), agree[2] = {0, 0};
-        if (!count || pnp_solve(tags, count, lens->fx, lens->fy, 4, NULL, &fit) != AMBIGUOUS)
+        const struct pose_problem problem = {.tags = tags, .tag_count = count, .fx = lens->fx, .fy = lens->fy};
+        if (!count || pnp_solve(&problem, 4, &fit) != AMBIGUOUS)
             continue;
         struct pose pose[2] = {fit.camera_from_world, fit.other};
         map_index_features(d, m, f);
+        const struct match_query query = map_match_query(m, d, tags, count);
         for (int k = 0; k < 2; k++)
-            if (!landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, lens, tags, count, NULL,
-                                       &pose[k], d->matches, MAP_MAX_FEATURES, &agree[k]))
+            if (!landmarks_refine_pose(&query, NULL, &pose[k], d->matches, MAP_MAX_FEATURES, &agree[k]))
                 agree[k] = 0;
         int best = agree[1] > agree[0];
         // Both may lead to the same pose: the search reaches far.
@@ -46,9 +47,8 @@ static bool refine_and_register(struct map *m, struct map_scratch *d, struct map
 {
     struct pnp_tag tags[PNP_MAX_TAGS];
     int count = 0, tag_count = map_tag_correspondences(m, f, tags);
-    if (!landmarks_refine_pose(m->points, m->point_count, &d->index, d->depth, &m->calibration.color, tags, tag_count,
-                               NULL, &guess, d->matches, MAP_MAX_FEATURES, &count) ||
-        count < MIN_INLIERS)
+    const struct match_query query = map_match_query(m, d, tags, tag_count);
+    if (!landmarks_refine_pose(&query, NULL, &guess, d->matches, MAP_MAX_FEATURES, &count) || count < MIN_INLIERS)
         return false;
     f->camera_from_world = guess;
     f->placed = f->visited = true;
@@ -75,9 +75,9 @@ static bool relocalize_frame(struct map *m, struct map_scratch *d, struct map_fr
     struct pose guess;
     int agree;
     map_index_features(d, m, f);
-    int count = relocalize_match(m->points, m->point_count, &d->index, d->matches, MAP_MAX_FEATURES);
-    return relocalize(m->points, &d->index, &m->calibration.color, d->matches, count, NULL, &guess, &agree) &&
-           refine_and_register(m, d, f, guess);
+    const struct match_query query = map_match_query(m, d, NULL, 0);
+    int count = relocalize_match(&query, d->matches, MAP_MAX_FEATURES);
+    return relocalize(&query, d->matches, count, NULL, &guess, &agree) && refine_and_register(m, d, f, guess);
 }
 
 // Errors grow from frame to frame; before they are larger than the search for points

@@ -122,7 +122,7 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
     EXPECT_STATUS(viewer_draw(t, &b->glass, now), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
     viewer_presented(t, clock_now_ns());
-    *way = (struct way){.total_ms = (double)(clock_now_ns() - t->frame->came_ns) * 1e-6,
+    *way = (struct way){.total_ms = (double)(clock_now_ns() - t->frame->received_ns) * 1e-6,
                         .take_s = (double)t->request.time_ns * 1e-9,
                         .resolution_scale = t->request.resolution_scale};
     for (int i = 0; i < FRAME_STAGES; i++)
