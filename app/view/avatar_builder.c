@@ -70,6 +70,8 @@ static void build_occluders(struct avatar_builder *p)
 static enum status build_avatar(struct avatar_builder *p)
 {
     const struct progress_watch watch = {.on_progress = report_progress, .self = p};
+    struct avatar_options options = avatar_default_options();
+    options.watch = &watch;
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;
@@ -79,7 +81,7 @@ static enum status build_avatar(struct avatar_builder *p)
     if (status == OK)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK)
-        status = avatar_make(&p->avatar, take, rays, AVATAR_FRAMES, &watch);
+        status = avatar_make(&p->avatar, take, rays, &options);
     source_rays_close(&rays);
     take_close(&take);
     recording_free(&recording);

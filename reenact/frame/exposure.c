@@ -1,11 +1,12 @@
 #include "reenact/frame/exposure.h"
 
+#include "reenact/observation/depth_agreement.h"
+
 enum { PASSES = 4, INNER_PX = 3 };
 
-static const float MIN_FACING = 0.5F;         // of loaded_point's seen
-static const double DEPTH_TOLERANCE_M = 0.05; // the reading that vouches for a place lies this near
-static const double OUTLIER_SCALE = 0.2;      // of colours from 0 to 1: what is so far off counts a quarter
-static const double PRIOR = 1;                // squares of such colours, summed: what is held against few places
+static const float MIN_FACING = 0.5F;    // of loaded_point's seen
+static const double OUTLIER_SCALE = 0.2; // of colours from 0 to 1: what is so far off counts a quarter
+static const double PRIOR = 1;           // squares of such colours, summed: what is held against few places
 static const double MAX_GAIN = 1.4;
 
 // Which pixel of the frame's own a place in a window's picture is; -1: outside.
@@ -24,8 +25,7 @@ static const uint8_t *sample_color(const struct exposure_input *in, const struct
         return NULL;
     const int depth = pixel_of(p->depth_uv, f->windows[1], s->width, s->height);
     const int color = pixel_of(p->color_uv, f->windows[0], in->color->width, in->color->height);
-    if (depth < 0 || color < 0 || s->part[depth] >= PART_COUNT || s->edge_distance[depth] < INNER_PX ||
-        fabs(s->depth[depth] * 1e-3 - (double)p->depth_m) > DEPTH_TOLERANCE_M)
+    if (depth < 0 || color < 0 || !depth_agrees(s, depth, (double)p->depth_m, INNER_PX))
         return NULL;
     return in->rgb + 3 * (size_t)color;
 }

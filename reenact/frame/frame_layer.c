@@ -190,8 +190,8 @@ static enum status fill_points(const struct frame_layer_loader *l, const struct 
         const struct vec3 w = quat_rotate(world_from_color, n), d = pose_apply(depth_from_color, p);
         store_vec3(out->shift[i], shift);
         store_vec3(to->normal, n);
-        to->irradiance = sqrtf(
-            sh_irradiance_at(&l->avatar->vertex_colors.light, (const float[3]){(float)w.x, (float)w.y, (float)w.z}));
+        to->irradiance = sqrtf(sh_irradiance_at(&l->avatar->vertex_colors.irradiance,
+                                                (const float[3]){(float)w.x, (float)w.y, (float)w.z}));
         if (!out->has_images || p.z < NEAR_PLANE_M || d.z < NEAR_PLANE_M)
             continue;
         project_to_window(&c->color, color_r2, p, out->windows[0], to->color_uv);
@@ -229,8 +229,13 @@ static void fit_avatar(struct frame_layer_loader *l, const struct bone_transform
     out->corrections = articulated_icp(k->tsdf, &l->depth_frame, &from, NULL);
     struct bone_transforms fitted = bone_corrections_apply(joints, &out->corrections);
     const struct deformation_model model = {k->tsdf, &k->surface, k->skins};
-    const struct deformation_colors colors = {&k->vertex_colors, l->rgb, take_calibration(l->take),
-                                              take_entry(l->take, out->frame)->world_from_camera.rotation};
+    const struct deformation_colors colors = {.albedo = (const float(*)[3])k->vertex_colors.color,
+                                              .filled = k->vertex_colors.filled,
+                                              .irradiance = &k->vertex_colors.irradiance,
+                                              .rgb = l->rgb,
+                                              .calibration = take_calibration(l->take),
+                                              .world_from_color =
+                                                  take_entry(l->take, out->frame)->world_from_camera.rotation};
     deformation_fit(l->deformation, &model, &l->depth_frame, &fitted, out->has_images ? &colors : NULL);
 }
 

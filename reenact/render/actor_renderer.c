@@ -230,7 +230,9 @@ static enum status open_avatar(struct renderer *p, const struct renderer_options
     if (status != OK || p->avatar_later)
         return status;
     struct avatar avatar;
-    status = avatar_make(&avatar, p->take, p->rays, AVATAR_FRAMES, options->watch);
+    struct avatar_options how = avatar_default_options();
+    how.watch = options->watch;
+    status = avatar_make(&avatar, p->take, p->rays, &how);
     if (status < 0)
         return status;
     status = renderer_set_avatar(p, status == OK ? &avatar : NULL);

@@ -191,12 +191,13 @@ static enum status measure(struct bench *b, struct take *take)
     enum status status = source_rays_open(&rays, take_calibration(take));
     struct moment_of begun = now();
     if (status == OK)
-        status = avatar_make(&one, take, rays, AVATAR_FRAMES, &watch);
+        status = avatar_make(&one, take, rays,
+                             &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4, .watch = &watch});
     struct moment_of ended = now();
     if (status == OK)
         status = print_split(b, &split, &begun, &ended);
     if (status == OK)
-        status = avatar_make(&other, take, rays, AVATAR_FRAMES, NULL);
+        status = avatar_make(&other, take, rays, &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4});
     if (status == OK && !same(&one, &other))
         status = fail(ERR_INPUT, "prepared twice, the take is not the same");
     avatar_free(&one);

@@ -284,7 +284,8 @@ static void test_room_upload_costs_no_frame(void **state)
     struct renderer_result result;
     o.avatar_later = o.shadow = true;
     EXPECT_STATUS(renderer_open(&p, gpu, take, &lens, &o), OK);
-    EXPECT_STATUS(avatar_make(&avatar, take, rehearsed.rays, 2, NULL), OK);
+    EXPECT_STATUS(avatar_make(&avatar, take, rehearsed.rays, &(struct avatar_options){.max_frames = 2, .threads = 4}),
+                  OK);
     EXPECT_STATUS(renderer_set_avatar(p, &avatar), OK);
     EXPECT_STATUS(renderer_set_room(p, &room), OK);
     for (int i = 0; i < 200 && (i == 0 || !renderer_upload_done(p)); i++)

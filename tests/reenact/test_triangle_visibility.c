@@ -108,7 +108,9 @@ static int make(void **state)
     (void)state;
     struct avatar given;
     EXPECT_STATUS(rehearsed_open(&rehearsed, 1), OK);
-    EXPECT_STATUS(avatar_make(&given, rehearsed.take, rehearsed.rays, 1, NULL), OK);
+    EXPECT_STATUS(
+        avatar_make(&given, rehearsed.take, rehearsed.rays, &(struct avatar_options){.max_frames = 1, .threads = 4}),
+        OK);
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
     EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, rehearsed.take, rehearsed.rays, &lens, 0), OK);

@@ -9,7 +9,8 @@ enum status rehearsed_open(struct rehearsed *out, int frames)
     if (status == OK)
         status = source_rays_open(&out->rays, take_calibration(out->take));
     if (status == OK && frames)
-        status = avatar_make(&out->avatar, out->take, out->rays, frames, NULL);
+        status = avatar_make(&out->avatar, out->take, out->rays,
+                             &(struct avatar_options){.max_frames = frames, .threads = 4});
     return status;
 }
 
