@@ -1,5 +1,7 @@
 #include "capture/body_radii.h"
 
+#include "base/depth_noise.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,11 +17,6 @@ enum { SAMPLES = 13, SAMPLES_MIN = 5 };
 
 // No part of a person is wider than this from its bone, metres.
 static const double RADIUS_MAX_M = 0.35;
-
-// Depth steps by less than this between neighbouring pixels of one limb: four
-// standard deviations of a Kinect's reading (1.5e-3 z^2 m, Khoshelham and
-// Elberink 2012) and a slope of 60 degrees over a pixel at f = 525.
-static double largest_step_m(double z_m) { return 4 * 1.5e-3 * z_m * z_m + 0.0033 * z_m + 0.005; }
 
 void body_radii_start(struct body_radii *r)
 {
@@ -145,7 +142,7 @@ static double walk_to_edge(const struct projected_skeleton *seen, const struct p
         if (px < 0.5 || py < 0.5 || px > image->lens->width - 1.5 || py > image->lens->height - 1.5)
             return -1;
         int mm = person_mm(image, px, py);
-        if (!mm || fabs(mm / 1000.0 - z) > largest_step_m(z) || !belongs_to(seen, part, px, py))
+        if (!mm || fabs(mm / 1000.0 - z) > depth_limb_step_m(z) || !belongs_to(seen, part, px, py))
             return step - 0.5; // the edge lies between this pixel and the last
         z = mm / 1000.0;
     }

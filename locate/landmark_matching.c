@@ -133,7 +133,7 @@ double feature_depth(const struct lens *lens, const uint16_t *depth, struct pixe
         }
     }
     double z = count ? sum / count * 1e-3 : 0;
-    return count >= 6 && (high - low) * 1e-3 < 5 * depth_sigma(z) + 0.01 * z ? z : 0;
+    return count >= 6 && (high - low) * 1e-3 < 5 * depth_absolute_sigma_m(z) + 0.01 * z ? z : 0;
 }
 
 static bool within_distance(struct pixel a, struct pixel b, double distance)

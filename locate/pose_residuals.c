@@ -61,7 +61,7 @@ static double add_depth(struct pnp_equations *n, const struct pnp_tag *tag, cons
     for (int i = 0; i < tag->depth->count; i++) {
         const struct depth_sample *s = &tag->depth->sample[i];
         struct vec3 ray = v3(s->x, s->y, 1);
-        double slant = v3_dot(normal, ray), sigma = depth_sigma(s->z);
+        double slant = v3_dot(normal, ray), sigma = depth_absolute_sigma_m(s->z);
         if (!(fabs(slant) > 1e-3))
             continue;
         double z = offset / slant, e = (z - s->z) / sigma;
@@ -184,7 +184,7 @@ double pnp_add_point(struct pnp_equations *n, const struct pnp_point *point, dou
     fill_velocity_jacobian(row1, point->time_s);
     double bound = CAUCHY_SCALE * CAUCHY_SCALE, chi2 = ex * ex + ey * ey, ez = 0, depth = 0;
     if (point->z > 0) {
-        depth = 1 / (sqrt(pow(depth_sigma(point->z), 2) + point->z_variance) + extra_px * p.z / fx);
+        depth = 1 / (sqrt(pow(depth_absolute_sigma_m(point->z), 2) + point->z_variance) + extra_px * p.z / fx);
         ez = (p.z - point->z) * depth;
         chi2 += ez * ez;
     }

@@ -37,9 +37,10 @@ void tag_read_depth(const struct tag_observation *seen, const struct lens *lens,
         for (int i = 0; i < out->count; i++) {
             const struct depth_sample *s = &out->sample[i];
             double q[3] = {s->x, s->y, 1},
-                   error = round ? (s->z - 1 / (a * s->x + b * s->y + c)) / depth_sigma(s->z) : 0;
+                   error = round ? (s->z - 1 / (a * s->x + b * s->y + c)) / depth_absolute_sigma_m(s->z) : 0;
             values[i] = error;
-            double weight = 1 / (1 + error * error / (ROBUST * ROBUST)) * pow(s->z, 4) / pow(depth_sigma(s->z), 2);
+            double weight =
+                1 / (1 + error * error / (ROBUST * ROBUST)) * pow(s->z, 4) / pow(depth_absolute_sigma_m(s->z), 2);
             for (int k = 0; k < 3; k++) {
                 g[k] += weight * q[k] / s->z;
                 for (int l = 0; l < 3; l++)

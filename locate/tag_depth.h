@@ -1,5 +1,6 @@
 // Depth samples inside a tag, and the noise of a depth sensor. Pure.
 #pragma once
+#include "base/depth_noise.h"
 #include "locate/tag_corners.h"
 
 enum { TAG_DEPTH_SAMPLES = 36 };
@@ -20,6 +21,3 @@ struct tag_depth {
 // plane are left out. depth: millimetres, of the same pixels as `lens`. out->count is 0 where fewer than 6 are left.
 void tag_read_depth(const struct tag_observation *seen, const struct lens *lens, const uint16_t *depth,
                     struct tag_depth *out);
-
-// The standard deviation of a depth sample at z metres: 1.5e-3 z^2 (Khoshelham & Elberink 2012) and 1 mm, metres.
-static inline double depth_sigma(double z) { return 1.5e-3 * z * z + 1e-3; }

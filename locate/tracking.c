@@ -140,7 +140,7 @@ static double change_px(const struct locator *l, const struct point_track *t, co
     struct vec3 from = v3_sub(pose_inverse(*camera_from_world).translation, t->world),
                 before = v3_sub(pose_inverse(l->last).translation, t->world);
     double z = v3_length(from), aside = v3_length(v3_cross(from, before)) / (z * v3_length(before));
-    return hypot(CHANGE_PX, l->lens.fx / z * depth_sigma(z) * aside);
+    return hypot(CHANGE_PX, l->lens.fx / z * depth_absolute_sigma_m(z) * aside);
 }
 
 // The tracks as points of a pose problem. Returns how many.

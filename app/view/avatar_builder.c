@@ -8,18 +8,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRESS_STEPS = 100 }; // steps in which the share of the work is told
+enum { PROGRESS_STEPS = 100 }; // resolution at which progress is reported
 
 struct avatar_builder {
-    char *path, *take;
+    char *path;
+    const struct take *take;
     void (*notify)(void *self);
     void *notify_self;
     pthread_t thread;
     bool runs;
     atomic_int done; // of PROGRESS_STEPS
     atomic_bool cancelled, ended;
-    // The threads' until they have ended.
-    struct failure failure; // or NOTHING, or OK
+    struct failure failure; // OK and NOTHING included; written by the threads, read when `ended` is set
     struct avatar avatar;
     struct occluder_mesh occluders;
 };
@@ -49,10 +49,10 @@ static bool report_progress(void *self, double share)
 static enum status open_take(const struct avatar_builder *p, struct recording **recording, struct take **take)
 {
     enum status status = recording_open(recording, p->path);
-    return status == OK ? take_open(take, *recording, p->take) : status;
+    return status == OK ? take_open_shared(take, *recording, p->take) : status;
 }
 
-// The room is quickly made, and not worth a sentence where it fails.
+// Occluders are optional: where they cannot be made there are none, and no error is reported.
 static void build_occluders(struct avatar_builder *p)
 {
     const struct progress_watch watch = {.on_progress = keep_going, .self = p};
@@ -90,7 +90,7 @@ static enum status build_avatar(struct avatar_builder *p)
 
 enum { TASK_AVATAR, TASK_OCCLUDERS, TASK_COUNT };
 
-// Side by side, each with a handle on the recording of its own.
+// The two tasks run in parallel, each with its own handle on the recording.
 static void do_task(void *self, int task)
 {
     struct avatar_builder *p = self;
@@ -119,8 +119,8 @@ enum status avatar_builder_start(struct avatar_builder **out, const struct avata
     p->notify = options->notify;
     p->notify_self = options->notify_self;
     p->path = strdup(options->path);
-    p->take = strdup(options->take);
-    p->runs = p->path && p->take && pthread_create(&p->thread, NULL, run, p) == 0;
+    p->take = options->take;
+    p->runs = p->path && pthread_create(&p->thread, NULL, run, p) == 0;
     if (p->runs)
         return OK;
     avatar_builder_close(out);
@@ -138,7 +138,6 @@ void avatar_builder_close(struct avatar_builder **out)
     avatar_free(&p->avatar);
     occluder_mesh_free(&p->occluders);
     free(p->path);
-    free(p->take);
     free(p);
     *out = NULL;
 }

@@ -89,7 +89,7 @@ static void add_frame_residuals(const struct map *m, int32_t i, const struct adj
         for (int32_t d = 0; d < f->depths[k].count; d++) {
             const struct depth_sample *s = &f->depths[k].sample[d];
             depths[n->depths++] = (struct ba_plane_depth){
-                i, f->tag_index[k], s->x, s->y, s->z, depth_sigma(s->z) / sqrt(f->depths[k].share)};
+                i, f->tag_index[k], s->x, s->y, s->z, depth_absolute_sigma_m(s->z) / sqrt(f->depths[k].share)};
         }
     }
     for (int32_t k = 0; k < f->feature_count; k++) {
@@ -97,7 +97,8 @@ static void add_frame_residuals(const struct map *m, int32_t i, const struct adj
         if (!is_included(s, options->included))
             continue;
         struct vec3 ray = lens_ray(lens, s->feature.at);
-        double sigma_m = s->depth > 0 ? hypot(depth_sigma(s->depth), options->extra_sigma_px / lens->fx * s->depth) : 1;
+        double sigma_m =
+            s->depth > 0 ? hypot(depth_absolute_sigma_m(s->depth), options->extra_sigma_px / lens->fx * s->depth) : 1;
         struct ba_observation *seen = &observations[n->observations++];
         *seen = (struct ba_observation){i, s->point, ray.x, ray.y, {0}, s->depth, sigma_m};
         match_covariance(&m->points[s->point], &s->feature, seen->covariance);

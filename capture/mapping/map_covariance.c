@@ -24,7 +24,7 @@ static void add_observation(struct landmark_information *k, const struct lens *l
     quat_to_matrix(f->camera_from_world.rotation, rotation);
     match_covariance(point, &s->feature, c);
     double a = 1 / sqrt(c[0]), d = 1 / sqrt(c[2] - c[1] * c[1] / c[0]), b = -d * c[1] / c[0];
-    double x = p.x / p.z, y = p.y / p.z, depth = s->depth > 0 ? 1 / depth_sigma(s->depth) : 0;
+    double x = p.x / p.z, y = p.y / p.z, depth = s->depth > 0 ? 1 / depth_absolute_sigma_m(s->depth) : 0;
     double off_x = lens->fx * (x - ray.x), off_y = lens->fy * (y - ray.y);
     for (int i = 0; i < 3; i++) {
         double by_x = lens->fx / p.z * (rotation[0][i] - x * rotation[2][i]);

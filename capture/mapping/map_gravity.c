@@ -66,7 +66,7 @@ static void collect_surface(const struct map *m, struct surface_samples *s)
                     continue;
                 s->points[s->count] = pose_apply(world_from_camera, p);
                 s->normals[s->count] = quat_rotate(world_from_camera.rotation, normal);
-                s->weights[s->count] = 1 / (depth_sigma(p.z) * depth_sigma(p.z));
+                s->weights[s->count] = 1 / (depth_absolute_sigma_m(p.z) * depth_absolute_sigma_m(p.z));
                 s->areas[s->count++] = p.z * p.z * step * step / (lens->fx * lens->fy * facing);
             }
         }

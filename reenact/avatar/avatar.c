@@ -4,7 +4,7 @@
 #include "reenact/avatar/axial_rotation.h"
 #include "reenact/avatar/silhouette_constraint.h"
 #include "reenact/observation/depth_frame_cache.h"
-#include "reenact/skeleton/joint_inpainting.h"
+#include "reenact/skeleton/take_skeletons.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -74,6 +74,7 @@ enum { IN_FLIGHT = 6 };
 struct avatar_build {
     struct avatar *avatar;
     struct take *take;
+    struct take_skeletons *skeletons;
     struct depth_frame_cache *frame_cache;
     enum avatar_step pass;
     struct tsdf *target;                        // that is fused, in AVATAR_TSDF_*
@@ -90,7 +91,10 @@ static enum status open_build(struct avatar_build *r, struct take *take, const s
 {
     const struct avatar *f = r->avatar;
     const struct lens *lens = &take_calibration(take)->color;
-    enum status status = depth_frame_cache_open(&r->frame_cache, take, f->frames, f->frame_count, AVATAR_CACHE_BYTES);
+    enum status status = take_skeletons_open(&r->skeletons, take);
+    const struct frame_source source = {take, r->skeletons, rays};
+    if (status == OK)
+        status = depth_frame_cache_open(&r->frame_cache, &source, f->frames, f->frame_count, AVATAR_CACHE_BYTES);
     for (int i = 0; i < IN_FLIGHT && status == OK; i++) {
         status = depth_frame_open(&r->job[i].depth_frame, take, rays);
         r->job[i].rgb = malloc(3 * (size_t)lens->width * (size_t)lens->height);
@@ -104,6 +108,7 @@ static enum status open_build(struct avatar_build *r, struct take *take, const s
 static void close_build(struct avatar_build *r)
 {
     depth_frame_cache_close(&r->frame_cache);
+    take_skeletons_close(&r->skeletons);
     vertex_color_close(&r->color_builder);
     axial_rotation_close(&r->rotations);
     for (int i = 0; i < IN_FLIGHT; i++) {
@@ -122,17 +127,7 @@ static bool needs_colors(enum avatar_step pass)
 // NOTHING: the frame shows no actor, or lacks the colours that the pass needs.
 static enum status read_frame(struct avatar_build *r, struct frame_job *job, int i)
 {
-    enum status status = depth_frame_cache_read(r->frame_cache, i, &job->depth_frame);
-    if (status != OK || !needs_colors(r->pass))
-        return status;
-    struct take_images images;
-    status = take_read(r->take, r->avatar->frames[i], TAKE_COLOR, &images);
-    if (status == OK && !images.color)
-        return NOTHING;
-    const struct lens *lens = &take_calibration(r->take)->color;
-    if (status == OK)
-        memcpy(job->rgb, images.color, 3 * (size_t)lens->width * (size_t)lens->height);
-    return status;
+    return depth_frame_cache_read(r->frame_cache, i, &job->depth_frame, needs_colors(r->pass) ? job->rgb : NULL);
 }
 
 static bool measures_silhouettes(enum avatar_step pass)
@@ -172,7 +167,7 @@ static enum status align_frame(struct avatar_build *r, struct frame_job *job, in
     *a = r->pass == AVATAR_TSDF_ALIGNED && i > 0 ? f->frame_corrections[i - 1] : from.start;
     enum status status = job->status;
     if (status == OK)
-        status = inpaint_bone_transforms(&f->bind_pose, r->take, f->frames[i], &from.joints);
+        status = bone_transforms_of(&f->bind_pose, take_skeletons_at(r->skeletons, f->frames[i]), &from.joints);
     if (status != OK)
         return status;
     if (r->pass == AVATAR_TSDF_ALIGNED || r->pass == AVATAR_TSDF_FINAL)

@@ -139,7 +139,7 @@ static void set_open(struct set *s)
 {
     struct skeleton_track *motion;
     EXPECT_STATUS(rehearsed_open(&s->rehearsed, 4), OK);
-    EXPECT_STATUS(skeleton_track_open(&motion, s->rehearsed.take), OK);
+    EXPECT_STATUS(skeleton_track_open(&motion, s->rehearsed.take, s->rehearsed.skeletons), OK);
     EXPECT_STATUS(skeleton_track_at(motion, 0, true, &s->moment), OK);
     skeleton_track_close(&motion);
     // Half way round him from where the sensor stood, and nearer.
@@ -160,7 +160,7 @@ static void draw(struct set *s, uint8_t *rgba)
     EXPECT_STATUS(avatar_make(&given, s->rehearsed.take, s->rehearsed.rays,
                               &(struct avatar_options){.max_frames = 4, .threads = 4}),
                   OK); // the same again
-    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, s->rehearsed.take, s->rehearsed.rays, &lens, 0), OK);
+    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, &s->rehearsed.source, &lens, 0), OK);
     EXPECT_STATUS(avatar_renderer_set_avatar(renderer, &given), OK);
     EXPECT_TRUE(avatar_renderer_upload_step(renderer, SIZE_MAX));
     struct avatar_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL, NULL};
@@ -177,7 +177,7 @@ static float brighter(struct set *s)
 {
     struct frame_layer_loader *loader;
     struct frame_layer loaded;
-    EXPECT_STATUS(frame_layer_loader_open(&loader, s->rehearsed.take, s->rehearsed.rays, &s->rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, &s->rehearsed.source, &s->rehearsed.avatar), OK);
     EXPECT_STATUS(frame_layer_loader_load(loader, s->moment.frame, &loaded), OK);
     const float ratio = loaded.exposure_gain;
     frame_layer_free(&loaded);

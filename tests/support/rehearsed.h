@@ -6,9 +6,11 @@
 struct rehearsed {
     struct rehearsal rehearsal;
     struct recording *recording;
-    struct take *take;        // "turn"
-    struct source_rays *rays; // of its sensor
-    struct avatar avatar;     // of whom it shows; zeroed where none was asked for
+    struct take *take; // "turn"
+    struct take_skeletons *skeletons;
+    struct source_rays *rays;   // of its sensor
+    struct frame_source source; // the three of them
+    struct avatar avatar;       // of whom it shows; zeroed where none was asked for
 };
 
 // frames: that the avatar is made of; 0: none is. The rehearsal's errors abort; else as avatar_make. Close it
