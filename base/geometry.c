@@ -2,7 +2,7 @@
 
 struct vec3 v3_perpendicular(struct vec3 a)
 {
-    // Cross with the axis that `a` leans on least, so the product cannot vanish.
+    // Cross product with the axis along which `a` is smallest, so that it cannot vanish.
     double ax = fabs(a.x), ay = fabs(a.y), az = fabs(a.z);
     struct vec3 other = ax <= ay && ax <= az ? v3(1, 0, 0) : ay <= az ? v3(0, 1, 0) : v3(0, 0, 1);
     struct vec3 p = v3_unit(v3_cross(a, other));
@@ -91,8 +91,8 @@ struct quat quat_between(struct vec3 a, struct vec3 b)
 
 struct quat quat_slerp(struct quat a, struct quat b, double t)
 {
-    struct quat turn = quat_multiply(b, quat_conjugate(a));
-    return quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(quat_to_rotation_vector(turn), t)), a));
+    struct quat b_from_a = quat_multiply(b, quat_conjugate(a));
+    return quat_unit(quat_multiply(quat_from_rotation_vector(v3_scale(quat_to_rotation_vector(b_from_a), t)), a));
 }
 
 struct pose pose_multiply(struct pose a_from_b, struct pose b_from_c)

@@ -55,8 +55,7 @@ struct recorder {
     int64_t written, tracked;
 
     // how each worker ended, with its sentence, which is kept per thread
-    enum status process_status, write_status;
-    char process_sentence[512], write_sentence[512];
+    struct failure process_failure, write_failure;
 };
 
 static size_t pixels(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
@@ -212,9 +211,7 @@ static void *process_all(void *context)
     struct item *item;
     while (status == OK && (item = queue_take(r->to_process)))
         status = process_item(r, item, false);
-    if (status != OK)
-        snprintf(r->process_sentence, sizeof r->process_sentence, "%s", status_message());
-    r->process_status = status;
+    failure_keep(&r->process_failure, status);
     queue_stop(r->to_process);
     queue_stop(r->to_write);
     return NULL;
@@ -254,9 +251,7 @@ static void *write_all(void *context)
         status = write_item(r, item);
         item_free(item);
     }
-    if (status != OK)
-        snprintf(r->write_sentence, sizeof r->write_sentence, "%s", status_message());
-    r->write_status = status;
+    failure_keep(&r->write_failure, status);
     queue_stop(r->to_write);
     queue_stop(r->to_process);
     return NULL;
@@ -442,10 +437,10 @@ static enum status run_threads(struct recorder *r, struct source *source, const 
     queue_stop(r->to_process);
     pthread_join(processing, NULL);
     pthread_join(writing, NULL);
-    if (r->write_status != OK)
-        return fail(r->write_status, "%s", r->write_sentence);
-    if (r->process_status != OK)
-        return fail(r->process_status, "%s", r->process_sentence);
+    if (r->write_failure.status != OK)
+        return failure_restore(&r->write_failure);
+    if (r->process_failure.status != OK)
+        return failure_restore(&r->process_failure);
     return read_status;
 }
 
@@ -461,16 +456,16 @@ enum status recorder_run(struct source *source, struct recording_writer *writer,
         if (status == OK)
             status = run_threads(&r, source, options, result);
         fill_result(&r, source, result);
-        if (r.write_status == OK) {
-            // A take that lost its sensor is complete up to there; keep the first sentence.
-            char sentence[512];
-            snprintf(sentence, sizeof sentence, "%s", status_message());
+        if (r.write_failure.status == OK) {
+            // A take that lost its sensor is complete as far as it goes; keep the first sentence.
+            struct failure first;
+            failure_keep(&first, status);
             enum status ended = recording_put_dropped(writer, result->dropped);
             if (ended == OK)
                 ended = recording_end_take(writer);
-            if (ended == OK && r.process_status == OK)
+            if (ended == OK && r.process_failure.status == OK)
                 ended = smooth_take(&r, name, options, result);
-            status = status == OK ? ended : fail(status, "%s", sentence);
+            status = status == OK ? ended : failure_restore(&first);
         }
     }
     recorder_free(&r);

@@ -259,7 +259,7 @@ static struct vec3 plane_normal(const struct pnp_point *points, int count, struc
     trace = a[0] + a[4] + a[8];
     for (int r = 0; r < 3; r++)
         a[r * 4] += 1e-9 * trace + 1e-12;
-    if (!cholesky(a, 3))
+    if (!cholesky_factor(a, 3))
         return v3(0, 0, 0);
     for (int round = 0; round < 20; round++) {
         cholesky_solve(a, 3, n);

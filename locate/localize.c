@@ -39,8 +39,8 @@ static enum status detect_tags(struct locator *l, struct tag_detector *detector,
     struct tag_detection seen[PNP_MAX_TAGS];
     int count;
     l->observed_count = 0;
-    enum status status =
-        tag_detector_detect(detector, l->gray, l->lens.width, l->lens.height, seen, PNP_MAX_TAGS, &count);
+    enum status status = tag_detector_detect(detector, &(struct gray_image){l->gray, l->lens.width, l->lens.height},
+                                             seen, PNP_MAX_TAGS, &count);
     if (status != OK)
         return status;
     for (int i = 0; i < count; i++) {

@@ -158,8 +158,9 @@ enum status locator_extract_region_features(struct locator *l, int region, const
     int top = row * height / LOCATOR_REGIONS_Y - BEYOND_PX, bottom = (row + 1) * height / LOCATOR_REGIONS_Y + BEYOND_PX;
     left = left > 0 ? left : 0, right = right < width ? right : width;
     top = top > 0 ? top : 0, bottom = bottom < height ? bottom : height;
-    enum status status = features_detect_region(l->gray, width, left, top, right - left, bottom - top, l->features,
-                                                2 * FEATURES_MAX / LOCATOR_REGIONS, &count);
+    const struct image_region area = {left, top, right - left, bottom - top};
+    enum status status =
+        features_detect_region(l->gray, width, &area, l->features, 2 * FEATURES_MAX / LOCATOR_REGIONS, &count);
     return index_features(l, status, count, depth);
 }
 

@@ -58,7 +58,7 @@ static bool solve_translation(const struct vec3 rotated[4], const struct vec3 ra
         b[1] += ey;
         b[2] -= x * ex + y * ey;
     }
-    if (!cholesky(a, 3)) // reads the lower triangle only
+    if (!cholesky_factor(a, 3)) // reads the lower triangle only
         return false;
     cholesky_solve(a, 3, b);
     *t = v3(b[0], b[1], b[2]);

@@ -50,7 +50,7 @@ static void map_error_transition(const struct pose_fusion *a, const struct pose_
         lower[i] = fresh[i] = measurement->map_covariance[i] - kept[i];
     for (int i = 0; i < 6; i++)
         lower[i * 7] += 1e-3 * measurement->map_covariance[i * 7];
-    if (!all && cholesky(lower, 6))
+    if (!all && cholesky_factor(lower, 6))
         return;
     // `fresh` is not positive definite: the two information matrices were linearised at different poses and do not
     // quite match.

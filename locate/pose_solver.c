@@ -76,7 +76,7 @@ double pnp_refine(const struct pose_problem *problem, struct pose *pose)
         memcpy(d, n.g, sizeof d);
         for (int i = 0; i < n.size; i++)
             a[i * n.size + i] *= 1 + damping;
-        if (!cholesky(a, n.size))
+        if (!cholesky_factor(a, n.size))
             break;
         cholesky_solve(a, n.size, d);
         struct pose next = *pose;

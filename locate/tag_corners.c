@@ -265,7 +265,7 @@ static bool minimize(const struct tag_refiner *r, struct tag_model *m, bool few,
         memcpy(d, g->gradient, sizeof d);
         for (int i = 0; i < TAG_PARAMETERS; i++)
             a[i * TAG_PARAMETERS + i] *= 1 + damping;
-        if (!cholesky(a, TAG_PARAMETERS))
+        if (!cholesky_factor(a, TAG_PARAMETERS))
             return false;
         cholesky_solve(a, TAG_PARAMETERS, d);
         struct tag_model next = *m;

@@ -47,7 +47,7 @@ void tag_read_depth(const struct tag_observation *seen, const struct lens *lens,
                     n[k * 3 + l] += weight * q[k] * q[l];
             }
         }
-        if (out->count < 6 || !cholesky(n, 3)) {
+        if (out->count < 6 || !cholesky_factor(n, 3)) {
             out->count = 0;
             return;
         }

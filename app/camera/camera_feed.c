@@ -5,13 +5,12 @@
 #include "app/camera/present_gap.h"
 #include "app/state/frame_skip.h"
 #include "base/clock.h"
+#include "base/condition.h"
 #include "platform/source.h"
 
-#include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 // One waits to be localised, one to be drawn; each of the three threads holds at most two, while it exchanges them.
 enum { FEED_SLOTS = 8 };
@@ -102,11 +101,8 @@ static bool must_stop(struct camera_feed *f)
 static void wait_until(struct camera_feed *f, int64_t when_ns)
 {
     pthread_mutex_lock(&f->lock);
-    while (!f->closing && !f->suspended) {
-        const struct timespec until = {(time_t)(when_ns / 1000000000), (long)(when_ns % 1000000000)};
-        if (pthread_cond_timedwait(&f->changed, &f->lock, &until) == ETIMEDOUT)
-            break;
-    }
+    while (!f->closing && !f->suspended && condition_wait_until_ns(&f->changed, &f->lock, when_ns))
+        continue;
     pthread_mutex_unlock(&f->lock);
 }
 
@@ -300,11 +296,7 @@ enum status camera_feed_open(struct camera_feed **out, const struct camera_feed_
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&f->lock, NULL);
-    pthread_condattr_t clock;
-    pthread_condattr_init(&clock);
-    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC); // clock_now_ns's
-    pthread_cond_init(&f->changed, &clock);
-    pthread_condattr_destroy(&clock);
+    condition_open(&f->changed);
     f->place = options->place;
     f->notify = options->notify;
     f->notify_self = options->notify_self;

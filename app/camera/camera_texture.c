@@ -82,7 +82,8 @@ static enum status upload(struct camera_texture *t, const struct camera_frame *f
     gpu_texture_close(&t->uploaded);
     t->width = frame->lens.width;
     t->height = frame->lens.height;
-    return gpu_texture_open(&t->uploaded, t->gpu, GPU_RGB8, t->width, t->height, GPU_LINEAR, frame->rgb);
+    return gpu_texture_open(&t->uploaded, t->gpu,
+                            &(struct gpu_texture_layout){GPU_RGB8, t->width, t->height, GPU_LINEAR}, frame->rgb);
 }
 
 // ---------------------------------------------------------------- import

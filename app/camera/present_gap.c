@@ -1,11 +1,10 @@
 #include "app/camera/present_gap.h"
 
 #include "base/clock.h"
+#include "base/condition.h"
 
-#include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
-#include <time.h>
 
 static const int64_t MAX_WAIT_NS = 50000000;
 
@@ -21,11 +20,7 @@ enum status present_gap_open(struct present_gap **out)
     if (!g)
         return fail(ERR_MEMORY, "out of memory");
     pthread_mutex_init(&g->lock, NULL);
-    pthread_condattr_t clock;
-    pthread_condattr_init(&clock);
-    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC); // clock_now_ns's
-    pthread_cond_init(&g->changed, &clock);
-    pthread_condattr_destroy(&clock);
+    condition_open(&g->changed);
     return OK;
 }
 
@@ -58,9 +53,8 @@ int64_t present_gap_count(struct present_gap *g)
 void present_gap_wait(struct present_gap *g, int64_t count)
 {
     const int64_t until_ns = clock_now_ns() + MAX_WAIT_NS;
-    const struct timespec until = {(time_t)(until_ns / 1000000000), (long)(until_ns % 1000000000)};
     pthread_mutex_lock(&g->lock);
-    while (g->count <= count && pthread_cond_timedwait(&g->changed, &g->lock, &until) != ETIMEDOUT)
+    while (g->count <= count && condition_wait_until_ns(&g->changed, &g->lock, until_ns))
         continue;
     pthread_mutex_unlock(&g->lock);
 }

@@ -3,7 +3,6 @@
 #include "base/thread_priority.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -29,9 +28,8 @@ struct relocalizer {
     struct relocalizer_frame newer;
     bool newer_pending, closing;
     int max_finds, finds;
-    int64_t gap_count;  // when the tracker was lent
-    enum status status; // of the last run
-    char sentence[512];
+    int64_t gap_count;      // when the tracker was lent
+    struct failure failure; // of the last run
 };
 
 // A solver that failed did so on this image only.
@@ -109,8 +107,7 @@ static void *run(void *self)
         enum status status = search(r, tracker, max_finds, &finds);
         pthread_mutex_lock(&r->lock);
         r->finds = finds;
-        r->status = status;
-        snprintf(r->sentence, sizeof r->sentence, "%s", status < 0 ? status_message() : "");
+        failure_keep(&r->failure, status);
         r->newer_pending = false;
         r->tracker = NULL;
     }
@@ -194,8 +191,8 @@ enum status relocalizer_finish(struct relocalizer *r, int *finds)
 {
     pthread_mutex_lock(&r->lock);
     assert(!r->tracker);
-    const enum status status = r->status;
+    const enum status status = failure_restore(&r->failure);
     *finds = r->finds;
     pthread_mutex_unlock(&r->lock);
-    return status < 0 ? fail(status, "%s", r->sentence) : status;
+    return status;
 }

@@ -128,7 +128,7 @@ static bool on_progress(void *self, double share)
 static enum status open_renderer(struct render_run *r)
 {
     struct progress_bar progress;
-    const struct progress_watch watch = {.went_on = on_progress, .self = &progress};
+    const struct progress_watch watch = {.on_progress = on_progress, .self = &progress};
     struct renderer_options how = renderer_default_options();
     how.detail = r->arguments->detail;
     how.sources = r->arguments->layers;
@@ -211,7 +211,8 @@ static enum status write_image(struct render_run *r, const char *name, const cha
     // Level 3 takes a third of the time and a few percent more bytes.
     uint8_t *bytes;
     size_t count;
-    enum status status = png_encode(kind, pixels, r->lens.width, r->lens.height, 3, &bytes, &count);
+    enum status status =
+        png_encode(&(struct png_layout){kind, r->lens.width, r->lens.height}, pixels, 3, &bytes, &count);
     if (status != OK)
         return status;
     status = file_write(path, bytes, count);

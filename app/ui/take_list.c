@@ -35,8 +35,9 @@ static enum status make_card(struct take_list *l, struct gpu *gpu, struct record
     const struct lens *lens = &take_calibration(take)->color;
     struct take_images images = {0};
     if (cover >= 0 && take_read(take, cover, TAKE_COLOR, &images) == OK && images.color) {
-        status =
-            gpu_texture_open(&l->images[number], gpu, GPU_RGB8, lens->width, lens->height, GPU_LINEAR, images.color);
+        status = gpu_texture_open(&l->images[number], gpu,
+                                  &(struct gpu_texture_layout){GPU_RGB8, lens->width, lens->height, GPU_LINEAR},
+                                  images.color);
         card->image = l->images[number];
         card->image_aspect = (double)lens->width / lens->height;
     }

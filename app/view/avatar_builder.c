@@ -19,9 +19,7 @@ struct avatar_builder {
     bool runs;
     atomic_int done; // of PROGRESS_STEPS
     atomic_bool cancelled, ended;
-    // Written by the threads, read when `ended` is set.
-    enum status status;
-    char sentence[512];
+    struct failure failure; // OK and NOTHING included; written by the threads, read when `ended` is set
     struct avatar avatar;
     struct occluder_mesh occluders;
 };
@@ -57,7 +55,7 @@ static enum status open_take(const struct avatar_builder *p, struct recording **
 // Occluders are optional: where they cannot be made there are none, and no error is reported.
 static void build_occluders(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = keep_going, .self = p};
+    const struct progress_watch watch = {.on_progress = keep_going, .self = p};
     struct occluder_options options = occluder_default_options();
     struct recording *recording = NULL;
     struct take *take = NULL;
@@ -73,7 +71,7 @@ static void build_occluders(struct avatar_builder *p)
 
 static enum status build_avatar(struct avatar_builder *p)
 {
-    const struct progress_watch watch = {.went_on = report_progress, .self = p};
+    const struct progress_watch watch = {.on_progress = report_progress, .self = p};
     struct avatar_options options = avatar_default_options();
     options.watch = &watch;
     struct recording *recording = NULL;
@@ -102,9 +100,7 @@ static void do_task(void *self, int task)
         build_occluders(p);
         return;
     }
-    p->status = build_avatar(p);
-    if (p->status < 0)
-        strncpy(p->sentence, status_message(), sizeof p->sentence - 1);
+    failure_keep(&p->failure, build_avatar(p));
 }
 
 static void *run(void *self)
@@ -158,7 +154,7 @@ bool avatar_builder_finished(struct avatar_builder *p, struct avatar *avatar, st
 {
     if (!atomic_load(&p->ended))
         return false;
-    *status = p->status < 0 ? fail(p->status, "%s", p->sentence) : p->status;
+    *status = failure_restore(&p->failure);
     *avatar = p->avatar;
     *occluders = p->occluders;
     p->avatar = (struct avatar){0};

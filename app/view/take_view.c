@@ -230,7 +230,9 @@ static enum status upload_image(struct gpu *gpu, struct sized_texture *to, const
     gpu_texture_close(&to->texture);
     to->width = image->width;
     to->height = image->height;
-    return gpu_texture_open(&to->texture, gpu, image->format, image->width, image->height, GPU_LINEAR, image->pixels);
+    return gpu_texture_open(&to->texture, gpu,
+                            &(struct gpu_texture_layout){image->format, image->width, image->height, GPU_LINEAR},
+                            image->pixels);
 }
 
 // Converts the renderer's source codes to colours: green is from the shown frame, blue to violet from frames ever

@@ -127,6 +127,8 @@ static struct elimination elimination_order(int count)
     return e;
 }
 
+// Not cholesky_factor() of base/linear_algebra.h: it skips the zeros left of each row's first unknown (a skyline),
+// damps the diagonal on the way, and solves in the same sweep, in an order that gives other roundings.
 bool normal_equations_solve(const struct normal_equations *s, double damping, double x[FIT_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT], y[FIT_COUNT];
@@ -158,6 +160,7 @@ bool normal_equations_solve(const struct normal_equations *s, double damping, do
     return true;
 }
 
+// Not marginal_information() of base/linear_algebra.h: the two parts differ in size, and pivots are clamped.
 void normal_equations_shape_information(const struct normal_equations *s, double information[SHAPE_COUNT][SHAPE_COUNT])
 {
     double l[FIT_COUNT][FIT_COUNT];

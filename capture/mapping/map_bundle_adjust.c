@@ -59,7 +59,7 @@ static void whiten(const struct tag_observation *seen, double out[8][8])
     if (invert_symmetric(&seen->information[0][0], 8, covariance)) {
         for (int i = 0; i < 8; i++)
             covariance[i * 8 + i] += PRINT_PX * PRINT_PX;
-        if (invert_symmetric(covariance, 8, information) && cholesky(information, 8)) {
+        if (invert_symmetric(covariance, 8, information) && cholesky_factor(information, 8)) {
             for (int i = 0; i < 8; i++)
                 for (int j = 0; j <= i; j++)
                     out[j][i] = information[i * 8 + j];

@@ -4,7 +4,6 @@
 #include "base/queue.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,8 +14,7 @@ struct slot {
     uint8_t *color, *jpeg;
     uint16_t *depth;
     size_t jpeg_capacity;
-    enum status status;
-    char message[512]; // of a worker's failure, which is another thread's
+    struct failure failure; // how the worker ended
 };
 
 // Images go to the workers in turn, so that results do not depend on their speed.
@@ -64,8 +62,8 @@ static enum status detect_tags(struct worker *w, struct map_frontend_result *out
     const uint16_t *depth = map_depth_usable(&map->calibration) ? out->frame.depth : NULL;
     struct map_frame *f = &out->observed;
     int count;
-    enum status status =
-        tag_detector_detect(w->detector, w->gray, lens->width, lens->height, seen, PNP_MAX_TAGS, &count);
+    enum status status = tag_detector_detect(w->detector, &(struct gray_image){w->gray, lens->width, lens->height},
+                                             seen, PNP_MAX_TAGS, &count);
     if (status != OK)
         return status;
     f->seen = calloc((size_t)count + 1, sizeof *f->seen);
@@ -121,11 +119,10 @@ static void process_frame(struct worker *w, struct slot *s)
 {
     const struct lens *lens = &w->frontend->map->calibration.color;
     gray_from_rgb(s->result.frame.color, (size_t)lens->width * (size_t)lens->height, w->gray);
-    s->status = detect_tags(w, &s->result);
-    if (s->status == OK)
-        s->status = detect_features(w, &s->result);
-    if (s->status != OK)
-        snprintf(s->message, sizeof s->message, "%s", status_message());
+    enum status status = detect_tags(w, &s->result);
+    if (status == OK)
+        status = detect_features(w, &s->result);
+    failure_keep(&s->failure, status);
 }
 
 static void *run(void *context)
@@ -261,9 +258,9 @@ enum status map_frontend_take(struct map_frontend *l, struct map_frontend_result
     struct worker *w = &l->workers[l->taken++ % WORKERS];
     if (w->runs)
         s = queue_take(w->done); // the same slot, once it is done
-    if (s->status != OK) {
+    if (s->failure.status != OK) {
         map_frame_free(&s->result.observed);
-        return fail(s->status, "%s", s->message);
+        return failure_restore(&s->failure);
     }
     *out = s->result;
     s->result.observed = (struct map_frame){0}; // owned by the caller now

@@ -224,7 +224,7 @@ static bool fit_floor(const struct surface_samples *s, struct vec3 *up, double *
         double total = n[8], mx = n[6] / total, my = n[7] / total;
         double xx = n[0] / total - mx * mx, yy = n[4] / total - my * my, xy = n[3] / total - mx * my;
         double narrow = (xx + yy) / 2 - sqrt((xx - yy) * (xx - yy) / 4 + xy * xy);
-        if (!(narrow > 0.2 * 0.2) || !cholesky(n, 3))
+        if (!(narrow > 0.2 * 0.2) || !cholesky_factor(n, 3))
             return false;
         cholesky_solve(n, 3, g);
         a = g[0], b = g[1], c = g[2];

@@ -1,12 +1,11 @@
 #include "capture/recording/async_writer.h"
 
 #include "base/clock.h"
+#include "base/condition.h"
 
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 enum { PENDING_BYTES_MAX = 256 << 20 }; // a disk slower than the sensor then blocks recording instead of filling memory
 
@@ -35,11 +34,10 @@ struct async_writer {
     pthread_t writer, checkpointer;
     bool has_writer, has_checkpointer, stop;
     struct batch batch;
-    bool due;                // the batch is full by the sensor's clock
-    bool writing;            // the writer thread uses the database, without the lock
-    bool unsynced;           // committed, not yet checkpointed
-    enum status first_error; // the first error; from then on nothing is written
-    char sentence[512];
+    bool due;                   // the batch is full by the sensor's clock
+    bool writing;               // the writer thread uses the database, without the lock
+    bool unsynced;              // committed, not yet checkpointed
+    struct failure first_error; // from then on nothing is written
 };
 
 // ------------------------------------------------------------- rows
@@ -125,22 +123,21 @@ static enum status write_batch(struct async_writer *s, const struct batch *b)
 // Keeps the first error, rolls back and drops the batch. Returns the first error with its sentence.
 static enum status set_error(struct async_writer *s, enum status status)
 {
-    if (s->first_error == OK) {
-        s->first_error = status;
-        snprintf(s->sentence, sizeof s->sentence, "%s", status_message());
+    if (s->first_error.status == OK) {
+        failure_keep(&s->first_error, status);
         enum status back = database_in_transaction(s->db) ? database_run(s->db, "ROLLBACK") : OK;
         (void)back;
     }
     empty(&s->batch);
     pthread_cond_broadcast(&s->done); // wakes those who wait for this batch
-    return fail(s->first_error, "%s", s->sentence);
+    return failure_restore(&s->first_error);
 }
 
 // Detaches the batch and writes it. unlocked: the lock is released meanwhile.
 static enum status write_pending(struct async_writer *s, bool unlocked)
 {
-    if (s->first_error != OK)
-        return fail(s->first_error, "%s", s->sentence);
+    if (s->first_error.status != OK)
+        return failure_restore(&s->first_error);
     if (s->batch.since_ns == INT64_MAX)
         return OK;
     struct batch b = s->batch;
@@ -164,24 +161,18 @@ static enum status write_pending(struct async_writer *s, bool unlocked)
 
 // ------------------------------------------------------------- the two threads
 
-static void wait_until(struct async_writer *s, int64_t when_ns)
-{
-    struct timespec until = {.tv_sec = when_ns / 1000000000, .tv_nsec = when_ns % 1000000000};
-    pthread_cond_timedwait(&s->wake, &s->lock, &until);
-}
-
 static void *run_writer(void *argument)
 {
     struct async_writer *s = argument;
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
         int64_t since = s->batch.since_ns;
-        bool waiting = since != INT64_MAX && s->first_error == OK;
+        bool waiting = since != INT64_MAX && s->first_error.status == OK;
         if (waiting && (s->due || clock_now_ns() - since >= BATCH_NS)) {
             enum status status = write_pending(s, true);
             (void)status; // kept in s->first_error
         } else if (waiting) {
-            wait_until(s, since + BATCH_NS);
+            condition_wait_until_ns(&s->wake, &s->lock, since + BATCH_NS);
         } else {
             pthread_cond_wait(&s->wake, &s->lock);
         }
@@ -195,7 +186,7 @@ static void *run_checkpointer(void *argument)
     struct async_writer *s = argument;
     pthread_mutex_lock(&s->lock);
     while (!s->stop) {
-        if (!s->unsynced || s->first_error != OK) {
+        if (!s->unsynced || s->first_error.status != OK) {
             pthread_cond_wait(&s->wake, &s->lock);
             continue;
         }
@@ -244,11 +235,7 @@ enum status async_writer_open(struct async_writer **out, struct database *db)
         return fail(ERR_MEMORY, "no memory to write %s", database_path(db));
     s->db = db;
     s->batch.since_ns = INT64_MAX;
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&s->wake, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    condition_open(&s->wake);
     pthread_cond_init(&s->done, NULL);
     pthread_mutex_init(&s->lock, NULL);
     enum status status = start(s);
@@ -256,8 +243,7 @@ enum status async_writer_open(struct async_writer **out, struct database *db)
         *out = s;
         return OK;
     }
-    s->first_error = status;
-    snprintf(s->sentence, sizeof s->sentence, "%s", status_message());
+    failure_keep(&s->first_error, status);
     return async_writer_close(&s);
 }
 
@@ -299,9 +285,9 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
     if (!p)
         return fail(ERR_MEMORY, "no memory for a frame of %s", database_path(s->db));
     pthread_mutex_lock(&s->lock);
-    while (s->first_error == OK && s->writing && s->batch.bytes > PENDING_BYTES_MAX)
+    while (s->first_error.status == OK && s->writing && s->batch.bytes > PENDING_BYTES_MAX)
         pthread_cond_wait(&s->done, &s->lock);
-    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
+    enum status status = failure_restore(&s->first_error);
     if (status == OK) {
         begin_batch(s);
         struct batch *b = &s->batch;
@@ -322,7 +308,7 @@ enum status async_writer_add_frame(struct async_writer *s, const struct frame_ro
 enum status async_writer_put_take(struct async_writer *s, const struct take_row *row)
 {
     pthread_mutex_lock(&s->lock);
-    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
+    enum status status = failure_restore(&s->first_error);
     if (status == OK) {
         begin_batch(s);
         s->batch.take = *row;
@@ -373,7 +359,7 @@ enum status async_writer_close(struct async_writer **async_writer)
     pthread_cond_destroy(&s->wake);
     pthread_cond_destroy(&s->done);
     pthread_mutex_destroy(&s->lock);
-    enum status status = s->first_error == OK ? OK : fail(s->first_error, "%s", s->sentence);
+    enum status status = failure_restore(&s->first_error);
     free(s);
     return status;
 }

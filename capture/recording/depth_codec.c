@@ -304,7 +304,7 @@ enum status depth_encode(struct depth_coder *c, const uint16_t *depth, int width
         return store_raw(c, depth, width, height, bytes, count);
     status = depth_coder_grow(&c->out, &c->out_capacity, HEADER + bound + bits + words);
     if (status == OK)
-        status = compress_bytes(c->compressor, 3, c->head, head_plain, c->out + HEADER, bound, &head_packed);
+        status = compress_bytes(c->compressor, 3, c->head, head_plain, c->out + HEADER, &head_packed);
     if (status != OK)
         return status;
     uint8_t *at = put_u16(put_u16(put_u8(c->out, CODED), (uint16_t)width), (uint16_t)height);

@@ -36,7 +36,7 @@ enum status mask_encode(struct depth_coder *c, const uint8_t *mask, int width, i
     size_t bound = compress_bound(used);
     enum status status = depth_coder_grow(&c->out, &c->out_capacity, HEADER + bound);
     if (status == OK)
-        status = compress_bytes(c->compressor, 3, c->head, used, c->out + HEADER, bound, &packed);
+        status = compress_bytes(c->compressor, 3, c->head, used, c->out + HEADER, &packed);
     if (status != OK)
         return status;
     put_u32(put_u16(put_u16(put_u8(c->out, VERSION), (uint16_t)width), (uint16_t)height), (uint32_t)used);

@@ -254,8 +254,8 @@ enum status recording_salvage(const char *path, const char *to, struct recording
         status = open_both(&v, path, to);
     if (status == OK)
         status = copy_takes(&v);
-    char sentence[512];
-    snprintf(sentence, sizeof sentence, "%s", status_message());
+    struct failure first;
+    failure_keep(&first, status);
     enum status written = async_writer_close(&v.async_writer);
     statement_close(&v.frame);
     statement_close(&v.images);
@@ -264,7 +264,7 @@ enum status recording_salvage(const char *path, const char *to, struct recording
     if (v.to && status == OK && written == OK)
         written = database_close_wal(v.to);
     database_close(&v.to);
-    return status == OK ? written : fail(status, "%s", sentence);
+    return status == OK ? written : failure_restore(&first);
 }
 
 enum status recording_complete_takes(struct database *db)

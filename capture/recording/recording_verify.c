@@ -13,18 +13,11 @@
 
 // ------------------------------------------------------------- verify
 
-// The first fault that was found.
-struct first_failure {
-    enum status first;
-    char sentence[512];
-};
-
-static void keep_first(struct first_failure *f, enum status status)
+// Keeps the first failure; verification continues.
+static void keep_first(struct failure *f, enum status status)
 {
-    if (status == OK || status == NOTHING || f->first != OK)
-        return;
-    f->first = status;
-    snprintf(f->sentence, sizeof f->sentence, "%s", status_message());
+    if (status != NOTHING && f->status == OK)
+        failure_keep(f, status);
 }
 
 static enum status check_place(struct recording *r)
@@ -58,7 +51,7 @@ static enum status check_place(struct recording *r)
     return status;
 }
 
-static void check_take(struct recording *r, const char *name, struct recording_report *out, struct first_failure *found)
+static void check_take(struct recording *r, const char *name, struct recording_report *out, struct failure *found)
 {
     struct take *t;
     enum status status = take_open(&t, r, name);
@@ -96,7 +89,7 @@ enum status recording_verify(const char *path, struct recording_report *out)
 {
     *out = (struct recording_report){0};
     struct recording *r;
-    struct first_failure found = {0};
+    struct failure found = {0};
     enum status status = recording_open(&r, path);
     if (status != OK)
         return status;
@@ -111,7 +104,7 @@ enum status recording_verify(const char *path, struct recording_report *out)
                 keep_first(&found, fail(ERR_CORRUPT, "%s has two takes '%s'", path, name));
     }
     recording_free(&r);
-    return found.first == OK ? OK : fail(found.first, "%s", found.sentence);
+    return failure_restore(&found);
 }
 
 // ------------------------------------------------------------- repair
@@ -169,10 +162,10 @@ enum status recording_repair(const char *path, struct recording_report *out)
         (void)back; // the first error is reported
     }
     if (status != OK) {
-        char sentence[512];
-        snprintf(sentence, sizeof sentence, "%s", status_message());
+        struct failure first;
+        failure_keep(&first, status);
         recording_remove_files(fresh);
-        return fail(status, "%s", sentence);
+        return failure_restore(&first);
     }
     out->bytes = size_of(path);
     return OK;

@@ -24,8 +24,8 @@ struct recording_writer {
 // if there was no error.
 static enum status release(struct recording_writer **w, enum status status)
 {
-    char sentence[512];
-    snprintf(sentence, sizeof sentence, "%s", status_message());
+    struct failure first;
+    failure_keep(&first, status);
     struct recording_writer *closing = *w;
     *w = NULL;
     enum status written = async_writer_close(&closing->async_writer);
@@ -35,7 +35,7 @@ static enum status release(struct recording_writer **w, enum status status)
     depth_coder_close(&closing->coder);
     depth_coder_close(&closing->mask_coder);
     free(closing);
-    return status == OK ? written : fail(status, "%s", sentence);
+    return status == OK ? written : failure_restore(&first);
 }
 
 static enum status prepare(struct recording_writer *w)

@@ -186,10 +186,10 @@ static enum status read_index(struct take_index *t, struct recording *r)
     if (status == OK)
         status = read_entries(t, r);
     if (database_in_transaction(db)) {
-        char sentence[512];
-        snprintf(sentence, sizeof sentence, "%s", status_message());
+        struct failure first;
+        failure_keep(&first, status);
         enum status ended = database_run(db, "COMMIT");
-        status = status != OK ? fail(status, "%s", sentence) : ended;
+        status = status != OK ? failure_restore(&first) : ended;
     }
     return status;
 }

@@ -1,5 +1,6 @@
 #include "reenact/avatar/articulated_icp.h"
 
+#include "base/linear_algebra.h"
 #include "reenact/avatar/silhouette_constraint.h"
 
 #include <string.h>
@@ -79,46 +80,18 @@ static void add_row(struct icp_system *s, const int *at, const double *j, int co
     }
 }
 
-// Cholesky decomposition in place; positive definite because every unknown has a prior.
-static void factor(struct icp_system *s)
-{
-    for (int i = 0; i < UNKNOWNS; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = s->a[i][j];
-            for (int k = 0; k < j; k++)
-                sum -= s->a[i][k] * s->a[j][k];
-            s->a[i][j] = i == j ? sqrt(fmax(sum, 1e-12)) : sum / s->a[j][j];
-        }
-    }
-}
-
+// In place: b becomes x. Positive definite, because every unknown has a prior.
 static void solve(struct icp_system *s)
 {
-    factor(s);
-    for (int i = 0; i < UNKNOWNS; i++) {
-        for (int k = 0; k < i; k++)
-            s->b[i] -= s->a[i][k] * s->b[k];
-        s->b[i] /= s->a[i][i];
-    }
-    for (int i = UNKNOWNS - 1; i >= 0; i--) {
-        for (int k = i + 1; k < UNKNOWNS; k++)
-            s->b[i] -= s->a[k][i] * s->b[k];
-        s->b[i] /= s->a[i][i];
-    }
+    cholesky_factor_clamped(&s->a[0][0], UNKNOWNS, 1e-12);
+    cholesky_solve(&s->a[0][0], UNKNOWNS, s->b);
 }
 
-// The variance of unknown u after solve: the squared norm of a column of the factor's inverse.
+// The variance of unknown u, after solve().
 static double variance(const struct icp_system *s, int u)
 {
-    double column[UNKNOWNS], sum = 0;
-    for (int i = u; i < UNKNOWNS; i++) {
-        double value = i == u;
-        for (int k = u; k < i; k++)
-            value -= s->a[i][k] * column[k];
-        column[i] = value / s->a[i][i];
-        sum += column[i] * column[i];
-    }
-    return sum;
+    double scratch[UNKNOWNS];
+    return cholesky_variance(&s->a[0][0], UNKNOWNS, u, scratch);
 }
 
 // ---------------------------------------------------------------- one iteration

@@ -245,7 +245,7 @@ static enum status run_pass(struct avatar *f, struct avatar_build *r, enum avata
         .in_flight = IN_FLIGHT,
         .in_order = {[READ] = true, [ALIGN] = pass == AVATAR_TSDF_ALIGNED, [INTEGRATE] = true},
         .work = do_stage,
-        .went_on = report_pass_progress,
+        .on_progress = report_pass_progress,
         .context = r};
     r->pass = pass;
     progress_begin_step(r->watch, pass);

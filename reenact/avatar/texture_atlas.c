@@ -381,8 +381,8 @@ static enum status coarse_mesh_make(struct coarse_mesh *c, const struct surface_
         points[i][1] = (float)s->points[i].y;
         points[i][2] = (float)s->points[i].z;
     }
-    c->corner_count = mesh_simplify((const float(*)[3])points, s->point_count, s->corners, s->corner_count,
-                                    3 * TRIANGLES, (float)ERROR_M, c->corners);
+    const struct simplify_mesh full = {(const float(*)[3])points, s->corners, s->point_count, s->corner_count};
+    c->corner_count = mesh_simplify(&full, 3 * TRIANGLES, (float)ERROR_M, c->corners);
     free(points);
     return OK;
 }

@@ -1,5 +1,6 @@
 #include "reenact/avatar/vertex_color.h"
 
+#include "base/linear_algebra.h"
 #include "base/parallel.h"
 #include "reenact/avatar/color_inpainting.h"
 #include "reenact/observation/depth_agreement.h"
@@ -179,23 +180,6 @@ static bool fit_albedo_robust(const struct color_sample samples[SAMPLES_KEPT], c
     return true;
 }
 
-// Symmetric positive definite, in place.
-static void solve(double a[SH_TERMS][SH_TERMS], double b[SH_TERMS])
-{
-    for (int i = 0; i < SH_TERMS; i++)
-        for (int r = i + 1; r < SH_TERMS; r++) {
-            double f = a[r][i] / a[i][i];
-            for (int c = i; c < SH_TERMS; c++)
-                a[r][c] -= f * a[i][c];
-            b[r] -= f * b[i];
-        }
-    for (int i = SH_TERMS - 1; i >= 0; i--) {
-        for (int c = i + 1; c < SH_TERMS; c++)
-            b[i] -= a[i][c] * b[c];
-        b[i] /= a[i][i];
-    }
-}
-
 // The normal equations of the irradiance's terms; of the matrix the lower half.
 struct sh_equations {
     double a[SH_TERMS][SH_TERMS], b[SH_TERMS], size; // size: the sum of weights
@@ -270,7 +254,7 @@ static void iterate_sh(struct sh_fit *l)
         all.a[r][r] += (double)SH_REGULARIZATION * all.size;
     }
     all.b[0] += (double)SH_REGULARIZATION * all.size; // towards constant irradiance
-    solve(all.a, all.b);
+    gauss_solve(&all.a[0][0], SH_TERMS, all.b);
     for (int r = 0; r < SH_TERMS; r++)
         l->irradiance.term[r] = (float)(all.b[r] / all.b[0]);
 }

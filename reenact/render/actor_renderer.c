@@ -27,7 +27,8 @@ static enum status open_programs(struct renderer *p)
                                                .sampler_count = 3};
     enum status status = fullscreen_mesh_open(&p->fullscreen, p->gpu);
     if (status == OK)
-        status = gpu_texture_open(&p->no_shadow, p->gpu, GPU_RGBA8, 1, 1, GPU_NEAREST, (const uint8_t[4]){0});
+        status = gpu_texture_open(&p->no_shadow, p->gpu, &(struct gpu_texture_layout){GPU_RGBA8, 1, 1, GPU_NEAREST},
+                                  (const uint8_t[4]){0});
     if (status == OK)
         status = occlusion_shadow_open(&p->occlusion, p->gpu, &p->lens);
     if (status == OK)

@@ -18,7 +18,8 @@ static void set_view_lens(struct renderer *p)
 enum status actor_targets_open(struct renderer *p, bool sources, bool shadow)
 {
     int w = p->lens.width, h = p->lens.height;
-    enum status status = gpu_texture_open(&p->camera, p->gpu, GPU_RGB8, w, h, GPU_NEAREST, NULL);
+    enum status status =
+        gpu_texture_open(&p->camera, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, w, h, GPU_NEAREST}, NULL);
     if (status == OK && (p->detail != DETAIL_FULL || p->avatar_later))
         status = gpu_target_open(&p->paper, p->gpu, w, h);
     if (status == OK && p->detail != DETAIL_PAPER)

@@ -101,16 +101,18 @@ static enum status open_shown_mesh(struct avatar_renderer *p)
     m->corners = malloc(sizeof *m->corners * (size_t)most);
     if (!m->vertices || !m->number || !m->corners)
         return fail(ERR_MEMORY, "out of memory");
-    return gpu_mesh_open(&m->mesh, p->gpu, NULL, VERTEX, 2 * points, NULL, most);
+    return gpu_mesh_open(&m->mesh, p->gpu, &(struct gpu_mesh_data){NULL, VERTEX, 2 * points, NULL, most});
 }
 
 static enum status open_atlas_textures(struct avatar_renderer *p)
 {
     const struct uv_mesh *m = &p->avatar.atlas.mesh;
     struct atlas_textures *b = &p->atlas_textures;
-    enum status status = gpu_texture_open(&b->color, p->gpu, GPU_RGB8, m->width, m->height, GPU_LINEAR, NULL);
+    enum status status = gpu_texture_open(
+        &b->color, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, m->width, m->height, GPU_LINEAR}, NULL);
     if (status == OK)
-        status = gpu_texture_open(&b->seen_time, p->gpu, GPU_RGBA8, m->width, m->height, GPU_NEAREST, NULL);
+        status = gpu_texture_open(&b->seen_time, p->gpu,
+                                  &(struct gpu_texture_layout){GPU_RGBA8, m->width, m->height, GPU_NEAREST}, NULL);
     if (status == OK)
         status = silhouette_edges_open(&p->silhouette, &p->avatar);
     return status == OK ? open_shown_mesh(p) : status;
@@ -332,9 +334,11 @@ enum status avatar_renderer_warm_up(struct avatar_renderer *p, struct gpu_target
     const float nothing[3 * VERTEX] = {0};
     const uint16_t corners[3] = {0, 1, 2};
     struct gpu_texture *color = NULL, *depth = NULL;
-    enum status status = gpu_texture_open(&color, p->gpu, GPU_RGB8, SIDE, SIDE, GPU_LINEAR, NULL);
+    enum status status =
+        gpu_texture_open(&color, p->gpu, &(struct gpu_texture_layout){GPU_RGB8, SIDE, SIDE, GPU_LINEAR}, NULL);
     if (status == OK)
-        status = gpu_texture_open(&depth, p->gpu, GPU_RGBA8, SIDE, SIDE, GPU_NEAREST, NULL);
+        status =
+            gpu_texture_open(&depth, p->gpu, &(struct gpu_texture_layout){GPU_RGBA8, SIDE, SIDE, GPU_NEAREST}, NULL);
     if (status == OK) {
         const struct gpu_job job = {.target = actor,
                                     .textures = {NULL, color, depth, p->warmed_up < LAYERS ? NULL : room},

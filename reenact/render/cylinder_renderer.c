@@ -133,7 +133,8 @@ static enum status mesh_for(struct cylinder_renderer *c, bool plain, enum part p
     enum status status = cylinder_mesh_make(shape, take_body(c->take)->radius_rate[part], sides, ALONG, &mesh);
     if (status != OK)
         return status;
-    status = gpu_mesh_open(kept, c->gpu, mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count);
+    status = gpu_mesh_open(
+        kept, c->gpu, &(struct gpu_mesh_data){mesh.vertices, 3, mesh.vertex_count, mesh.indices, mesh.index_count});
     cylinder_mesh_free(&mesh);
     *out = *kept;
     return status;

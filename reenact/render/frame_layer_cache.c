@@ -113,7 +113,7 @@ static enum status evict_until_fits(struct frame_layer_cache *f, size_t bytes)
 static enum status upload(struct gpu_texture **out, struct gpu *gpu, enum gpu_format format, enum gpu_filter filter,
                           const struct frame_layer_image *p)
 {
-    return gpu_texture_open(out, gpu, format, p->width, p->height, filter, p->pixels);
+    return gpu_texture_open(out, gpu, &(struct gpu_texture_layout){format, p->width, p->height, filter}, p->pixels);
 }
 
 static enum status insert(struct frame_layer_cache *f, struct frame_layer *loaded)

@@ -82,8 +82,8 @@ static enum status open_mesh(struct occlusion_shadow *a)
     }
     put_patch(points + of_room);
     put_patch_corners(of_room, patch);
-    enum status status =
-        gpu_mesh_open(&a->mesh, a->gpu, points[0], 4, count, NULL, a->room.corner_count + PATCH_CORNERS);
+    enum status status = gpu_mesh_open(
+        &a->mesh, a->gpu, &(struct gpu_mesh_data){points[0], 4, count, NULL, a->room.corner_count + PATCH_CORNERS});
     if (status == OK)
         gpu_mesh_write_indices(a->mesh, a->room.corner_count, patch, PATCH_CORNERS);
     free(points);

@@ -24,5 +24,5 @@ enum status fullscreen_mesh_open(struct gpu_mesh **out, struct gpu *gpu)
 {
     static const float corners[] = {-1, -1, 3, -1, -1, 3};
     static const uint16_t order[] = {0, 1, 2};
-    return gpu_mesh_open(out, gpu, corners, 2, 3, order, 3);
+    return gpu_mesh_open(out, gpu, &(struct gpu_mesh_data){corners, 2, 3, order, 3});
 }

@@ -116,7 +116,9 @@ static enum status insert(struct texture_cache *c, int64_t frame, int part, cons
         .bytes = bytes,
         .used = ++c->now,
         .window = {(float)patch->left, (float)patch->top, (float)patch->width, (float)patch->height}};
-    status = gpu_texture_open(&e.texture, c->gpu, GPU_RGB8, patch->width, patch->height, GPU_LINEAR, patch->rgb);
+    status =
+        gpu_texture_open(&e.texture, c->gpu,
+                         &(struct gpu_texture_layout){GPU_RGB8, patch->width, patch->height, GPU_LINEAR}, patch->rgb);
     if (status != OK)
         return status;
     c->bytes += bytes;

@@ -29,11 +29,12 @@ static void fill_random(struct rng *rng, uint8_t *bytes, size_t count)
 // stride: of every plane; the second plane follows the first's rows.
 static void convert_on_cpu(const uint8_t *in, size_t stride, const struct dmabuf_image *l, uint8_t *rgb)
 {
+    const struct yuv_layout layout = {l->encoding, W, H};
     switch (l->layout) {
-    case DMABUF_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, l->encoding, W, H, rgb); break;
+    case DMABUF_NV12: pixels_from_nv12(in, stride, in + stride * H, stride, &layout, rgb); break;
     case DMABUF_RGBX: pixels_from_packed(in, stride, PACKED_RGBX, W, H, rgb); break;
     case DMABUF_BGRX: pixels_from_packed(in, stride, PACKED_BGRX, W, H, rgb); break;
-    default: pixels_from_yuv422(in, stride, l->layout == DMABUF_YUYV, l->encoding, W, H, rgb); break;
+    default: pixels_from_yuv422(in, stride, l->layout == DMABUF_YUYV, &layout, rgb); break;
     }
 }
 
@@ -65,8 +66,10 @@ static void test_gpu_conversion_matches_cpu(void **state)
         size_t stride = (size_t)planes[0].format * (size_t)planes[0].width;
         fill_random(&rng, bytes, sizeof bytes);
         for (int i = 0; i < count; i++)
-            EXPECT_STATUS(gpu_texture_open(&textures[i], gpu, planes[i].format, planes[i].width, planes[i].height,
-                                           GPU_NEAREST, bytes + (i ? stride * H : 0)),
+            EXPECT_STATUS(gpu_texture_open(&textures[i], gpu,
+                                           &(struct gpu_texture_layout){planes[i].format, planes[i].width,
+                                                                        planes[i].height, GPU_NEAREST},
+                                           bytes + (i ? stride * H : 0)),
                           OK);
         const struct gpu_texture *const read[2] = {textures[0], textures[1]};
         EXPECT_STATUS(yuv_to_rgb_draw(converter, &what, read), OK);

@@ -244,10 +244,11 @@ static enum status encode(const struct depth_contender *c, const uint16_t *depth
             memcpy(p->coded, lent, *count);
         *bytes = p->coded;
         return status;
-    case PNG: return png_encode(PNG_GRAY16, depth, p->width, p->height, c->level, bytes, count);
-    case ZSTD:
-        *bytes = p->coded;
-        return compress_bytes(p->compressor, c->level, depth, 2 * n, p->coded, p->capacity, count);
+    case PNG: {
+        const struct png_layout layout = {PNG_GRAY16, p->width, p->height};
+        return png_encode(&layout, depth, c->level, bytes, count);
+    }
+    case ZSTD: *bytes = p->coded; return compress_bytes(p->compressor, c->level, depth, 2 * n, p->coded, count);
     default:
         *count = rvl_encode(depth, n, p->coded);
         *bytes = p->coded;
@@ -255,7 +256,7 @@ static enum status encode(const struct depth_contender *c, const uint16_t *depth
             return OK;
         *bytes = p->packed + 8; // the plain size before it
         memcpy(p->packed, count, sizeof *count);
-        return compress_bytes(p->compressor, c->level, p->coded, *count, p->packed + 8, p->capacity - 8, count);
+        return compress_bytes(p->compressor, c->level, p->coded, *count, p->packed + 8, count);
     }
 }
 
@@ -263,12 +264,12 @@ static enum status decode(const struct depth_contender *c, uint8_t *bytes, size_
 {
     struct depth_images *p = c->images;
     size_t n = pixels_of(p), plain;
-    int width, height;
+    struct png_layout layout = {.kind = PNG_GRAY16};
     enum status status = OK;
     *back = p->back;
     switch (c->code) {
     case OURS: return depth_decode(p->coder, bytes, count, p->back, p->width, p->height);
-    case PNG: return png_decode(bytes, count, "a picture", PNG_GRAY16, (void **)back, &width, &height);
+    case PNG: return png_decode(bytes, count, "a picture", &layout, (void **)back);
     case ZSTD: return decompress_bytes(p->compressor, bytes, count, p->back, 2 * n);
     default:
         if (c->level) {

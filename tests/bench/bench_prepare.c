@@ -127,7 +127,7 @@ static struct moment_of now(void)
                               (double)usage.ru_maxrss / 1024};
 }
 
-static bool went_on(void *self, double share)
+static bool on_progress(void *self, double share)
 {
     (void)self;
     return share <= 1;
@@ -186,7 +186,7 @@ static enum status measure(struct bench *b, struct take *take)
     struct source_rays *rays = NULL;
     struct avatar one = {0}, other = {0};
     struct split split = {0};
-    const struct progress_watch watch = {.went_on = went_on, .self = &split, .began = began};
+    const struct progress_watch watch = {.on_progress = on_progress, .self = &split, .on_step = began};
     bench_columns(b, columns, COUNT_OF(columns));
     enum status status = source_rays_open(&rays, take_calibration(take));
     struct moment_of begun = now();

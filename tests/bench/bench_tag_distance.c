@@ -83,7 +83,7 @@ static enum status find(struct setup *s, int tag_count, struct pose *found, bool
     struct pnp_solution fit;
     int count, kept = 0;
     gray_from_rgb(s->rgb, PIXELS, s->gray);
-    enum status status = tag_detector_detect(s->finder, s->gray, WIDTH, HEIGHT, seen, 8, &count);
+    enum status status = tag_detector_detect(s->finder, &(struct gray_image){s->gray, WIDTH, HEIGHT}, seen, 8, &count);
     for (int i = 0; i < count && status == OK; i++)
         for (int k = 0; k < tag_count && kept < 2; k++)
             if (seen[i].id == s->tags[k].id &&

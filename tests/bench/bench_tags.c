@@ -107,7 +107,7 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
     int count;
     double started_ms = bench_clock_ms();
     gray_from_rgb(rgb, PIXELS, o->gray);
-    enum status status = tag_detector_detect(o->finder, o->gray, WIDTH, HEIGHT, seen, 8, &count);
+    enum status status = tag_detector_detect(o->finder, &(struct gray_image){o->gray, WIDTH, HEIGHT}, seen, 8, &count);
     if (status != OK)
         return status;
     for (int i = 0; i < count; i++) {

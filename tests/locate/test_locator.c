@@ -37,7 +37,7 @@ static double refined_error(struct tag_picture *p, double *rough, double *fine)
     EXPECT_TRUE(tag_picture_draw(p));
     gray_from_rgb(rgb, WIDTH * HEIGHT, gray);
     EXPECT_STATUS(tag_detector_open(&f, 1), OK);
-    EXPECT_STATUS(tag_detector_detect(f, gray, WIDTH, HEIGHT, seen, 4, &count), OK);
+    EXPECT_STATUS(tag_detector_detect(f, &(struct gray_image){gray, WIDTH, HEIGHT}, seen, 4, &count), OK);
     EXPECT_INT(count, 1);
     EXPECT_STATUS(tag_refiner_open(&r, &p->lens), OK);
     EXPECT_TRUE(tag_pattern(seen[0].id, &pattern));

@@ -41,7 +41,7 @@ static void expect_positive_definite(const struct pose_fusion *a)
 {
     double covariance[36];
     pose_fusion_covariance(a, covariance);
-    EXPECT_TRUE(cholesky(covariance, 6));
+    EXPECT_TRUE(cholesky_factor(covariance, 6));
 }
 
 // The map's pose is 10 mm off. From the same tags again and again that is one measurement, and as likely the map's

@@ -487,8 +487,8 @@ static void test_renderer_accepts_avatar_later(void **state)
     struct source_rays *rays;
     struct avatar avatar;
     struct patience calm = {.most = INT32_MAX}, impatient = {.most = 2};
-    const struct progress_watch watch = {.went_on = be_patient, .self = &calm},
-                                hasty = {.went_on = be_patient, .self = &impatient};
+    const struct progress_watch watch = {.on_progress = be_patient, .self = &calm},
+                                hasty = {.on_progress = be_patient, .self = &impatient};
     EXPECT_STATUS(source_rays_open(&rays, take_calibration(take.take)), OK);
     EXPECT_STATUS(avatar_make(&avatar, take.take, rays,
                               &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4, .watch = &hasty}),

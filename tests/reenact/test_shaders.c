@@ -78,7 +78,9 @@ static void test_sizes_beyond_driver_are_refused(void **state)
     struct gpu *g;
     EXPECT_STATUS(gpu_open(&g), OK);
     struct gpu_texture *t;
-    EXPECT_STATUS(gpu_texture_open(&t, g, GPU_R8, gpu_max_size(g) + 1, 1, GPU_NEAREST, NULL), ERR_DEVICE);
+    EXPECT_STATUS(
+        gpu_texture_open(&t, g, &(struct gpu_texture_layout){GPU_R8, gpu_max_size(g) + 1, 1, GPU_NEAREST}, NULL),
+        ERR_DEVICE);
     EXPECT_TRUE(t == NULL);
     struct gpu_target *target;
     EXPECT_STATUS(gpu_target_open(&target, g, 1, gpu_max_size(g) + 1), ERR_DEVICE);
@@ -109,7 +111,7 @@ static void test_pixels_are_unchanged(void **state)
     struct gpu_target *target, *empty;
     EXPECT_STATUS(gpu_program_open(&program, g, &text), OK);
     EXPECT_STATUS(fullscreen_mesh_open(&mesh, g), OK);
-    EXPECT_STATUS(gpu_texture_open(&texture, g, GPU_RGB8, W, H, GPU_NEAREST, rgb), OK);
+    EXPECT_STATUS(gpu_texture_open(&texture, g, &(struct gpu_texture_layout){GPU_RGB8, W, H, GPU_NEAREST}, rgb), OK);
     EXPECT_STATUS(gpu_target_open(&target, g, W, H), OK);
     EXPECT_STATUS(gpu_target_open(&empty, g, W, H), OK);
     gpu_draw(&(struct gpu_job){.target = target,

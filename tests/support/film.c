@@ -52,7 +52,7 @@ void film_sensor(const struct world *w, const struct scratch *scratch, const cha
         snprintf(path, sizeof path, "%s/rgb/%04d.jpg", name, i);
         scratch_write(scratch, path, bytes, count);
         free(bytes);
-        check(png_encode(PNG_GRAY16, depth, c.depth.width, c.depth.height, 1, &bytes, &count));
+        check(png_encode(&(struct png_layout){PNG_GRAY16, c.depth.width, c.depth.height}, depth, 1, &bytes, &count));
         snprintf(path, sizeof path, "%s/depth/%04d.png", name, i);
         scratch_write(scratch, path, bytes, count);
         free(bytes);

@@ -42,7 +42,7 @@ static void make_folder(void)
         snprintf(name, sizeof name, "sensor/rgb/%d.jpg", i);
         scratch_write(&scratch, name, bytes, count);
         free(bytes);
-        EXPECT_STATUS(png_encode(PNG_GRAY16, depth, WIDTH, HEIGHT, 1, &bytes, &count), OK);
+        EXPECT_STATUS(png_encode(&(struct png_layout){PNG_GRAY16, WIDTH, HEIGHT}, depth, 1, &bytes, &count), OK);
         snprintf(name, sizeof name, "sensor/depth/%d.png", i);
         scratch_write(&scratch, name, bytes, count);
         free(bytes);
