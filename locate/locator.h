@@ -19,7 +19,7 @@
 struct locator;
 
 struct locator_options {
-    // Accuracy against time; docs/figures.md has both for several settings.
+    // Accuracy against time; docs/results.md has both for several settings.
     // Of the tag detector where a half-size image leaves something open; 1 = every pixel, slow and sure. Default 1
     double quad_decimate;
     int32_t features;            // of an image that is localised from scratch; 100 .. 1000. Default 1000

@@ -23,11 +23,11 @@ static const struct argp_option options[] = {
     {"sensor", KEY_SENSOR, "URI", 0, "the depth sensor: openni, openni:N, oni:FILE or folder:DIR", 0},
     {"camera", KEY_CAMERA, "URI", 0,
      "instead of a sensor a camera without depth: libcamera, libcamera:N or folder:DIR; then --tags give the "
-     "scale, and natural points are triangulated from several pictures",
+     "scale, and landmarks are triangulated from several pictures",
      0},
     {"tags", KEY_TAGS, "TAGS.json", 0,
      "which tags hang in the place and how large they are: {\"family\": \"tag36h11\", \"side_m\": {\"0\": 0.2}}; "
-     "the side is the outer edge of the black square; without it the place is made of natural points and depth",
+     "the side is the outer edge of the black square; without it the place is made of landmarks and depth",
      0},
     {"out", KEY_OUT, "FILE", 0, "the recording to make; must not exist", 0},
     {"into", KEY_INTO, "FILE", 0,
@@ -186,7 +186,7 @@ static void print_json(const char *path, const struct place *before, const struc
 static void print_text(const char *path, const struct place *before, const struct place *place,
                        const struct mapper_report *r)
 {
-    printf("%s: a place with %d tags and %d natural points, from %d of %d pictures\n", path, (int)place->tag_count,
+    printf("%s: a place with %d tags and %d landmarks, from %d of %d pictures\n", path, (int)place->tag_count,
            (int)place->point_count, (int)r->frames_placed, (int)r->frames);
     if (before->tag_count || before->point_count)
         printf("%d tags and %d points are new\n", (int)(place->tag_count - before->tag_count),
@@ -212,7 +212,7 @@ static void warn(const char *program, const struct place *place, const struct ma
     const struct place_tag *seldom = rarely_observed(place);
     if (!place->point_count)
         fprintf(stderr,
-                "%s: warning: there are no natural points, so a camera is found only where it sees a tag; film "
+                "%s: warning: there are no landmarks, so a camera is found only where it sees a tag; film "
                 "what can be recognised from two places\n",
                 program);
     if (seldom)
@@ -241,7 +241,7 @@ static void warn(const char *program, const struct place *place, const struct ma
                 program, (int)r->first_moved, r->tags_moved > 1 ? " and others are" : " is");
     if (!r->floor_from_depth)
         fprintf(stderr,
-                "%s: warning: the floor is in no depth picture, so height 0 is the lowest tag or natural point; "
+                "%s: warning: the floor is in no depth picture, so height 0 is the lowest tag or landmark; "
                 "film the floor too\n",
                 program);
     if (r->lost_to_s > r->lost_from_s)
@@ -309,10 +309,10 @@ int capture_map(int argc, char **argv)
         options,
         parse,
         "(--sensor URI [--tags TAGS.json] | --camera URI --tags TAGS.json) (--out FILE | --into FILE)",
-        "Film the empty place: where its tags hang, where its natural points are, what it looks like.\v"
+        "Film the empty place: where its tags hang, where its landmarks are, what it looks like.\v"
         "Walk through the empty room with the sensor and show it every tag from near and far, two at a time where "
         "possible, and the floor. Scale comes from the tags' sides and the sensor's depth together. Without --tags "
-        "the place is known by its natural points alone: move slowly, and come back to where you began. "
+        "the place is known by its landmarks alone: move slowly, and come back to where you began. "
         "With --into another sweep adds what the first one did not see; what is known already must be in sight now "
         "and then. --camera takes any camera whose lens calibration.json describes; the scale then comes from the "
         "printed tags alone.",

@@ -55,7 +55,7 @@ static void report(const struct record_arguments *given, const struct recorder_r
         json_add_number(root, "tags_moved", r->tags_moved);
         json_add_number(root, "mean_ms", r->mean_ms);
         json_add_number(root, "slowest_ms", r->slowest_ms);
-        json_add_number(root, "settle_ms", r->smoothing_ms);
+        json_add_number(root, "smoothing_ms", r->smoothing_ms);
         (void)!command_print_json(&root);
         return;
     }

@@ -291,7 +291,7 @@ enum status map_build_landmarks(struct map *m)
 {
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     int32_t start = best_frame(m);
     for (int32_t i = start; start >= 0 && i < m->frame_count; i++)
         if (m->frames[i].placed && !m->frames[i].visited)
@@ -375,7 +375,7 @@ enum status map_refine_landmarks(struct map *m, int32_t most)
 {
     struct map_scratch *d = malloc(sizeof *d);
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     merge_duplicates(m);
     enum status status = OK;
     for (int round = 0; round < 2 && status == OK; round++) {

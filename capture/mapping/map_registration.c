@@ -11,7 +11,7 @@ enum status map_resolve_ambiguous_poses(struct map *m, int *placed)
     const struct lens *lens = &m->calibration.color;
     *placed = 0;
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     for (int32_t i = 0; i < m->frame_count; i++) {
         struct map_frame *f = &m->frames[i];
         struct pnp_tag tags[PNP_MAX_TAGS];
@@ -108,7 +108,7 @@ enum status map_register_frames(struct map *m, int *placed)
     int before;
     *placed = 0;
     if (!d)
-        return fail(ERR_MEMORY, "no memory to map natural points");
+        return fail(ERR_MEMORY, "no memory to map landmarks");
     do {
         before = *placed;
         status = register_pass(m, d, 1, placed);

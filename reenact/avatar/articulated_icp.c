@@ -8,7 +8,7 @@
 enum { ITERATIONS = 8, UNKNOWNS = 6 * BONE_COUNT, POINTS = 4000 };
 
 // Standard deviations of the residuals, and scales of the robust kernel (Geman-McClure). Tuned by hand on the takes of
-// docs/figures.md.
+// docs/notes/avatar.md.
 static const double DEPTH_SIGMA_M = 0.01;   // of a depth sample
 static const double OUTLIER_M = 0.025;      // scale of the kernel for depth
 static const double PART_SAMPLES_MOST = 60; // independent samples of a part at most: their errors are correlated
@@ -29,7 +29,7 @@ bool rotation_from_colors(int bone)
     case PART_LEFT_SHIN:
     case PART_RIGHT_SHIN:
     case BONE_SKULL: return true;
-    default: return false; // a trunk is flat; arms came out no better for it (docs/figures.md)
+    default: return false; // a trunk is flat; arms came out no better for it (docs/notes/avatar.md)
     }
 }
 

@@ -8,7 +8,7 @@
 
 enum { ANGLES = 25, SAMPLES = 600, SAMPLES_LEAST = 20, RIM_PX = 1 };
 
-// Tuned by hand on three takes of docs/figures.md: dance, the small world's dancer, and the filmed man.
+// Tuned by hand on three takes of docs/results.md: dance, the small world's dancer, and the filmed man.
 static const double STEP_RAD = 0.05, HEAD_STEP_RAD = 0.125; // between neighbouring angles
 // Standard deviations of the angle that joints and depth give:
 static const double PRIOR_RAD = 0.3;

@@ -7,7 +7,7 @@
 
 enum { RING_SAMPLES = 1000, PASSES = 4, CHUNK = 4096 };
 
-// Chosen by hand on the films of people who never turn (docs/figures.md).
+// Chosen by hand on the films of people who never turn (docs/notes/avatar.md).
 static const double MIRROR_M = 0.03;          // how far from the mirrored point a seen one may lie
 static const double RING_HALF_WIDTH_M = 0.05; // samples farther away along the bone have no weight
 static const float RING_FALLOFF_M = 0.03F;    // at this distance a sample's weight is a quarter of the nearest one's

@@ -5,7 +5,7 @@
 
 enum { POINTS = 3000, ITERATIONS = 3, TILE_PX = 16, SILHOUETTE_STRIDE_PX = 2 };
 
-// Tuned by hand on the takes of docs/figures.md. Residuals are metres.
+// Tuned by hand on the takes of docs/results.md. Residuals are metres.
 static const float DEPTH_SIGMA_M = 0.01F;      // standard deviation of a depth sample against the surface
 static const float SILHOUETTE_SIGMA_M = 0.01F; // of a silhouette point
 static const double OUTLIER_M[ITERATIONS] = {0.04, 0.03, 0.025}; // scale of the robust kernel (Geman-McClure)

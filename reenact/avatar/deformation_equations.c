@@ -7,7 +7,7 @@
 enum { STEPS = 20 }; // of conjugate gradients
 
 // Standard deviations, metres; with the sigmas of the evidence they set its weight. Tuned by hand on the takes of
-// docs/figures.md, where softer and stiffer ones were no better.
+// docs/notes/avatar.md, where softer and stiffer ones were no better.
 static const float SMOOTHNESS_M = 0.024F; // of the difference between neighbouring nodes' shifts
 static const float SHIFT_PRIOR_M = 0.04F; // of each shift
 

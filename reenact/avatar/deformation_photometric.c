@@ -4,7 +4,7 @@
 
 enum { KERNEL_RADIUS_MOST = 8, EDGE_MARGIN_PX = 2 };
 
-// Colours are gamma-encoded, 0 to 1. Tuned by hand on the takes of docs/figures.md.
+// Colours are gamma-encoded, 0 to 1. Tuned by hand on the takes of docs/results.md.
 static const double COLOR_SIGMA = 0.08;  // standard deviation of a channel between frame and avatar
 static const double COLOR_OUTLIER = 0.1; // at this difference a channel's weight is a quarter
 static const double LEAST_FACING = 0.35; // cosine: where the surface is more oblique, a pixel covers too much of it

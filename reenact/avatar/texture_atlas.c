@@ -8,7 +8,7 @@
 
 enum { TRIANGLES = 2500, ROWS = 16, FARTHEST_CELLS = 4, SUBDIVISIONS = 4, ITERATIONS = 3 };
 
-// docs/figures.md compares 2000 to 4000 triangles; the rest was chosen by hand.
+// docs/notes/retrieval-and-drawing.md compares 2000 to 4000 triangles; the rest was chosen by hand.
 static const double ERROR_M = 0.01; // of simplification, before the coarse mesh is refitted to the fine surface
 static const double TEXEL_M = 0.004, COARSER = 1.3, TEXEL_MOST_M = 0.03; // COARSER: factor where it does not fit
 static const float GUTTER = 1.5F; // texels beyond a triangle's edge that bilinear filtering reads

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Tuned by hand on the takes of docs/figures.md.
+// Tuned by hand on the takes of docs/results.md.
 static const float BACK_TRUNCATION_M = 0.04F; // width of the band behind the observed surface
 static const float THICKNESS_SLACK = 1.15F;   // how far a part extends behind its surface, in its cylinder's radii
 static const float FREE_SPACE_WEIGHT = 0.5F;  // of free space and inside, against 1 in the band about the surface

@@ -10,7 +10,7 @@
 
 enum { SAMPLES_KEPT = 16, ITERATIONS = 8, RIM_PX = 1, CHUNK = 4096 };
 
-// Chosen by hand on the takes of docs/figures.md.
+// Chosen by hand on the takes of docs/results.md.
 static const double LEAST_FACING = 0.25;      // cosine towards the camera
 static const float COLOR_OUTLIER = 0.06F;     // at this residual a sample's weight is a quarter of the full one (a half
                                               // for the irradiance)
