@@ -46,7 +46,7 @@ double bench_percentile(double *values, int count, double share)
     return values[low] + (at - low) * (values[high] - values[low]);
 }
 
-// measures[(round * items + item) * count + contender]; error NaN: missed. group: of which only; -1: of all.
+// measures[(round * items + item) * count + contender]; error NaN: missed. group: only this one's items; -1: all.
 struct measures {
     const struct bench_measure *all;
     int items, rounds;
@@ -66,7 +66,7 @@ static void sum_up(struct bench_row *row, const struct measures *m, size_t conte
         for (int r = 0; r < rounds; r++)
             of_item[r] = measures[((size_t)r * (size_t)items + (size_t)i) * count + contender].time_ms;
         times[taken++] = bench_percentile(of_item, rounds, 0.5);
-        // Everything but time is the same in each round.
+        // All but the time is the same in each round.
         const struct bench_measure *of = &measures[(size_t)i * count + contender];
         if (isnan(of->error)) {
             row->missed++;
@@ -202,7 +202,7 @@ static char *list_stages(int key, const char *text, void *input)
 {
     (void)input;
     if (key != ARGP_KEY_HELP_POST_DOC)
-        return (char *)(uintptr_t)text; // argp's own convention: the same pointer means unchanged
+        return (char *)(uintptr_t)text; // argp's convention: the same pointer means unchanged
     size_t bytes = 32;
     for (size_t i = 0; i < COUNT_OF(bench_stages); i++)
         bytes += strlen(bench_stages[i]->name) + strlen(bench_stages[i]->about) + 8;

@@ -1,6 +1,5 @@
-// Depth pictures in few bytes: ours next to PNG, plain zstd, and RVL (Wilson,
-// "Fast lossless depth image compression", ISS 2017), which recorders of depth
-// use. The "error" is the size; every picture must come back exactly.
+// Stage "depth": lossless depth compression: ours next to PNG, plain zstd, and RVL (Wilson, "Fast lossless depth image
+// compression", ISS 2017). The "error" is the size; every image must be restored exactly.
 #include "tests/bench/bench.h"
 
 #include "capture/recording/depth_codec.h"
@@ -18,7 +17,7 @@ enum { IMAGES_MOST = 24, MADE = 8, MADE_WIDTH = 640, MADE_HEIGHT = 480 };
 struct depth_images {
     uint16_t *depth[IMAGES_MOST];
     int count, width, height;
-    // Working memory of the contenders.
+    // Buffers of the contenders.
     struct compressor *compressor;
     struct depth_coder *coder;
     uint16_t *back;
@@ -28,7 +27,7 @@ struct depth_images {
 
 static size_t pixels_of(const struct depth_images *p) { return (size_t)p->width * (size_t)p->height; }
 
-// ------------------------------------------------------------- the pictures
+// ------------------------------------------------------------- the images
 
 static double uniform(uint64_t *state) // splitmix64
 {
@@ -66,8 +65,8 @@ static double scene(double x, double y, int index)
     return z;
 }
 
-// As a Kinect would see it: steps of 1/8 pixel of disparity, noise of a third of
-// a step, and a shadow right of whatever stands in front.
+// Kinect-like noise: steps of 1/8 pixel of disparity, noise of a third of a step, and a shadow to the right of
+// foreground objects.
 static void make_picture(uint16_t *depth, int index)
 {
     const double focal = 575, base_m = 0.075;
@@ -143,8 +142,8 @@ static enum status make_images(struct depth_images *p)
 
 // ------------------------------------------------------------- RVL
 
-// Runs of zeros and of others in turn; the others as differences; numbers in
-// groups of 3 bits, each with a bit that says whether another follows.
+// Alternating run lengths of zeros and non-zeros; the latter as differences; numbers in groups of 3 bits, each with a
+// bit that says whether another follows.
 struct nibbles {
     uint32_t *word;
     uint32_t held;
@@ -253,7 +252,7 @@ static enum status encode(const struct depth_contender *c, const uint16_t *depth
         *bytes = p->coded;
         if (!c->level)
             return OK;
-        *bytes = p->packed + 8; // the plain size before it
+        *bytes = p->packed + 8; // the uncompressed size before it
         memcpy(p->packed, count, sizeof *count);
         return compress_bytes(p->compressor, c->level, p->coded, *count, p->packed + 8, p->capacity - 8, count);
     }

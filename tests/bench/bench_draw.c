@@ -1,9 +1,8 @@
-// Drawing the actor at 1280x800, and beside it the plain path: eleven cylinder
-// meshes, a projective texture of a recorded frame on each, one pass, which is
-// DETAIL_PAPER. The small world's dancer, seen from all round; each picture at
-// another recorded instant, or all at the same. Times are of all threads together,
-// for without a graphics card the driver draws on several, and end when all is
-// drawn. At last the slowest of many pictures against the median, of either.
+// Stage "draw": drawing the actor at 1280x800, next to DETAIL_PAPER as the baseline: eleven cylinder meshes, each with
+// one recorded frame as its projective texture, in one pass. The small world's dancer, seen from all round; each image
+// at another recorded instant, or all at the same. Times are of all threads together, because without a graphics card
+// the driver draws on several, and end when all is drawn. Finally the slowest of many images against the median, for
+// both.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_look.h"
 #include "tests/support/rehearsed.h"
@@ -25,12 +24,12 @@ struct draw_contender {
     bool same_frame;
 };
 
-// Processor time of drawing one picture, ms.
+// Processor time of drawing one image, ms.
 struct steps {
     double all;    // of all threads
-    double asking; // this thread: finding what is shown and sending it, and the driver's work on points
+    double asking; // this thread: choosing what is drawn and submitting it, and the driver's vertex work
     double ending; // this thread, until all is drawn
-    bool loaded;   // the frame was not kept
+    bool loaded;   // the frame was not resident
 };
 
 static enum status draw(struct draw_contender *c, int item, struct steps *out)
@@ -94,7 +93,7 @@ static int slowest_first(const void *a, const void *b)
     return (x->ms.all < y->ms.all) - (x->ms.all > y->ms.all);
 }
 
-// After ITEMS pictures the same come again, so of each the least time is its own work, next to nothing else's.
+// After ITEMS images the same ones repeat, so the minimum for each is its own cost, nearly undisturbed.
 static double own_ms(const struct drawn_image *pictures, int item)
 {
     double least = INFINITY;
@@ -104,7 +103,7 @@ static double own_ms(const struct drawn_image *pictures, int item)
     return least;
 }
 
-// Whoever had to wait for a processor finds its caches full of what another program needs.
+// A thread that had to wait for a processor finds its caches filled by another program.
 static bool was_disturbed(const struct drawn_image *p)
 {
     return p->work.stolen_ms > 0 || p->work.waited_ms > 0.1 * p->ms.all;
@@ -139,7 +138,7 @@ static void say_many(const char *name, struct drawn_image *pictures)
     printf("\n");
 }
 
-// Those before the first are drawn, too, but not told of: others have just drawn, and the caches are full of theirs.
+// Those before the first are drawn but not reported: they warm the caches.
 static enum status measure_many(const char *name, struct draw_contender *c)
 {
     struct drawn_image pictures[MANY];

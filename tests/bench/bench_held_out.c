@@ -1,7 +1,7 @@
-// A take of which every fifth frame is left out, and the pictures of these frames drawn from the others, for the
-// sensor's own camera at their instants: how far they are from what the sensor saw. The posture is one between the
-// neighbouring frames'. For takes without a place and without another camera; truth/mask/ says where the person is, and
-// is asked only where the sensor has a reading of depth, for it can know nothing elsewhere.
+// Stage "left-out": every fifth frame of a take is left out, and its image is synthesised from the others for the
+// sensor's own camera at that instant, with the pose interpolated between the neighbouring frames. The error is the
+// difference from what the sensor recorded. For takes without a place and without another camera; truth/mask/ gives the
+// actor's mask, which is evaluated only where the sensor measured depth: elsewhere it is unknown.
 #include "tests/bench/bench.h"
 
 #include "platform/file.h"
@@ -43,7 +43,8 @@ struct held_out_viewer {
     uint8_t *room, *drawn, *rgba, *expected;
 };
 
-// The list of one kind of pictures, rgb.txt or depth.txt, without every fifth; names (may be NULL) gets theirs.
+// The list of one kind of images, rgb.txt or depth.txt, without every fifth; names (may be NULL) receives those left
+// out.
 static enum status thin_out(const struct left_out *data, const char *list, struct left_out *names)
 {
     char path[8192], line[512], file[256];
@@ -102,7 +103,7 @@ static enum status record(struct left_out *data)
     return status;
 }
 
-// *mask: 255 the person, 0 not, 128 nobody knows.
+// *mask: 255 the actor, 0 not, 128 unknown.
 static enum status read_expected(const struct left_out *data, const char *name, uint8_t *rgb, uint8_t **mask)
 {
     char path[8192];
@@ -215,7 +216,7 @@ static enum status draw_all(struct bench *b, const struct left_out *data, struct
     return status;
 }
 
-// The small world's dancer as the sensor sees her, and where she is in each picture.
+// The small world's dancer as the sensor sees it, and its masks in truth/.
 static enum status film(struct left_out *data)
 {
     struct world_options options = world_default_options();

@@ -1,13 +1,12 @@
-// Where a tablet is that somebody carries round a room: how wrong its position comes out,
-// how far it jumps from one picture to the next, and how long that takes. Next to it what a
-// user would take: libapriltag and its own pose of the largest tag in sight, in the same map.
+// Stage "place": localisation of a tablet carried round a room: position error, jumps from one image to the next, and
+// time. Next to it libapriltag with its own pose of the largest visible tag, in the same map.
 //
-// The pictures are the small world's, at 30 Hz; or with --data those of a folder that holds
-// place/ and viewer/ (TUM layout), tags.json, and truth/viewer_truth.txt and truth/tags_truth.json to
-// judge by. Poses are judged in the axes of the map's tags. behind_mm: by how much the camera is taken
-// to be where it was a little ago; what is behind in one picture alone is the map's error.
+// The images are the small world's, at 30 Hz; or with --data those of a folder that holds place/ and viewer/ (TUM
+// layout), tags.json, and truth/viewer_truth.txt and truth/tags_truth.json as truth. Poses are compared in the axes of
+// the map's tags. behind_mm: how far the estimate lags towards an earlier position; what a single image lags is the
+// map's error.
 //
-// The stage `still` is the same with a tablet on a table: jumps are jitter.
+// The stage "still" is the same with a tablet on a table: jumps are jitter.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_folder.h"
 
@@ -37,7 +36,7 @@ struct camera_walk {
 
 static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
 
-// Keeps a copy of the picture.
+// Keeps a copy of the image.
 static enum status keep(struct camera_walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
 {
     size_t pixels = pixels_of(&w->lens);
@@ -54,8 +53,8 @@ static enum status keep(struct camera_walk *w, const uint8_t *rgb, int64_t time_
     return OK;
 }
 
-// Puts the truth into the place's axes, by where the map has the tags: whose poses are judged has
-// no say in it. truth: the same tags as they hang, count of them.
+// Puts the truth into the place's axes, by where the map has the tags: the poses under test have no influence. truth:
+// the same tags' corners, count of them.
 static enum status align_truth(struct camera_walk *w, const int32_t *ids, const struct vec3 *truth, int count)
 {
     struct vec3 ours[MOST_TAGS], theirs[MOST_TAGS];
@@ -205,7 +204,8 @@ static enum status read_folder(const char *data, struct camera_walk *w)
 
 // ---------------------------------------------------------------- the contenders
 
-// Ours, from a small tablet's to the best. What finding anew needs is not followed, and the other way round.
+// Settings from a small tablet's to the best. Those that relocalisation needs are not varied while tracking, and vice
+// versa.
 static const struct setting {
     const char *name;
     bool followed;
@@ -229,7 +229,7 @@ struct runner {
     struct locator *locator;
     struct camera_tracker *track;
     struct apriltag_peer *peer;
-    int last; // the item before; its error:
+    int last; // the previous item; its error:
     struct vec3 error;
 };
 

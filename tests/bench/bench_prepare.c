@@ -1,6 +1,6 @@
-// How long preparing a take of a minute takes, step by step: processor time of all threads, time by the clock, and
-// how much memory the program has held by then. The pictures are played there and back until the minute is full, and
-// recorded without a place. Made twice, it has to be the same.
+// Stage "prepare": how long preparing a take of a minute takes, step by step: processor time of all threads, wall-clock
+// time, and the program's peak memory by then. The images are played forward and backward until the minute is full, and
+// recorded without a place. The result of a second run must be identical.
 #include "tests/bench/bench.h"
 
 #include "base/clock.h"
@@ -59,7 +59,7 @@ static enum status read_list(const char *folder, const char *name, struct time_l
     return out->count > 1 ? OK : fail(ERR_INPUT, "%s lists too few pictures", path);
 }
 
-// start, end: seconds of what is played there and back.
+// start, end: the part that is played forward and backward, seconds.
 static enum status write_list(const struct scratch *scratch, const char *name, const struct time_list *list,
                               double start, double end)
 {

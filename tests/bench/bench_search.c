@@ -1,10 +1,8 @@
-// Which recorded frame is most like the one to be shown: ours, the plain loop
-// over equation 5, and nanoflann's k-d tree, over takes of 10 000 and 100 000
-// frames of somebody whose every bone swings on its own (nothing comes back, so
-// the nearest is not near). Asked for are frames of the take seen from up to a
-// radian aside, each coordinate 3 cm off. The error is how much more than the
-// best frame costs the frame found. Adding is timed a frame, the index alone
-// and all that a selector works out.
+// Stage "search": frame selection, the recorded frame closest to a query pose by [D14] eq. 5: ours, exhaustive search,
+// and nanoflann's k-d tree, over takes of 10 000 and 100 000 frames of a person whose every bone swings on its own (no
+// pose recurs, so the nearest is not near). Queries are frames of the take seen from up to a radian aside, with noise
+// of 3 cm in each coordinate. The error is the excess cost of the frame found over the best one. Insertion is timed per
+// frame, for the index alone and for all that a selector computes.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_search_nanoflann.h"
 #include "tests/support/limbs.h"
@@ -23,13 +21,13 @@ struct take_of_limbs {
     int count;
     struct skeleton *frames;
     struct frame_selector *selector;
-    float *numbers; // of the frames, necks at 0
+    float *numbers; // of the frames' joints, relative to the neck
     struct nanoflann_peer *peer;
     struct skeleton queries[QUERIES];
     struct frame_selection best[QUERIES];
 };
 
-// ------------------------------------------------------------- the plain loop
+// ------------------------------------------------------------- exhaustive search
 
 static double equation_5(const struct skeleton *k, const struct skeleton *n)
 {
@@ -63,7 +61,7 @@ static enum status search_ours(const struct take_of_limbs *t, const struct skele
     return status;
 }
 
-// Its answers are held by tests/reenact/test_frame_selection; here only the time is of interest.
+// Its answers are checked by tests/reenact/test_frame_selection; here only the time matters.
 static enum status search_parts(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
     struct frame_selection found[PART_COUNT];

@@ -26,7 +26,7 @@ static void to_gray(const uint8_t *rgb, size_t count, uint8_t *gray)
         gray[i] = (uint8_t)((77 * rgb[3 * i] + 150 * rgb[3 * i + 1] + 29 * rgb[3 * i + 2] + 128) >> 8);
 }
 
-// The next frame, with room for its pictures; NULL: out of memory.
+// The next frame, with buffers for its images; NULL: out of memory.
 static struct skeleton_frame *add_frame(struct skeleton_data *data)
 {
     struct skeleton_frame *f = &data->frame[data->count++];
@@ -70,7 +70,7 @@ static enum status film(struct skeleton_data *data)
 
 // ------------------------------------------------------------- a folder
 
-// The first of the two places where `name` is; an error names the second.
+// Opens the first of the two places where `name` is; an error names the second.
 static enum status open_truth(const char *folder, const char *name, FILE **out)
 {
     static const char *const places[] = {"truth", "../truth"};

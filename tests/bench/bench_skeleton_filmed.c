@@ -1,4 +1,4 @@
-// People made and filmed in the small world: by motion and by body.
+// Stage "skeleton" on figures rendered in the small world: by motion and by body.
 #include "tests/bench/bench_skeleton_trials.h"
 
 #include "tests/bench/bench_smoother.h"
@@ -15,14 +15,14 @@ static const char *const columns[] = {"mean_mm", "p95_mm",  "in_10cm_%", "claime
                                       "swapped", "step_mm", "frames",    "lost"};
 enum { MEAN, P95, WITHIN, CLAIMED, SWAPPED, STEP, FRAMES, LOST };
 
-// What is said of a take: distances of the joints that are claimed.
+// The result on a take: errors of the joints that are claimed (confidence above 0).
 struct joint_tally {
     double error_m[FRAMES_MOST * JOINT_COUNT];
     int claimed, frames, lost, swapped, within;
     double step_m;
 };
 
-// A pair of joints that fits the truth far better the other way round.
+// A pair of joints that fits the truth far better with left and right swapped.
 static bool is_swapped(const struct skeleton *got, const struct skeleton *truth)
 {
     static const enum joint pair[4][2] = {{JOINT_LEFT_HAND, JOINT_RIGHT_HAND},
@@ -109,7 +109,7 @@ static enum status add_row(struct bench *b, const char *name, struct joint_tally
     return bench_add_row(b, name, value);
 }
 
-enum { SMOOTHED, ONLINE, KINDS }; // with the end known, and at once
+enum { SMOOTHED, ONLINE, KINDS }; // from the whole take, and from the past only
 struct sums {
     double of[KINDS][BENCH_COLUMNS];
 };
@@ -146,7 +146,7 @@ static enum status add_averages(struct bench *b, const struct sums *sums, size_t
     return status;
 }
 
-// From the front, or from the figure's left by this angle, at the same distance of the room's middle.
+// From the front, or from the figure's left by this angle, at the same distance from the room's middle.
 static struct pose seen_from(const struct world *w, double aside_degrees)
 {
     double half = aside_degrees * 3.14159265358979323846 / 360;

@@ -1,4 +1,4 @@
-// Real people, next to what Kinect's own tracker made of the same pictures.
+// Stage "skeleton" on real people, next to the result of the Kinect SDK's tracker on the same images.
 #include "tests/bench/bench_smoother.h"
 #include "tests/bench/bench_skeleton_trials.h"
 
@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// What we compare, with Kinect's names; of two the nearer counts, and the first is the bone's end.
+// The joints compared, with the SDK's names; of two the nearer counts, and the first is the bone's end.
 enum { LIKE = 14, JOINTS_MOST = 20, FRAMES_MOST = 400, REACH = 4 };
 
 static const struct {
@@ -43,7 +43,7 @@ enum { MEDIAN = 8, OVER, P95, BONES, JITTER, THEIRS, STEP, LOST };
 
 struct sequence {
     struct vec3 ours[FRAMES_MOST][LIKE];
-    struct vec3 theirs[FRAMES_MOST][LIKE][2]; // the same twice where there is one
+    struct vec3 theirs[FRAMES_MOST][LIKE][2]; // the same twice where there is only one
     bool found[FRAMES_MOST];
     int count, lost;
 };
@@ -111,7 +111,7 @@ static double gap(const struct sequence *s, int frame, int k)
                 v3_distance(s->ours[frame][k], s->theirs[frame][k][1]));
 }
 
-// How much a bone's length wanders, standard deviation.
+// Standard deviation of a bone's length.
 static double wander(const struct sequence *s, int a, int b, bool ours)
 {
     double sum = 0, sum2 = 0;
@@ -124,7 +124,7 @@ static double wander(const struct sequence *s, int a, int b, bool ours)
     return sqrt(fmax(0, sum2 / s->count - sum / s->count * (sum / s->count)));
 }
 
-// How often theirs wander as much as ours, geometric mean over the bones.
+// Ratio of their bone-length deviation to ours, geometric mean over the bones.
 static double steadier(const struct sequence *s)
 {
     double sum = 0;
@@ -138,7 +138,7 @@ static struct vec3 at(const struct sequence *s, bool ours, int f, int k)
     return ours ? s->ours[f][k] : s->theirs[f][k][0];
 }
 
-// Far from where it is `REACH` frames before and after, on the average of as many.
+// Slow: compared with `REACH` frames before and after, averaged over as many.
 static bool is_slow(const struct sequence *s, bool ours, int f, int k)
 {
     struct vec3 go = v3(0, 0, 0);
@@ -147,8 +147,8 @@ static bool is_slow(const struct sequence *s, bool ours, int f, int k)
     return v3_length(go) / (REACH * (REACH + 1)) * 30 < 0.03; // metres a second
 }
 
-// Where both trackers say that a joint stands still: how far it is from its own
-// mean of the frames around, rms. NaN: nothing stands still.
+// Where both trackers agree that a joint stands still: its rms distance from its own mean over the frames around. NaN:
+// nothing stands still.
 static void find_jitter(const struct sequence *s, double *ours_m, double *theirs_m)
 {
     double sum[2] = {0, 0};
@@ -198,7 +198,7 @@ static void measure(const struct sequence *s, double value[COUNT_OF(columns)])
     value[LOST] = s->lost;
 }
 
-// Every `step`th from `first` on: means, but the worst step and the sum of what is counted.
+// Every `step`th row from `first` on: means, but the maximum of the step and the sum of counts.
 static enum status sum_up(struct bench *b, const char *name, double (*values)[COUNT_OF(columns)], size_t count,
                           size_t first, size_t step)
 {
@@ -218,7 +218,7 @@ static enum status sum_up(struct bench *b, const char *name, double (*values)[CO
     return bench_add_row(b, name, out);
 }
 
-enum { SMOOTHED, ONLINE, KINDS }; // with the end known, and at once
+enum { SMOOTHED, ONLINE, KINDS }; // from the whole take, and from the past only
 
 typedef double values_row[COUNT_OF(columns)];
 

@@ -1,8 +1,7 @@
-// One tag of 16 cm seen from 1, 2, 3, 4 and 5 m, 200 pictures each (640 x 480, f = 525,
-// noise of 2 grey levels, tilted by up to a radian about two axes), by us and by
-// libapriltag at full size with its own pose. Errors are compared where both found the
-// tag; a turn of more than FLIP_DEG is a flip. Then the same with a second tag beside
-// it, by us alone.
+// Stage "tag-distance": one tag of 16 cm seen from 1, 2, 3, 4 and 5 m, 200 images each (640 x 480, f = 525, noise of 2
+// grey levels, tilted by up to a radian about two axes), by us and by libapriltag at full resolution with its own pose.
+// Errors are compared where both found the tag; a rotation error of more than FLIP_DEG is a flip (the mirrored
+// solution). Then the same with a second tag beside it, by us alone.
 #include "tests/bench/bench.h"
 
 #include "locate/pose_solver.h"
@@ -29,7 +28,7 @@ struct setup {
     struct tag_refiner *refiner;
     struct apriltag_peer *apriltag;
     uint8_t *rgb, *gray;
-    int drawn; // the picture in rgb and gray: 2 * item + with the second tag; -1: none
+    int drawn; // the image in rgb and gray: 2 * item + with the second tag; -1: none
     struct pose camera_from_tag;
     struct place_tag tags[2];
     struct tag_pattern patterns[2];
@@ -74,7 +73,7 @@ static enum status draw(struct setup *s, int item, bool two)
     return OK;
 }
 
-// As locate does it for a place of these tags.
+// As the locator does for a place of these tags.
 static enum status find(struct setup *s, int tag_count, struct pose *found, bool *ambiguous)
 {
     struct tag_detection seen[8];
@@ -122,7 +121,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
                        pose_angle(found, s->camera_from_tag) * 57.29577951308232};
     s->results[item][c->who] = r;
     out->error = r.range_mm;
-    out->extra[0] = fmin(r.turn_deg, FLIP_DEG); // one mirrored pose must not hide the rest
+    out->extra[0] = fmin(r.turn_deg, FLIP_DEG); // one mirrored pose must not dominate the mean
     out->extra[1] = r.turn_deg > FLIP_DEG;
     return OK;
 }

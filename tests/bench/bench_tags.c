@@ -1,6 +1,5 @@
-// One tag of 16 cm, 1 to 5 m away, tilted by up to a radian about two axes, in
-// a picture of 640 x 480 with f = 525 and noise of 2 grey levels: how wrong its
-// range and its turn come out, by one picture alone, and how long that takes.
+// Stage "tags": one tag of 16 cm, 1 to 5 m away, tilted by up to a radian about two axes, in an image of 640 x 480 with
+// f = 525 and noise of 2 grey levels: errors of its range and its rotation from a single image, and the time.
 #include "tests/bench/bench.h"
 
 #include "locate/pose_solver.h"
@@ -45,7 +44,7 @@ static enum status make(struct tag_images *p)
             .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&rng)),
             .rgb = p->rgb + (size_t)i * PIXELS * 3,
         };
-        // anywhere in the picture
+        // anywhere in the image
         double up = 0.6 * (tag_picture_uniform(&rng) - 0.5), right = 0.8 * (tag_picture_uniform(&rng) - 0.5);
         struct vec3 aside = v3(right, up, 0);
         picture.world_from_camera.translation =
@@ -66,7 +65,7 @@ static void judge(const struct tag_images *p, int item, struct pose found, doubl
     const struct pose *truth = &p->camera_from_tag[item];
     double turned = pose_angle(found, *truth) * 57.29577951308232;
     out->error = fabs(found.translation.z - truth->translation.z) * 1e3;
-    out->extra[0] = fmin(turned, FLIP_DEG); // one mirrored pose must not hide the rest
+    out->extra[0] = fmin(turned, FLIP_DEG); // one mirrored pose must not dominate the mean
     out->extra[1] = turned > FLIP_DEG;
 }
 
@@ -97,7 +96,7 @@ static void close_ours(struct tags_ours *o)
     free(o->gray);
 }
 
-// From the colour picture to the pose, as locate does it for a place of one tag.
+// From the colour image to the pose, as the locator does for a place of one tag.
 static enum status measure_ours(void *self, int item, struct bench_measure *out)
 {
     struct tags_ours *o = self;

@@ -23,8 +23,8 @@ enum status find(enum aruco_corners how, const uint8_t *gray, const struct lens 
     for (size_t i = 0; i < ids.size(); i++) {
         if (ids[i] != id)
             continue;
-        // OpenCV 4 prints this family turned by 180 degrees: its top left is our bottom right.
-        float shift = how == ARUCO_APRILTAG ? 0.5f : 0; // that code counts from the corner of the first pixel
+        // OpenCV 4 prints this family rotated by 180 degrees: its top left is our bottom right.
+        float shift = how == ARUCO_APRILTAG ? 0.5f : 0; // that method counts from the corner of the first pixel
         std::vector<cv::Point2f> seen;
         for (int k = 0; k < 4; k++)
             seen.push_back(corners[i][(size_t)(k + 2) % 4] - cv::Point2f(shift, shift));

@@ -1,9 +1,9 @@
-// Pictures of the take seen from all round: how far they are from the truth, by the angle between the sensor's and
-// the viewer's view of the person; what each cause costs, joints and camera poses being replaced by the true ones;
-// and next to it the method of 2014, and the shown frame's own depth as a mesh.
+// Stage "views": synthesised images of the take from all round: their error by the angle between the sensor's and the
+// viewer's direction to the person; the contribution of each cause, with joints and camera poses replaced by the true
+// ones; and next to it DETAIL_PAPER ([D14]), and the selected frame's own depth as a mesh.
 //
-// The error is the share of the two outlines' union that only one of them covers (1 - intersection over union). The
-// psnr is over that union; "inside" over what both cover, where only colours can be wrong.
+// The error is the share of the two silhouettes' union that only one of them covers (1 - intersection over union). The
+// psnr is over that union; "inside" over the intersection, where only colours can be wrong.
 #include "tests/bench/bench.h"
 #include "tests/bench/bench_views_data.h"
 #include "tests/bench/bench_views_mesh.h"

@@ -15,11 +15,11 @@
 enum { FILMED = 240, VIEW_COUNT = 24, MOST_FRAMES = 1000, JPEG_QUALITY = 98 };
 static const double SCALE = 1, SAME_S = 0.002;
 
-// The true joints of each frame of the take, in its colour camera's axes; and in truth's own world, who stands where.
+// The true joints of each frame of the take, in its colour camera's axes; and the sensor's pose in the truth's world.
 struct truth {
     struct skeleton joints[MOST_FRAMES];
     struct vec3 waist[MOST_FRAMES];
-    struct pose world_from_sensor; // it stands still
+    struct pose world_from_sensor; // the sensor does not move
 };
 
 static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
@@ -88,7 +88,7 @@ static enum status add_true_frame(struct recording_writer *writer, struct take *
     return status;
 }
 
-// The take once more, with the true joints.
+// Records the take again with the true joints.
 static enum status record_truth(struct views_data *data, const struct truth *truth)
 {
     struct recording_writer *writer = NULL;
@@ -123,7 +123,7 @@ static uint8_t *copy(const uint8_t *bytes, size_t count)
     return out;
 }
 
-// One more picture, of which it keeps copies.
+// Adds an image, of which it keeps copies.
 static enum status add_picture(struct views_data *data, int64_t since_ns, struct pose truth, const uint8_t *room,
                                const uint8_t *expected, const uint8_t *mask)
 {
@@ -157,8 +157,9 @@ static void set_angles(struct views_data *data, const struct truth *truth)
     }
 }
 
-// Finds the cameras, and puts their truth into the place's axes: there the sensor, and with it the person, stands where
-// we find it, and the true cameras stand about it as in truth. So what finding either costs is told, not the one alone.
+// Localises the cameras, and puts their truth into the place's axes: the sensor, and with it the person, stands where
+// we localise it, and the true cameras stand relative to it as in the truth. So the error includes the localisation of
+// both.
 static enum status find_images(struct views_data *data, const struct truth *truth, const struct place *place)
 {
     const struct pose place_from_truth =
@@ -288,7 +289,7 @@ static enum status read_truth(const struct views_data *data, const char *folder,
     return status;
 }
 
-// The picture of that name as it should be, and where the person is in it.
+// The expected image of that name, and the mask of the person in it.
 static enum status read_expected(const struct views_data *data, const char *folder, const char *name, uint8_t *rgb,
                                  uint8_t **mask)
 {

@@ -1,6 +1,5 @@
-// contact-sheet OUT COLUMNS CELL_WIDTH PICTURE...: pictures side by side in one,
-// for the demo and the documentation. PNG (.png) and JPEG (.jpg) in and out, all
-// of one shape.
+// contact-sheet OUT COLUMNS CELL_WIDTH IMAGE...: images side by side in one, for the demo and the documentation. PNG
+// (.png) and JPEG (.jpg) in and out, all of one aspect ratio.
 #include "platform/file.h"
 #include "platform/jpeg.h"
 #include "platform/png.h"
@@ -45,7 +44,7 @@ static enum status read_image(const char *path, struct sheet_image *out)
     return png_read(path, PNG_RGB8, (void **)&out->rgb, &out->width, &out->height);
 }
 
-// Shrinks by averaging the pixels under each cell pixel.
+// Box filter: averages the pixels under each cell pixel.
 static void shrink_into(const struct sheet_image *from, uint8_t *sheet, int stride, int x0, int y0, int width,
                         int height)
 {

@@ -1,7 +1,6 @@
-// skeleton-strip OUT.png COUNT FOLDER [FIRST LAST]: follows the person in a folder of
-// depth pictures (TUM layout) and shows COUNT instants between two of its frames side by
-// side, depth as brightness, cut to the person. Limbs of the person's left are orange,
-// of their right blue; what is guessed is drawn thin, what is unknown not at all.
+// skeleton-strip OUT.png COUNT FOLDER [FIRST LAST]: tracks the person in a folder of depth images (TUM layout) and
+// shows COUNT instants between two of its frames side by side, depth as brightness, cropped to the person. Limbs of the
+// person's left are orange, of their right blue; joints of low confidence are drawn thin, unknown ones not at all.
 #include "capture/tracking/tracker.h"
 #include "platform/png.h"
 #include "platform/source.h"

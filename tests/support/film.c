@@ -22,7 +22,7 @@ static void check(enum status status)
 static void write_calibration(const struct scratch *scratch, const char *name, const struct calibration *c)
 {
     char text[1024], path[300], lens[300];
-    const struct lens *l = &c->color; // registered: the same for both
+    const struct lens *l = &c->color; // registered: the same lens for both
     snprintf(lens, sizeof lens,
              "{\"width\": %d, \"height\": %d, \"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, "
              "\"distortion\": [0, 0, 0, 0, 0], \"unit_m\": 0.001}",

@@ -1,7 +1,7 @@
 #include "tests/support/limbs.h"
 
-// Where each bone hangs from, how long it is, where it points at rest (left,
-// up, to the front) and how far it swings (radians).
+// A bone: its parent, its length, its direction in the bind pose (x left, y up, z to the front) and the amplitude of
+// its swing (radians). Chosen by hand.
 struct limb_bone {
     enum joint joint, from;
     double length_m, bind_direction[3], swing;
@@ -70,7 +70,7 @@ struct skeleton limbs_at(const struct limbs *l, double time_s, double noise_m, s
     struct quat turn = quat_from_rotation_vector(v3(0, wave_at(l->heading, time_s), 0));
     for (size_t i = 0; i < COUNT_OF(bones); i++) {
         const struct limb_bone *b = &bones[i];
-        // To the person's left is the camera's right when they face it, up is -y, their front is -z.
+        // Left of a person who faces the camera is the camera's right, up is -y, their front is -z.
         struct vec3 bind_vector =
             v3_scale(v3_unit(v3(b->bind_direction[0], -b->bind_direction[1], -b->bind_direction[2])), b->length_m);
         struct quat swing = quat_from_rotation_vector(

@@ -1,5 +1,5 @@
-// A folder to write in and a small recording with a bit of everything, for the
-// tests of the recording file. Everything follows from SAMPLE_SEED.
+// A folder to write in and a small recording with a bit of everything, for tests of the recording file. Everything
+// follows from SAMPLE_SEED.
 #pragma once
 #include "tests/support/test.h"
 
@@ -28,7 +28,7 @@ static inline const char *sample_path(const char *name)
 static inline int make_folder(void **state)
 {
     (void)state;
-    // In memory where that is possible: hundreds of small files shall not wait for a disk.
+    // In memory where possible: hundreds of small files must not wait for a disk.
     bool has_memory = !access("/dev/shm", W_OK | X_OK);
     snprintf(folder, sizeof folder, "%s/reenact_test.XXXXXX", has_memory ? "/dev/shm" : "/tmp");
     return mkdtemp(folder) ? 0 : -1;
@@ -42,7 +42,7 @@ static inline int remove_folder(void **state)
     return system(command);
 }
 
-// ------------------------------------------------------------- things to record
+// ------------------------------------------------------------- data to record
 
 static inline double number(struct rng *rng) { return rng_normal(rng) * 3; }
 
@@ -113,7 +113,7 @@ static inline struct place sample_place(struct rng *rng)
     return p;
 }
 
-// A frame and the memory it points to. Some pictures are missing on purpose.
+// A frame and its buffers. Some images are missing on purpose.
 struct sample_frame {
     struct take_frame frame;
     uint8_t *jpeg;

@@ -1,6 +1,5 @@
-// Pictures of tags whose truth is known: drawn through a distorting lens, with
-// 6 x 6 samples a pixel in linear light, then encoded and made noisy as a camera
-// does. Shares no code with what it tests but the lens and the tag's bits.
+// Images of tags whose truth is known: rendered through a distorting lens with 6 x 6 samples a pixel in linear light,
+// then sRGB-encoded with a camera's noise. Shares no code with what it tests but the lens and the tag's bits.
 #pragma once
 #include "capture/recording/place.h"
 #include "platform/tag_detector.h"
@@ -14,8 +13,8 @@ struct tag_picture {
     struct pose world_from_camera;
     double noise;    // grey levels, standard deviation
     bool linear;     // no sRGB encoding: what careless code assumes
-    double blur_px;  // of the lens beside the pixel's own square: standard deviation, at most 0.6. 0: none, and fewer
-                     // samples a pixel, by which an edge along the rows may be off by a twelfth of a pixel
+    double blur_px;  // of the lens in addition to the pixel's own square: standard deviation, at most 0.6. 0: none, and
+                     // fewer samples a pixel, so that an edge along the rows may be off by a twelfth of a pixel
     uint64_t seed;   // of the noise
     uint8_t *rgb;    // out, lens.width * lens.height * 3
     uint16_t *depth; // out, exact; NULL: not wanted
@@ -56,7 +55,7 @@ struct tag_picture_plane {
     struct tag_pattern pattern;
 };
 
-// Linear light along a ray; *z: how far, 0 for the background.
+// Linear light along a ray; *z: its depth, 0 for the background.
 static inline double tag_picture_light(const struct tag_picture_plane *planes, int count, struct vec3 ray, double *z)
 {
     *z = 0;
@@ -79,8 +78,8 @@ static inline double tag_picture_light(const struct tag_picture_plane *planes, i
     return TAG_PICTURE_BACK;
 }
 
-// Pictures with a lens's blur: SIDE x SIDE samples a pixel over the whole picture, blurred along the rows, then
-// along the columns. light: out, linear.
+// Images with a lens's blur: SIDE x SIDE samples a pixel, blurred along the rows, then along the columns. light: out,
+// linear.
 static inline void tag_picture_blurred(const struct tag_picture *p, const struct tag_picture_plane *planes,
                                        double *light)
 {
@@ -105,7 +104,8 @@ static inline void tag_picture_blurred(const struct tag_picture *p, const struct
     }
     int first = (int)fmax(0, low.x - 4), end = (int)fmin(width, high.x + 5); // the columns with tags
     first = first < width ? first : 0, end = end > first ? end : first + 1;
-    for (int line = -REACH; line < height * SIDE + REACH; line++) { // of samples; `narrow` keeps the last TAPS
+    for (int line = -REACH; line < height * SIDE + REACH;
+         line++) { // rows of samples; `narrow` is a ring of the last TAPS
         double *out = narrow + (size_t)((line + REACH) % rows) * (size_t)width;
         for (int i = first * SIDE; i < end * SIDE; i++) {
             struct pixel at = {(i + 0.5) / SIDE - 0.5, (line + 0.5) / SIDE - 0.5};
@@ -119,7 +119,7 @@ static inline void tag_picture_blurred(const struct tag_picture *p, const struct
                 out[x] += taps[k] * samples[i < first * SIDE ? first * SIDE : i >= end * SIDE ? end * SIDE - 1 : i];
             }
         }
-        int y = (line - REACH - SIDE + 1) / SIDE; // whose last sample's line this is
+        int y = (line - REACH - SIDE + 1) / SIDE; // the pixel row whose last sample row this is
         if (line < REACH + SIDE - 1 || (line - REACH + 1) % SIDE)
             continue;
         for (int x = 0; x < width; x++) {
@@ -161,7 +161,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     for (int y = 0; y < p->lens.height; y++) {
         for (int x = 0; x < p->lens.width; x++) {
             size_t at = (size_t)y * (size_t)p->lens.width + (size_t)x;
-            // Far from an edge one sample says it all; near one, the whole pixel.
+            // Far from an edge one sample suffices; near one, sample the whole pixel.
             double sum = 0, z, low = 1, high = 0;
             struct vec3 middle = lens_ray(&p->lens, (struct pixel){x, y});
             double light = tag_picture_light(planes, p->tag_count, middle, &z);
@@ -193,8 +193,8 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     return true;
 }
 
-// A camera looking at the origin's square (its axes the world's: x right, y up, z
-// towards the reader) from `distance`, turned by yaw about y and pitch about x.
+// A camera looking at the square at the origin (world axes: x right, y up, z towards the reader) from `distance`,
+// rotated by yaw about y and pitch about x.
 static inline struct pose tag_picture_view(double distance, double yaw, double pitch, double roll)
 {
     struct quat face = {1, 0, 0, 0}; // camera y down and z into the wall
@@ -206,7 +206,7 @@ static inline struct pose tag_picture_view(double distance, double yaw, double p
     return world_from_camera;
 }
 
-// Where the corners truly are, in pixels.
+// The true corners, in pixels.
 static inline void tag_picture_corners(const struct tag_picture *p, int tag, struct pixel out[4])
 {
     struct vec3 world[4];

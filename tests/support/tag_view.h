@@ -1,5 +1,5 @@
-// Tags as a camera sees them, without a picture: their true corners and noise, for fits
-// that no tag finder would let through.
+// Observations of tags without an image: projections of their true corners plus noise, for pose solvers in cases that
+// no tag detector would let through.
 #pragma once
 #include "locate/pose_solver.h"
 #include "tests/support/random.h"

@@ -1,6 +1,5 @@
-// Depth sensors and .oni files through the real OpenNI2: the fake sensor
-// (openni_driver/) plays a folder made here, and make-oni records it. What
-// arrives must be the folder's pictures, bit for bit, unmirrored, in order.
+// Depth sensors and .oni files through the real OpenNI2: the fake sensor (openni_driver/) plays a folder made here, and
+// make-oni records it. What arrives must be the folder's images, bit for bit, not mirrored, in order.
 #include "tests/support/test.h"
 
 #include "tests/openni_driver/keep_player.h"
@@ -125,8 +124,8 @@ static void same(const struct frame *f, int index, bool color)
     assert_null(f->jpeg);
 }
 
-// Reads a live sensor until it goes away. Which frames come depends on how fast this machine
-// is; that each is right, later than the last, and counted, does not.
+// Reads a live sensor until it is disconnected. Which frames come depends on how fast this machine is; that each is
+// correct, later than the last, and counted, does not.
 static void read_live(const char *uri, int wanted_frames)
 {
     struct source *s = open_it(uri);
@@ -140,9 +139,9 @@ static void read_live(const char *uri, int wanted_frames)
         EXPECT_INT(f.time_ns, (BEGIN_US + (int64_t)index * STEP_US) * 1000);
         EXPECT_AT_LEAST(index, last + 1);
         if (first < 0)
-            first = index; // what goes by before anybody looks is not counted
+            first = index; // frames before the first read are not counted
         last = index;
-        same(&f, index, f.color != NULL); // colour may be missed; a wrong one may not come
+        same(&f, index, f.color != NULL); // colour may be missing, but may not be wrong
         frames++;
     }
     EXPECT_STATUS(status, ERR_DEVICE);
@@ -167,7 +166,7 @@ static void test_sensor(void **state)
 {
     (void)state;
     read_live("openni", FRAMES);
-    set("MIRROR", "fixed"); // turned back by us
+    set("MIRROR", "fixed"); // mirrored back by us
     read_live("openni:0", FRAMES);
 }
 
@@ -253,7 +252,7 @@ static void test_devices(void **state)
     snprintf(two, sizeof two, "%s:%s", room->scratch.path, room->scratch.path);
     set("", two);
     EXPECT_STATUS(source_devices(list, COUNT_OF(list), &count), OK);
-    EXPECT_AT_LEAST(count, 2); // a camera may be there, too
+    EXPECT_AT_LEAST(count, 2); // a camera may be present too
     assert_string_equal(list[0].uri, "openni:0");
     assert_string_equal(list[1].uri, "openni:1");
     assert_string_equal(list[1].name, "Reenact fake sensor");
@@ -360,7 +359,7 @@ static void test_recording_damaged(void **state)
     uint8_t *bytes;
     size_t count;
     EXPECT_STATUS(file_read(room->oni + 4, &bytes, &count), OK);
-    // The recorder leaves the file twice as long as what it wrote; so half of the pictures are before this.
+    // The recorder leaves the file twice as long as what it wrote; so half of the images are before this.
     memset(bytes + count / 4, 0, count / 16);
     EXPECT_STATUS(file_write(room->oni + 4, bytes, count), OK);
     s = open_it(room->oni);
@@ -369,7 +368,7 @@ static void test_recording_damaged(void **state)
     int frames = 0, damaged = 0;
     while ((status = source_next(s, &f)) != NOTHING) {
         if (status == OK) {
-            if (frames++ < FRAMES / 2 - 3) // where the damage begins a picture may be wrong: nothing in the file tells
+            if (frames++ < FRAMES / 2 - 3) // where the damage begins an image may be wrong: the file has no checksum
                 same(&f, frames - 1, true);
             continue;
         }

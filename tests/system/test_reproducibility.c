@@ -1,8 +1,7 @@
-// The same numbers on every machine, compiler and width of vectors: what only
-// adds, multiplies, divides and takes roots comes out the same to the bit. The
-// sums below were made on x86-64 and hold on 64-bit ARM. Where libm decides
-// (sine, power), machines may differ in the last bit; no sum here depends on it.
-// What other libraries solve differs in the ninth digit, and goes no further.
+// The same numbers on every machine, compiler and vector width: what only adds, multiplies, divides and takes roots is
+// identical to the bit. The checksums below were made on x86-64 and hold on 64-bit ARM. Where libm decides (sine,
+// power), machines may differ in the last bit; no checksum here depends on it. What other libraries solve differs in
+// the ninth digit; no checksum depends on that either.
 #include "tests/support/test.h"
 
 #include "capture/recording/depth_codec.h"
@@ -35,7 +34,7 @@ static void expect_sum(const char *what, uint64_t sum, uint64_t wanted)
 
 static double within(struct rng *rng, double most) { return most * (2 * rng_uniform(rng) - 1); }
 
-// One after the other: compilers differ in which argument of a call they work out first.
+// Separate statements: compilers differ in the order in which they evaluate a call's arguments.
 static struct vec3 place_within(struct rng *rng, double x_most, double y_most, double z_most)
 {
     double x = within(rng, x_most), y = within(rng, y_most), z = within(rng, z_most);
@@ -48,7 +47,7 @@ static struct quat rotation_within(struct rng *rng, double x_most, double y_most
     return quat_unit((struct quat){axis.x, axis.y, axis.z, w});
 }
 
-// A figure whose joints wander, without a sine.
+// A figure whose joints perform a random walk, without a sine.
 static void step(struct skeleton *s, struct rng *rng)
 {
     for (int j = 0; j < JOINT_COUNT; j++) {
@@ -140,7 +139,7 @@ static struct pose pose_of_sensor(const struct place *place, const uint8_t *colo
     return pose;
 }
 
-// Another machine's solver, played by tags that hang some nanometres moved_pose.
+// Another machine's solver, simulated by tags displaced by some nanometres.
 static void test_sensor_pose(void **state)
 {
     (void)state;

@@ -1,8 +1,8 @@
-// The app running on and on with a camera that never ends: memory stays flat, no
-// descriptor is lost, and every picture's time is known by stage.
+// The app running for long with a camera that never ends: memory stays flat, no descriptor leaks, and every image's
+// time is known by stage.
 //
 //     test_soak                         a few seconds
-//     test_soak SECONDS FILE CAMERA     as long as is wished, with figures
+//     test_soak SECONDS FILE CAMERA     as long as asked for, with figures
 #include "tests/support/test.h"
 
 #include "app/viewer.h"
@@ -18,22 +18,22 @@
 
 enum { WIDTH = 1280, HEIGHT = 800, MOST_FRAMES = 200000, SLOWEST = 10, REFERENCE_EACH = 8 };
 
-// How long the test lasts, seconds: some pictures must be drawn in every third of it.
+// Duration of the test, seconds: some images must be drawn in every third of it.
 #ifdef EMULATED
 static const double PATIENCE_S = 120;
 #else
 static const double PATIENCE_S = 9;
 #endif
 
-// One picture's way.
+// One image's latencies.
 struct way {
     double total_ms, ms[FRAME_STAGES];
-    struct work work;        // of drawing it, whoever else is busy meanwhile
-    double stolen_ms;        // since the picture before
+    struct work work;        // of drawing it, and of all other threads meanwhile
+    double stolen_ms;        // since the previous image
     double at_s;             // since the beginning
     double take_s;           // of the take
-    double resolution_scale; // that the actor was drawn at
-    bool placed;             // the camera knew where it was
+    double resolution_scale; // at which the actor was drawn
+    bool placed;             // the camera was localised
 };
 
 static double resident_mib(void)
@@ -61,21 +61,21 @@ static int descriptors(void)
 
 struct soak {
     int64_t frames;
-    // Most memory and fewest descriptors seen in the second and in the last third of the time: a picture that is being
-    // located, or drawn, takes some for a moment, and the camera opens a file for each; one that is lost with every
-    // picture, or now and then, is open in all the pictures after.
+    // Most memory and fewest descriptors in the second and in the last third of the time. An image that is being
+    // located or drawn takes some for a moment, and the camera opens a file for each; a descriptor leaked with every
+    // image, or now and then, stays open for all the images after.
     double warm_mib, last_mib;
     int descriptors_warm, descriptors_last;
     double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
     struct way slowest[SLOWEST];             // of the same, the slowest first
-    int64_t slow, slow_stolen;               // of the same, over twice the median; while something was stolen
-    double slowest_own_ms;                   // while nothing was
-    double alone_ms;                         // locating and drawing the camera's picture alone, mean
+    int64_t slow, slow_stolen;               // of the same, over twice the median; while processor time was stolen
+    double slowest_own_ms;                   // while none was stolen
+    double alone_ms;                         // localising and drawing the camera's image alone, mean
     double cpu_median_ms, cpu_slowest_ms;    // processor time of drawing
-    double cpu_alone_ms;                     // of the camera's picture alone, mean
+    double cpu_alone_ms;                     // of the camera's image alone, mean
 };
 
-// What a soak is made with.
+// State of a soak run.
 struct bath {
     struct gpu *gpu;
     struct gpu_target *target;
@@ -84,7 +84,7 @@ struct bath {
     uint8_t *rgba;
     struct way *ways;
     int64_t count, references, last_camera_number;
-    double stolen_ms;              // when the last picture was shown
+    double stolen_ms;              // when the last image was shown
     double alone_ms, cpu_alone_ms; // sums
 };
 
@@ -94,7 +94,7 @@ static int slowest_first(const void *a, const void *b)
     return (x->total_ms < y->total_ms) - (x->total_ms > y->total_ms);
 }
 
-// The camera's picture alone, drawn and waited for.
+// The camera's image alone, drawn and waited for.
 static double draw_camera_alone(struct bath *b)
 {
     struct viewer *t = &b->viewer;
@@ -135,7 +135,7 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
     return true;
 }
 
-// What that costs must not be seen in the way of the next picture: one that came meanwhile does not count.
+// Measures the reference. Its cost must not count in the latency of the next image: one that came meanwhile is skipped.
 static void refer(struct bath *b)
 {
     const struct camera_frame *frame = b->viewer.frame;
@@ -185,8 +185,8 @@ static void sum_up(struct soak *s, struct bath *b)
     }
 }
 
-// reference: measures the app as it is used, and now and then the camera's picture alone beside it. Else every picture
-// is drawn at the display's size, for what memory is needed must not hang on how busy the machine is.
+// reference: measures the app as it is used, and now and then the camera's image alone as well. Otherwise every image
+// is drawn at full resolution, since the memory needed must not depend on how busy the machine is.
 static struct soak soak(const char *file, const char *camera, double seconds, bool reference)
 {
     const struct viewer_options how = {

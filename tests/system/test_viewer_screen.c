@@ -1,5 +1,5 @@
-// The program on real displays, X11 (Xvfb) and Wayland (weston within it): what stands
-// in the display's memory at the end is looked at.
+// The program on real displays, X11 (Xvfb) and Wayland (weston within it): the contents of the display's memory are
+// checked.
 #include "tests/support/test.h"
 
 #include "base/clock.h"
@@ -16,19 +16,19 @@
 
 enum { WIDTH = 1280, HEIGHT = 800 };
 
-// Turned over, too; not where drawing is emulated, for test_screens turns pictures there.
+// Rotated, too; not where drawing is emulated, since test_screens rotates images there.
 #ifdef EMULATED
 enum { WAYS_UP = 1 };
 #else
 enum { WAYS_UP = 2 };
 #endif
-static const int ACCENT[3] = {45, 212, 191}; // of the play button in the dark
+static const int ACCENT[3] = {45, 212, 191}; // of the play button in the dark theme
 
 static struct rehearsal rehearsal;
 static pid_t xvfb, weston, watcher; // 0: not running
 static uint8_t rgb[WIDTH * HEIGHT * 3];
 
-// Xvfb keeps its picture in a file of the format of xwd.
+// Xvfb keeps its framebuffer in a file in xwd format.
 static bool read_display(void)
 {
     uint8_t *bytes;
@@ -50,7 +50,7 @@ static bool read_display(void)
     return whole;
 }
 
-// Where the accent's pixels lie within a box, and how many there are.
+// The bounding box of the accent's pixels within a box, and their number.
 static int find_accent(int left, int top, int right, int bottom)
 {
     int count = 0;
@@ -62,7 +62,7 @@ static int find_accent(int left, int top, int right, int bottom)
     return count;
 }
 
-// How far from one another the colours are, in the middle of the screen: a picture, or a plain ground.
+// Spread of the colours in the middle of the screen: an image, or a plain background.
 static int colorfulness(void)
 {
     static bool met[4096];
@@ -78,7 +78,7 @@ static int colorfulness(void)
     return count;
 }
 
-// Waits until the play button is there, at the foot or, turned over, at the head, and a picture with it.
+// Waits until the play button is there, at the bottom or, rotated, at the top, and an image with it.
 static void expect_screen(bool turned)
 {
     const int top = turned ? 20 : HEIGHT - 120;
@@ -97,7 +97,7 @@ static void expect_screen(bool turned)
     EXPECT_AT_LEAST(colors, 100);
 }
 
-// Also after a test that failed; returns the exit status.
+// Also after a failed test; returns the exit status.
 static int end(pid_t *child)
 {
     int status = 0;
@@ -168,7 +168,7 @@ static void test_on_wayland(void **state)
     end(&weston);
 }
 
-// It says one sentence, and that is all.
+// It prints one message, and nothing else.
 static void expect_refusal(const struct process_result *said, const char *word)
 {
     const char *end = strchr(said->err, '\n');
@@ -228,7 +228,7 @@ static int set_up(void **state)
 {
     (void)state;
     static char folder[300], display[16];
-    // Drivers and the desktop's bus, loaded and unloaded by SDL, leave crumbs; our own are looked for in test_screens.
+    // Drivers and the desktop's bus, loaded and unloaded by SDL, leak a little; test_screens checks for our own leaks.
     setenv("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0", 1);
     rehearsal = rehearsal_make();
     snprintf(folder, sizeof folder, "%s", rehearsal.scratch.path);
@@ -236,7 +236,7 @@ static int set_up(void **state)
     snprintf(display, sizeof display, ":%d", 1000 + (int)getpid() % 50000);
     const char *const arguments[] = {
         "/usr/bin/Xvfb", display,     "-screen", "0",        "1280x800x24", "-fbdir",
-        folder,          "-nolisten", "tcp",     "-noreset", NULL}; // not anew when the last window closes
+        folder,          "-nolisten", "tcp",     "-noreset", NULL}; // do not restart when the last window closes
     xvfb = process_start(arguments);
     setenv("DISPLAY", display, 1);
     for (int i = 0; i < 100 && !read_display(); i++)

@@ -13,7 +13,7 @@ struct net_grid {
     int n[3]; // points along each axis, a multiple of BLOCK plus 1
     int blocks[3];
     float *value;    // at the points
-    int *vertex;     // of the cell whose low corner the point is, -1
+    int *vertex;     // of the cell whose low corner is this point, -1: none
     uint8_t *active; // blocks that the surface may cross
 };
 
@@ -32,7 +32,7 @@ static void fill_block(struct net_grid *g, int bx, int by, int bz)
     struct vec3f middle = place(g, ((float)bx + 0.5f) * BLOCK, ((float)by + 0.5f) * BLOCK, ((float)bz + 0.5f) * BLOCK);
     float reach = 0.87f * BLOCK * g->cell; // half the diagonal
     float d = form_distance(g->form, middle, NULL);
-    bool active = fabsf(d) < 1.6f * reach + 0.01f; // the distance is one only nearly
+    bool active = fabsf(d) < 1.6f * reach + 0.01f; // the distance is only approximate
     g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx] = active;
     if (!active)
         return;
@@ -135,7 +135,7 @@ static void make_quads(struct net_grid *g, int x, int y, int z, struct mesh *m)
 
 static enum status grid_make(struct net_grid *g, const struct form *form, float cell)
 {
-    // A box round all shapes.
+    // A box around all shapes.
     float low[3] = {10, 10, 10}, high[3] = {-10, -10, -10};
     for (int i = 0; i < form->count; i++) {
         const struct shape *s = &form->shapes[i];
@@ -167,11 +167,11 @@ static enum status grid_make(struct net_grid *g, const struct form *form, float 
     return OK;
 }
 
-// Steps onto the folded surface: that also evens out the grid's own pattern.
+// Newton steps onto the folded surface: that also removes the grid's own pattern.
 static void finish_vertices(struct mesh *m, const struct form *f, float cell)
 {
     struct shape_subset subset = {.reach = 0};
-    for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `subset` lasts
+    for (int i = 0; i < m->vertex_count; i++) { // block by block, so that `subset` stays valid
         struct vec3f *p = &m->at[i];
         form_select_shapes(f, *p, 0.01f, 0.04f, &subset);
         struct vec3f normal = m->normal[i] = form_normal(f, *p, &subset);

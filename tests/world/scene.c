@@ -44,7 +44,7 @@ static int add_box(struct world_scene *s, struct vec3 a, struct vec3 b, enum mat
     return s->box_count++;
 }
 
-// The decal is the next free one; its texture is filled by the caller.
+// Adds the next free decal; the caller fills its texture.
 static struct decal *add_decal(struct world_scene *s, int surface, double u, double v, double width, double height,
                                double turn_deg)
 {
@@ -69,7 +69,7 @@ static const struct {
 
 static enum status add_tags(struct world_scene *s, uint32_t hang, const struct world_moved *moved)
 {
-    enum { TEXELS = 24 }; // a cell's: fine enough that the filter never sees the texels themselves
+    enum { TEXELS = 24 }; // texels a cell: fine enough that the filter never resolves them
     for (int i = 0; i < TAG_COUNT; i++) {
         if (!(hang >> i & 1))
             continue;
@@ -176,7 +176,7 @@ static enum status add_furniture(struct world_scene *s, uint32_t seed)
     add_box(s, v3(-2.55, 3.15, 0.52), v3(-2.15, 3.5, 0.78), MATERIAL_CARDBOARD, 0xb08d62);
     add_box(s, v3(-3.2, 2.0, 0), v3(-2.68, 2.55, 0.50), MATERIAL_CARDBOARD, 0xb08d62);
     add_box(s, v3(-3.1, 2.1, 0.50), v3(-2.74, 2.42, 0.78), MATERIAL_CARDBOARD, 0xa9855a);
-    // A table by the right wall, and what lies on it.
+    // A table by the right wall, and the things on it.
     add_box(s, v3(2.62, 0.55, 0.71), v3(3.26, 2.05, 0.75), MATERIAL_WOOD, 0xc79a63);
     for (int i = 0; i < 4; i++) {
         double x = i & 1 ? 3.17 : 2.66, y = i & 2 ? 1.96 : 0.59;
@@ -237,7 +237,7 @@ void scene_free(struct world_scene *s)
     memset(s, 0, sizeof *s);
 }
 
-// Where the ray enters a box: distance, and the face as add_box orders them; -1: it misses.
+// Where the ray enters a box: distance, and the face in add_box's order; -1: it misses.
 static int box_entry(const struct room_box *b, struct vec3 from, struct vec3 inverse, double *distance)
 {
     double x0 = (b->low.x - from.x) * inverse.x, x1 = (b->high.x - from.x) * inverse.x;
@@ -329,7 +329,7 @@ static void tile(const struct texture *t, double u, double v, double texel_m, st
     texture_at(t, u * (double)s, v * (double)s, f.dudx * s, f.dvdx * s, f.dudy * s, f.dvdy * s, true, out);
 }
 
-// Planks 15 cm wide and 1.5 m long, each with its own tint and piece of grain.
+// Planks 15 cm wide and 1.5 m long, each with its own tint and grain offset.
 static void floor_albedo(const struct world_scene *s, const struct room_surface *f, double u, double v,
                          struct footprint foot, float albedo[3])
 {

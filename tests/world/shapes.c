@@ -47,7 +47,7 @@ float shape_distance(const struct shape *s, struct vec3f p)
     return shrink * maxf(out, beyond);
 }
 
-// Quadratic smooth minimum (Quilez): melts over a width of k.
+// Quadratic smooth minimum (Quilez): blends over a width of k.
 static float melt(float a, float b, float k)
 {
     float h = maxf(k - fabsf(a - b), 0) / k;
@@ -185,7 +185,7 @@ static void add_head(struct maker *m)
 {
     bool woman = m->p->figure.woman;
     struct vec3f neck = m->joint[JOINT_NECK], head = m->joint[JOINT_HEAD], skull = f_of(m->p->skull);
-    // Heads vary less than heights: a child's is larger for its height.
+    // Heads vary less than heights: a child's is larger relative to its height.
     float k = m->s, big = 1 + 0.28f * maxf(0, 1 - m->s);
     m->s *= big;
     double thick = (woman ? 0.049 : 0.057) * (0.6 + 0.4 * (double)m->g);
@@ -256,7 +256,7 @@ static void add_leg(struct maker *m, int side)
     struct vec3 k3 = m->p->bind_joint[l + 1], a3 = m->p->bind_joint[l + 2];
     bool bare = m->p->figure.clothes == CLOTHES_SKIRT;
     double wide = bare ? 0 : 0.008;                                      // of the trousers
-    double top = least(0.084 * t, (double)(fabsf(hip.x) / m->s) * 0.96); // thighs must not melt into one
+    double top = least(0.084 * t, (double)(fabsf(hip.x) / m->s) * 0.96); // thighs must not merge into one
     add(m, SHAPE_ROUND_CONE, thigh, beside(m, hip, 0.006 * x, 0, -0.03), beside(m, knee, 0, -0.004, 0.01),
         top + wide * 0.3, 0.054 * t + wide, 0.028)
         ->cloth = !bare;

@@ -1,4 +1,4 @@
-// The small world against itself: what it says is true must be what it draws.
+// The small world's consistency: the truth it reports is what it renders.
 #include "tests/support/test.h"
 
 #include "tests/world/world.h"
@@ -49,7 +49,7 @@ static void drop(struct shot_pixels *p)
     free(p->depth);
 }
 
-// Every joint is inside the body, so wherever it projects to, the figure is seen, and in front of it.
+// Every joint is inside the body, so at its projection the figure is seen, and in front of it.
 static void test_joints_lie_behind_the_skin(void **state)
 {
     (void)state;
@@ -83,7 +83,7 @@ static void test_joints_lie_behind_the_skin(void **state)
     EXPECT_AT_LEAST(seen, 200);
 }
 
-// Standing still, facing the sensor, nothing is before anything else: the skin is a radius away.
+// Standing still, facing the sensor, nothing occludes anything: the skin is a radius in front of the joint.
 static void test_skin_is_a_radius_before_the_joint(void **state)
 {
     (void)state;
@@ -106,7 +106,7 @@ static void test_skin_is_a_radius_before_the_joint(void **state)
             EXPECT_AT_LEAST(radius, 0.010);
             EXPECT_AT_MOST(radius, 0.30);
         }
-        // Left is the person's own: on the right of the picture of someone who faces us.
+        // Left is the person's own: on the right of the image of a person who faces the camera.
         EXPECT_AT_LEAST(s.joint[JOINT_LEFT_HAND].x - s.joint[JOINT_RIGHT_HAND].x, 0.3);
         drop(&p);
         world_close(&w);
@@ -282,7 +282,7 @@ static void test_tags_are_drawn_at_their_poses(void **state)
             }
         drop(&p);
     }
-    // In linear light half-way lies elsewhere than in grey levels, so edges seem to bulge a little.
+    // In linear light the half-way point lies elsewhere than in grey levels, so edges seem to bulge a little.
     EXPECT_NEAR(sum / n, 0, 0.2);
     EXPECT_AT_MOST(sqrt(square / n), 0.25);
     world_close(&w);
@@ -341,7 +341,7 @@ static void test_depth_noise_grows_as_the_sensor_s_does(void **state)
     size_t n = (size_t)lens.width * (size_t)lens.height;
     uint16_t *ideal = malloc(n * 2), *out = malloc(n * 2);
     for (int mm = 700; mm <= 6000; mm = mm * 3 / 2) {
-        for (size_t i = 0; i < n; i++) // a slope over several steps, so that no place between two is preferred
+        for (size_t i = 0; i < n; i++) // a slope over several steps, so that no position between two is preferred
             ideal[i] = (uint16_t)(mm + mm * (i % 640) / 6400);
         EXPECT_STATUS(world_depth_noise(&lens, ideal, (uint64_t)mm, out), OK);
         double sum = 0, square = 0, off_step = 0, count = 0;

@@ -37,7 +37,7 @@ static void test_bvh_gives_positions(void **state)
     struct vec3 p[2];
     bvh_positions(b, 0, p);
     EXPECT_NEAR(v3_distance(p[1], v3(1, 0, 3)), 0, 1e-12);
-    bvh_positions(b, 1, p); // a quarter turn about z takes -y to +x
+    bvh_positions(b, 1, p); // a quarter turn about z maps -y to +x
     EXPECT_NEAR(v3_distance(p[1], v3(3, 2, 3)), 0, 1e-12);
     bvh_free(&b);
 }

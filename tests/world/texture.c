@@ -60,7 +60,7 @@ void texture_set(struct texture *t, int x, int y, const float linear[3])
         p[c] = linear_to_srgb(linear[c]);
 }
 
-// Each level is the box-filtered half of the one below; odd edges weigh as they cover.
+// Each level is the box-filtered half of the one below; odd edges are weighted by coverage.
 void texture_finish(struct texture *t)
 {
     for (int i = 1; i < t->level_count; i++) {

@@ -1,5 +1,5 @@
-// film-world: films the small world into folders, as a sensor and a tablet would
-// have, with the truth beside them.
+// film-world: renders the small world into folders, as a sensor and a tablet's camera would have recorded it, with the
+// truth beside them.
 #include "app/commands/command.h"
 #include "platform/file.h"
 #include "platform/jpeg.h"
@@ -21,14 +21,14 @@ struct film_options {
     int sets;
     double seconds; // < 0: all
     int width, height;
-    double focal_px;  // 0: as a Kinect's, as a tablet's, by the width
+    double focal_px;  // 0: as a Kinect's or a tablet's, by the width
     double rate_hz;   // 0: the reel's own
-    double readout_s; // of a rolling shutter; the sensor on its stand does not notice
+    double readout_s; // of a rolling shutter; the sensor on its stand has none
     bool clean;
     struct world_options world;
 };
 
-// One camera's film: what it is called, how often it looks, when its clock starts.
+// One camera's film: its name, its rate, when its clock starts.
 struct reel {
     const char *name;
     enum set set;
@@ -142,7 +142,7 @@ static enum status save_tags(const struct world *w, const char *folder, const ch
         json_add_number(tag, "id", tags[i].id);
         json_add_number(tag, "size_m", tags[i].side_m);
         struct json *corners = json_add_array(tag, "corners");
-        // place_tag_corners' order, worked out here: the truth leans on nothing that is measured by it
+        // place_tag_corners' order, computed here: the truth must not depend on what it judges
         static const double sign[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
         for (int k = 0; k < 4; k++) {
             double h = tags[i].side_m / 2;
@@ -172,7 +172,7 @@ static void add_joints(struct text_buffer *t, double time, const struct skeleton
             s->joint[j].z);
 }
 
-// ---------------------------------------------------------------- pictures
+// ---------------------------------------------------------------- images
 
 struct pixels {
     uint8_t *color, *mask;
@@ -209,7 +209,7 @@ static struct pose rolling_camera_pose(const void *context, double time_s)
     return camera_at(c->world, c->reel, time_s);
 }
 
-// Frame `i` of a reel: its picture, its depth, and what a viewer should have seen.
+// Frame `i` of a reel: its image, its depth, and what a viewer should have seen.
 static enum status film_frame(const struct film_options *f, const struct world *w, const struct reel *r,
                               const struct lens *lens, struct pose world_from_camera, int i, double t,
                               struct pixels *px)
@@ -269,7 +269,7 @@ static enum status make_folders(const struct film_options *f, const struct reel 
     return status;
 }
 
-// The picture is as high as was asked for, about the lens's own middle; pixels are square.
+// The image has the height asked for, about the lens's own centre; pixels are square.
 static struct calibration calibration_of(const struct film_options *f, const struct reel *r)
 {
     double scale = f->width / 640.0;
