@@ -67,7 +67,7 @@ static double scene(double x, double y, int index)
 
 // Kinect-like noise: steps of 1/8 pixel of disparity, noise of a third of a step, and a shadow to the right of
 // foreground objects.
-static void make_picture(uint16_t *depth, int index)
+static void make_image(uint16_t *depth, int index)
 {
     const double focal = 575, base_m = 0.075;
     uint64_t rng = 2017 + (uint64_t)index;
@@ -86,7 +86,7 @@ static void make_picture(uint16_t *depth, int index)
 
 static int by_name(const void *a, const void *b) { return strcmp(*(char *const *)a, *(char *const *)b); }
 
-static enum status read_pictures(struct depth_images *p, const char *folder)
+static enum status read_images(struct depth_images *p, const char *folder)
 {
     char path[4200], **names = NULL;
     size_t count = 0;
@@ -117,7 +117,7 @@ static enum status read_pictures(struct depth_images *p, const char *folder)
         snprintf(path, sizeof path, "%s/depth/%s", folder, names[(size_t)i * count / (size_t)p->count]);
         status = png_read(path, PNG_GRAY16, (void **)&p->depth[i], &width, &height);
         if (status == OK && i && (width != p->width || height != p->height))
-            status = fail(ERR_INPUT, "%s has another size than the pictures before", path);
+            status = fail(ERR_INPUT, "%s differs in size from the images before", path);
         p->width = width;
         p->height = height;
     }
@@ -134,8 +134,8 @@ static enum status make_images(struct depth_images *p)
     p->height = MADE_HEIGHT;
     for (int i = 0; i < MADE; i++) {
         if (!(p->depth[i] = malloc(pixels_of(p) * sizeof(uint16_t))))
-            return fail(ERR_MEMORY, "no memory for pictures");
-        make_picture(p->depth[i], i);
+            return fail(ERR_MEMORY, "no memory for images");
+        make_image(p->depth[i], i);
     }
     return OK;
 }
@@ -267,7 +267,7 @@ static enum status decode(const struct depth_contender *c, uint8_t *bytes, size_
     *back = p->back;
     switch (c->code) {
     case OURS: return depth_decode(p->coder, bytes, count, p->back, p->width, p->height);
-    case PNG: return png_decode(bytes, count, "a picture", PNG_GRAY16, (void **)back, &width, &height);
+    case PNG: return png_decode(bytes, count, "an image", PNG_GRAY16, (void **)back, &width, &height);
     case ZSTD: return decompress_bytes(p->compressor, bytes, count, p->back, 2 * n);
     default:
         if (c->level) {
@@ -295,7 +295,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
         status = decode(c, bytes, count, &back);
     double decoded = bench_clock_ms();
     if (status == OK && memcmp(back, p->depth[item], n * sizeof *back))
-        status = fail(ERR_CORRUPT, "picture %d does not come back exactly", item);
+        status = fail(ERR_CORRUPT, "image %d is not restored exactly", item);
     if (c->code == PNG) {
         free(bytes);
         free(back);
@@ -311,7 +311,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 static enum status run(struct bench *b)
 {
     struct depth_images p = {0};
-    enum status status = bench_inputs(b)->data ? read_pictures(&p, bench_inputs(b)->data) : make_images(&p);
+    enum status status = bench_inputs(b)->data ? read_images(&p, bench_inputs(b)->data) : make_images(&p);
     if (status == OK) {
         // RVL needs at most 6 nibbles a pixel and as many for the runs.
         p.capacity = compress_bound(8 * pixels_of(&p)) + 64;
@@ -348,7 +348,7 @@ static enum status run(struct bench *b)
 
 const struct bench_stage bench_stage_depth = {
     .name = "depth",
-    .about = "depth pictures in few bytes, exactly",
+    .about = "lossless compression of depth images",
     .error_name = "bits_per_pixel",
     .time_name = "encode_ms",
     .extra_names = {"decode_ms", "times_smaller"},

@@ -42,14 +42,14 @@ struct level {
     double ms[VIEWS];
 };
 
-enum { NOBODY, PERSON, HIDDEN };
+enum { BACKGROUND, PERSON, HIDDEN };
 
 struct lod_bench {
     struct views_data data;
     struct world *world;
     struct gpu *gpu;
     struct level level[LEVELS];
-    uint8_t *rgb, *rgba, *seen; // the true image; the drawn person; NOBODY ... of each pixel
+    uint8_t *rgb, *rgba, *seen; // the true image; the drawn person; BACKGROUND ... of each pixel
     double length;              // of the true silhouette
 };
 
@@ -103,18 +103,18 @@ static enum status film_truth(struct lod_bench *s, struct pose viewer, double ti
     size_t part = (size_t)shot.lens.width * (size_t)shot.lens.height;
     uint8_t *rgb = malloc(3 * part), *mask = malloc(part);
     uint16_t *room = malloc(part * sizeof *room);
-    enum status status = rgb && mask && room ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = rgb && mask && room ? OK : fail(ERR_MEMORY, "no memory for an image");
     if (status == OK)
         status = world_render(s->world, &shot, &(struct world_image){.color = rgb, .mask = mask});
     shot.actor = false;
     if (status == OK)
         status = world_render(s->world, &shot, &(struct world_image){.depth = room});
-    memset(s->seen, NOBODY, pixels);
+    memset(s->seen, BACKGROUND, pixels);
     for (size_t i = 0; i < part && status == OK; i++) {
         size_t at = (i / (size_t)shot.lens.width + (size_t)top) * (size_t)lens->width + i % (size_t)shot.lens.width +
                     (size_t)left;
         bool hidden = room[i] && room[i] * 0.001 < nearest_m - SAME_PLACE_M;
-        s->seen[at] = hidden ? HIDDEN : mask[i] ? PERSON : NOBODY;
+        s->seen[at] = hidden ? HIDDEN : mask[i] ? PERSON : BACKGROUND;
         memcpy(s->rgb + 3 * at, rgb + 3 * i, 3);
     }
     s->length = silhouette_length(s->seen, lens->width, lens->height);
@@ -172,9 +172,9 @@ static enum status measure_view(struct lod_bench *s, double away_m, int number)
     const struct take_entry *e = take_entry(take, number * take_frame_count(take) / VIEWS);
     int64_t since_ns = e->time_ns - take_entry(take, 0)->time_ns;
     double time_s = (double)since_ns * 1e-9, angle = 6.283185307179586 * number / VIEWS;
-    struct vec3 him = world_joints(s->world, time_s).joint[JOINT_WAIST];
-    struct vec3 eye = v3_add(him, v3(away_m * sin(angle), -away_m * cos(angle), ABOVE_M));
-    struct pose viewer = bench_look_at(eye, him);
+    struct vec3 waist = world_joints(s->world, time_s).joint[JOINT_WAIST];
+    struct vec3 eye = v3_add(waist, v3(away_m * sin(angle), -away_m * cos(angle), ABOVE_M));
+    struct pose viewer = bench_look_at(eye, waist);
     enum status status = film_truth(s, viewer, time_s);
     // Relative to the sensor, so that the sensor's localisation does not count.
     struct pose take_from_world = pose_multiply(e->world_from_camera, pose_inverse(world_sensor_pose(s->world)));
@@ -207,7 +207,7 @@ static enum status open_lod_bench(struct lod_bench *s)
     s->rgb = malloc(3 * pixels);
     s->rgba = malloc(4 * pixels);
     s->seen = malloc(pixels);
-    return s->rgb && s->rgba && s->seen ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    return s->rgb && s->rgba && s->seen ? OK : fail(ERR_MEMORY, "no memory for an image");
 }
 
 static void close_lod_bench(struct lod_bench *s)
@@ -265,4 +265,6 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_lod = {
-    "levels", "error against time of each level, 1 m to 6 m from the person", "error_px", "time_ratio", {NULL}, run};
+    "levels",   "error against time of each level of detail, 1 m to 6 m from the person",
+    "error_px", "time_ratio",
+    {NULL},     run};

@@ -128,9 +128,9 @@ enum status lod_plot(const char *path, const struct lod_plot_line *lines, int co
             WIDE, HIGH, WIDE, HIGH, WIDE, HIGH);
     fprintf(file,
             "<text x=\"70\" y=\"24\">Error against time</text><text x=\"540\" y=\"24\">Error by distance</text>\n");
-    put_x_axis(file, &time, 0.25, "drawing time, of the plain path's (paper) from there");
+    put_x_axis(file, &time, 0.25, "drawing time, relative to paper from the same distance");
     put_x_axis(file, &away, 1, "from the person, metres");
-    put_y_axis(file, &error, &time, "error of the outline, pixels");
+    put_y_axis(file, &error, &time, "silhouette error, pixels");
     put_y_axis(file, &either, &away, "error, pixels");
     for (int i = 0; i < count; i++) {
         put_time(file, &lines[i], i == 0, &time, &error); // the baseline first, which others may be as slow as

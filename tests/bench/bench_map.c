@@ -44,7 +44,7 @@ static enum status keep(struct camera_walk *w, const uint8_t *rgb, int64_t time_
     w->rgb[i] = malloc(pixels * 3);
     w->gray[i] = malloc(pixels);
     if (!w->rgb[i] || !w->gray[i])
-        return fail(ERR_MEMORY, "no memory for the pictures of the walk");
+        return fail(ERR_MEMORY, "no memory for the images of the walk");
     memcpy(w->rgb[i], rgb, pixels * 3);
     gray_from_rgb(rgb, pixels, w->gray[i]);
     w->time_ns[i] = time_ns;
@@ -160,7 +160,7 @@ static enum status make(struct camera_walk *w, bool still)
     w->lens = world_viewer_calibration(1).color;
     uint8_t *color = malloc(pixels_of(&w->lens) * 3);
     if (status == OK && !color)
-        status = fail(ERR_MEMORY, "no memory for a picture");
+        status = fail(ERR_MEMORY, "no memory for an image");
     for (int i = 0; i < WALK && status == OK; i++) {
         struct world_shot shot = {w->lens, world_viewer_pose(world, still ? STILL_AT_S : i / WALK_HZ), 0, false};
         status = world_render(world, &shot, &(struct world_image){.color = color});
@@ -208,18 +208,14 @@ static enum status read_folder(const char *data, struct camera_walk *w)
 // versa.
 static const struct setting {
     const char *name;
-    bool followed;
+    bool tracked;
     double quad_decimate;
     int features, points;
 } settings[] = {
-    {"ours, followed", true, 1, 1000, 150},
-    {"followed by 40 points", true, 1, 1000, 40},
-    {"followed by 80 points", true, 1, 1000, 80},
-    {"followed by 200 points", true, 1, 1000, 200},
-    {"ours, found anew each time", false, 1, 1000, 150},
-    {"anew, decimate 2", false, 2, 1000, 150},
-    {"anew, decimate 2, 500 features", false, 2, 500, 150},
-    {"anew, decimate 3, 250 features", false, 3, 250, 150},
+    {"ours, tracked", true, 1, 1000, 150},         {"tracked, 40 landmarks", true, 1, 1000, 40},
+    {"tracked, 80 landmarks", true, 1, 1000, 80},  {"tracked, 200 landmarks", true, 1, 1000, 200},
+    {"ours, relocalised", false, 1, 1000, 150},    {"decimate 2", false, 2, 1000, 150},
+    {"decimate 2, 500 feat.", false, 2, 500, 150}, {"decimate 3, 250 feat.", false, 3, 250, 150},
 };
 enum { SETTINGS = COUNT_OF(settings), PEERS = 2 };
 
@@ -317,9 +313,9 @@ static enum status run(struct bench *b, bool still)
         const struct setting *s = &settings[i];
         struct locator_options options = options_of(s);
         r[i].setting = s;
-        if (!s->followed)
+        if (!s->tracked)
             status = locator_open(&r[i].locator, &w.place, &w.lens, &options);
-        contenders[i] = (struct bench_contender){s->name, s->followed ? measure_track : measure_find, &r[i], false};
+        contenders[i] = (struct bench_contender){s->name, s->tracked ? measure_track : measure_find, &r[i], false};
     }
     for (int i = 0; i < PEERS && status == OK; i++) {
         struct runner *peer = &r[SETTINGS + i];
@@ -347,12 +343,8 @@ static enum status run_walking(struct bench *b) { return run(b, false); }
 static enum status run_still(struct bench *b) { return run(b, true); }
 
 const struct bench_stage bench_stage_map = {
-    "place",   "where a tablet is that is carried round a room",       "position_mm",
+    "place",   "localisation of a tablet carried round a room",        "position_mm",
     "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm", "behind_mm"}, run_walking};
 
-const struct bench_stage bench_stage_still = {"still",
-                                              "how steadily a tablet is placed that lies on a table",
-                                              "position_mm",
-                                              "time_ms",
-                                              {"turn_deg", "jump_mm", "jumps_over_5mm"},
-                                              run_still};
+const struct bench_stage bench_stage_still = {"still",   "jitter of a tablet that lies on a table", "position_mm",
+                                              "time_ms", {"turn_deg", "jump_mm", "jumps_over_5mm"}, run_still};

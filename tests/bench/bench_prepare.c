@@ -18,19 +18,19 @@ enum { MOST = 4000, FILMED = 120 };
 static const double MINUTE_S = 60;
 
 static const char *const step_names[AVATAR_STEPS] = {
-    [AVATAR_TSDF_FROM_JOINTS] = "decode, sort, first shape",
-    [AVATAR_SILHOUETTES_FROM_JOINTS] = "its outlines",
-    [AVATAR_TSDF_ALIGNED] = "lay on it, shape",
-    [AVATAR_SILHOUETTES_ALIGNED] = "its outlines",
-    [AVATAR_ROTATION_SEED] = "look for colours",
-    [AVATAR_ROTATION_TRACK] = "learn colours",
-    [AVATAR_ROTATION_MEASURE] = "how head and legs turn",
-    [AVATAR_TSDF_FINAL] = "lay on it so, shape",
-    [AVATAR_SILHOUETTES_FINAL] = "outlines",
-    [AVATAR_COLOR_SAMPLES] = "bend, gather colours",
-    [AVATAR_SURFACE] = "triangles",
-    [AVATAR_VERTEX_COLORS] = "light and colours",
-    [AVATAR_ATLAS] = "as it is drawn",
+    [AVATAR_TSDF_FROM_JOINTS] = "decode, TSDF from joints",
+    [AVATAR_SILHOUETTES_FROM_JOINTS] = "silhouettes",
+    [AVATAR_TSDF_ALIGNED] = "ICP, TSDF",
+    [AVATAR_SILHOUETTES_ALIGNED] = "silhouettes",
+    [AVATAR_ROTATION_SEED] = "axial rotation, seed",
+    [AVATAR_ROTATION_TRACK] = "axial rotation, track",
+    [AVATAR_ROTATION_MEASURE] = "axial rotation, measure",
+    [AVATAR_TSDF_FINAL] = "ICP, final TSDF",
+    [AVATAR_SILHOUETTES_FINAL] = "final silhouettes",
+    [AVATAR_COLOR_SAMPLES] = "deform, sample colours",
+    [AVATAR_SURFACE] = "mesh",
+    [AVATAR_VERTEX_COLORS] = "irradiance and albedo",
+    [AVATAR_ATLAS] = "texture atlas",
 };
 
 struct time_entry {
@@ -56,7 +56,7 @@ static enum status read_list(const char *folder, const char *name, struct time_l
         out->count += sscanf(line, "%lf %255s", &e->seconds, e->file) == 2;
     }
     fclose(from);
-    return out->count > 1 ? OK : fail(ERR_INPUT, "%s lists too few pictures", path);
+    return out->count > 1 ? OK : fail(ERR_INPUT, "%s lists too few images", path);
 }
 
 // start, end: the part that is played forward and backward, seconds.
@@ -239,4 +239,4 @@ static enum status run(struct bench *b)
 }
 
 const struct bench_stage bench_stage_prepare = {
-    "prepare", "a minute's take made ready to be watched, step by step", NULL, NULL, {NULL}, run};
+    "prepare", "preparing a take of one minute, step by step", NULL, NULL, {NULL}, run};

@@ -60,7 +60,7 @@ static enum status film(const struct world *w, struct pose from, struct smoothed
 {
     struct lens lens = f->calibration.depth;
     uint16_t *depth = calloc((size_t)lens.width * (size_t)lens.height, sizeof *depth);
-    enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = depth ? OK : fail(ERR_MEMORY, "no memory for an image");
     int count = (int)fmin(FRAMES_MOST, world_seconds(w) * FPS);
     for (int k = 0; k < count && status == OK; k++) {
         double time_s = (double)k / FPS;
@@ -79,12 +79,12 @@ static enum status film(const struct world *w, struct pose from, struct smoothed
 static void tally_up(const struct smoothed_film *f, const struct skeleton *got, const struct skeleton *truth,
                      struct joint_tally *t)
 {
-    static const struct skeleton nobody;
+    static const struct skeleton none;
     *t = (struct joint_tally){.frames = f->count};
     for (int k = 0; k < f->count; k++) {
         t->lost += !f->found[k];
         if (f->found[k])
-            add_frame(t, &got[k], &truth[k], k ? &got[k - 1] : &nobody);
+            add_frame(t, &got[k], &truth[k], k ? &got[k - 1] : &none);
     }
 }
 
@@ -121,7 +121,7 @@ static enum status add_film(struct bench *b, const struct world *w, struct pose 
     struct smoothed_film f = {.calibration = world_calibration(0.5)};
     struct skeleton *truth = calloc(FRAMES_MOST, sizeof *truth);
     char online[320];
-    snprintf(online, sizeof online, "%s, told at once", name);
+    snprintf(online, sizeof online, "%s, online", name);
     enum status status = truth ? film(w, from, &f, truth) : fail(ERR_MEMORY, "no memory for the truth");
     if (status == OK)
         status = smoothed_film_track(&f);
@@ -141,7 +141,7 @@ static enum status add_averages(struct bench *b, const struct sums *sums, size_t
         double value[COUNT_OF(columns)];
         for (size_t k = 0; k < COUNT_OF(columns); k++)
             value[k] = sums->of[kind][k] / (double)count;
-        status = bench_add_row(b, kind == ONLINE ? "average, told at once" : "average", value);
+        status = bench_add_row(b, kind == ONLINE ? "average, online" : "average", value);
     }
     return status;
 }

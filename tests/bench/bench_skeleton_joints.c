@@ -46,9 +46,12 @@ static struct vec3 constant_of(const struct joint_errors *of)
     return mean;
 }
 
+struct joint_summary {
+    double mean_mm, p95_mm, within; // within: percent within 10 cm
+};
+
 // Over `count` joints together; less: with the constant part of each removed.
-static void sum_up(const struct joint_errors *of, int count, bool less, double *mean_mm, double *p95_mm, double *within,
-                   double *scratch)
+static struct joint_summary sum_up(const struct joint_errors *of, int count, bool less, double *scratch)
 {
     int used = 0, close = 0;
     double sum = 0;
@@ -61,9 +64,8 @@ static void sum_up(const struct joint_errors *of, int count, bool less, double *
             scratch[used++] = e;
         }
     }
-    *mean_mm = 1000 * sum / used;
-    *p95_mm = 1000 * bench_percentile(scratch, used, 0.95);
-    *within = 100.0 * close / used;
+    const double p95_mm = 1000 * bench_percentile(scratch, used, 0.95);
+    return (struct joint_summary){1000 * sum / used, p95_mm, 100.0 * close / used};
 }
 
 static enum status add_row(struct bench *b, const char *name, const struct joint_errors *of, int count, int frames,
@@ -73,8 +75,9 @@ static enum status add_row(struct bench *b, const char *name, const struct joint
     const struct vec3 constant = constant_of(of);
     const double none = count > 1 ? NAN : 1000; // over different joints the mean of these says nothing
     v[ASIDE] = none * constant.x, v[DOWN] = none * constant.y, v[FORWARD] = none * constant.z;
-    sum_up(of, count, false, &v[MEAN], &v[P95], &v[WITHIN], scratch);
-    sum_up(of, count, true, &v[MEAN_LESS], &v[P95_LESS], &v[WITHIN_LESS], scratch);
+    const struct joint_summary all = sum_up(of, count, false, scratch), less = sum_up(of, count, true, scratch);
+    v[MEAN] = all.mean_mm, v[P95] = all.p95_mm, v[WITHIN] = all.within;
+    v[MEAN_LESS] = less.mean_mm, v[P95_LESS] = less.p95_mm, v[WITHIN_LESS] = less.within;
     v[LOST] = frames - of->count;
     return bench_add_row(b, name, v);
 }
@@ -95,7 +98,7 @@ static enum status compare(struct bench *b, const struct skeleton_data *data, co
             }
     }
     if (status == OK && !of[0].count)
-        status = fail(ERR_INPUT, "nobody was found in these pictures");
+        status = fail(ERR_INPUT, "no person was found in these images");
     bench_columns(b, columns, COUNT_OF(columns));
     for (int j = 0; j < JOINT_COUNT && status == OK; j++)
         status = add_row(b, joint_name((enum joint)j), &of[j], 1, data->count, scratch);

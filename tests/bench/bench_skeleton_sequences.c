@@ -235,7 +235,7 @@ static enum status add_sequence(struct bench *b, const char *folder, struct sequ
         if (status != OK)
             break;
         measure(s, values[kind][at]);
-        snprintf(name, sizeof name, "%.200s%s", slash ? slash + 1 : folder, kind == ONLINE ? ", told at once" : "");
+        snprintf(name, sizeof name, "%.200s%s", slash ? slash + 1 : folder, kind == ONLINE ? ", online" : "");
         status = bench_add_row(b, name, values[kind][at]);
     }
     smoothed_film_free(&f);
@@ -249,7 +249,7 @@ static enum status add_sums(struct bench *b, values_row *values[KINDS], size_t c
         status = sum_up(b, "second, fourth, sixth ...", values[SMOOTHED], count, 1, 2);
     if (status == OK)
         status = sum_up(b, "all", values[SMOOTHED], count, 0, 1);
-    return status == OK ? sum_up(b, "all, told at once", values[ONLINE], count, 0, 1) : status;
+    return status == OK ? sum_up(b, "all, online", values[ONLINE], count, 0, 1) : status;
 }
 
 enum status trial_sequences(struct bench *b, const char *folder)

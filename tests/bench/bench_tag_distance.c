@@ -11,7 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { POSES = 200, DISTANCES = 5, PICTURES = POSES * DISTANCES, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
+enum { POSES = 200, DISTANCES = 5, IMAGES = POSES * DISTANCES, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 static const uint64_t SEED = 1605;
 static const double SIDE_M = 0.16, ASIDE_M = 0.4, FLIP_DEG = 15, MAX_RMS_PX = 2.5;
 
@@ -56,7 +56,7 @@ static enum status draw(struct setup *s, int item, bool two)
     for (int i = 0; i < 2; i++)
         if (!tag_pattern(s->tags[i].id, &s->patterns[i]))
             return fail(ERR_MEMORY, "no memory for a tag's pattern");
-    struct tag_picture picture = {
+    struct tag_picture image = {
         .lens = s->lens,
         .tags = s->tags,
         .tag_count = two ? 2 : 1,
@@ -65,10 +65,10 @@ static enum status draw(struct setup *s, int item, bool two)
         .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&rng)),
         .rgb = s->rgb,
     };
-    if (!tag_picture_draw(&picture))
+    if (!tag_picture_draw(&image))
         return fail(ERR_INPUT, "tag %d could not be drawn", (int)s->tags[0].id);
     gray_from_rgb(s->rgb, PIXELS, s->gray);
-    s->camera_from_tag = pose_inverse(picture.world_from_camera);
+    s->camera_from_tag = pose_inverse(image.world_from_camera);
     s->drawn = 2 * item + two;
     return OK;
 }
@@ -167,9 +167,9 @@ static struct distance_summary sum_up(const struct setup *s, int distance, int w
 
 static void print_by_distance(const struct setup *s)
 {
-    printf("tag-distance: seed %llu; ours / libapriltag, medians over the pictures in which both found the tag\n",
+    printf("tag-distance: seed %llu; ours / libapriltag, medians over the images in which both found the tag\n",
            (unsigned long long)SEED);
-    printf("  m        found     range mm        turn deg        flips (ours said so)   by two tags: found flips\n");
+    printf("  m        found     range mm        rotation deg    flips (ours said so)   by two tags: found flips\n");
     for (int d = 0; d < DISTANCES; d++) {
         struct distance_summary a = sum_up(s, d, OURS, THEIRS), b = sum_up(s, d, THEIRS, OURS),
                                 two = sum_up(s, d, OURS_BY_TWO, OURS_BY_TWO);
@@ -185,9 +185,9 @@ static enum status run(struct bench *b)
                       .rgb = malloc((size_t)PIXELS * 3),
                       .gray = malloc(PIXELS),
                       .drawn = -1,
-                      .results = calloc(PICTURES, sizeof *s.results)};
+                      .results = calloc(IMAGES, sizeof *s.results)};
     struct distance_contender who[WHO_COUNT];
-    enum status status = s.rgb && s.gray && s.results ? OK : fail(ERR_MEMORY, "no memory for pictures of tags");
+    enum status status = s.rgb && s.gray && s.results ? OK : fail(ERR_MEMORY, "no memory for images of tags");
     if (status == OK)
         status = tag_refiner_open(&s.refiner, &s.lens);
     if (status == OK)
@@ -202,7 +202,7 @@ static enum status run(struct bench *b)
         {"ours, two tags", measure, &who[OURS_BY_TWO], false},
     };
     if (status == OK)
-        status = bench_run(b, contenders, COUNT_OF(contenders), PICTURES);
+        status = bench_run(b, contenders, COUNT_OF(contenders), IMAGES);
     if (status == OK)
         print_by_distance(&s);
     tag_detector_close(&s.finder);

@@ -9,33 +9,33 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { PICTURES = 200, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
+enum { IMAGES = 200, WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 static const uint64_t SEED = 2014;
 static const double SIDE_M = 0.16, FLIP_DEG = 15;
 
 struct tag_images {
     struct lens lens;
-    uint8_t *rgb, *gray; // PICTURES of each
-    struct pose camera_from_tag[PICTURES];
-    int32_t id[PICTURES];
+    uint8_t *rgb, *gray; // IMAGES of each
+    struct pose camera_from_tag[IMAGES];
+    int32_t id[IMAGES];
 };
 
 static enum status make(struct tag_images *p)
 {
     uint64_t rng = SEED;
     p->lens = tag_picture_lens(WIDTH, HEIGHT, 525);
-    p->rgb = malloc((size_t)PICTURES * PIXELS * 3);
-    p->gray = malloc((size_t)PICTURES * PIXELS);
+    p->rgb = malloc((size_t)IMAGES * PIXELS * 3);
+    p->gray = malloc((size_t)IMAGES * PIXELS);
     if (!p->rgb || !p->gray)
-        return fail(ERR_MEMORY, "no memory for pictures of tags");
+        return fail(ERR_MEMORY, "no memory for images of tags");
     printf("tags: seed %llu\n", (unsigned long long)SEED);
-    for (int i = 0; i < PICTURES; i++) {
+    for (int i = 0; i < IMAGES; i++) {
         double distance = 1 + 4 * tag_picture_uniform(&rng);
         double yaw = 2 * tag_picture_uniform(&rng) - 1, pitch = 2 * tag_picture_uniform(&rng) - 1;
         struct place_tag tag = {.id = (int32_t)(TAG_ID_COUNT * tag_picture_uniform(&rng)),
                                 .side_m = SIDE_M,
                                 .world_from_tag = POSE_IDENTITY};
-        struct tag_picture picture = {
+        struct tag_picture image = {
             .lens = p->lens,
             .tags = &tag,
             .tag_count = 1,
@@ -47,13 +47,13 @@ static enum status make(struct tag_images *p)
         // anywhere in the image
         double up = 0.6 * (tag_picture_uniform(&rng) - 0.5), right = 0.8 * (tag_picture_uniform(&rng) - 0.5);
         struct vec3 aside = v3(right, up, 0);
-        picture.world_from_camera.translation =
-            v3_add(picture.world_from_camera.translation,
-                   v3_scale(quat_rotate(picture.world_from_camera.rotation, aside), distance));
-        if (!tag_picture_draw(&picture))
+        image.world_from_camera.translation =
+            v3_add(image.world_from_camera.translation,
+                   v3_scale(quat_rotate(image.world_from_camera.rotation, aside), distance));
+        if (!tag_picture_draw(&image))
             return fail(ERR_INPUT, "tag %d could not be drawn", (int)tag.id);
-        gray_from_rgb(picture.rgb, PIXELS, p->gray + (size_t)i * PIXELS);
-        p->camera_from_tag[i] = pose_inverse(picture.world_from_camera);
+        gray_from_rgb(image.rgb, PIXELS, p->gray + (size_t)i * PIXELS);
+        p->camera_from_tag[i] = pose_inverse(image.world_from_camera);
         p->id[i] = tag.id;
     }
     return OK;
@@ -73,7 +73,7 @@ struct tags_ours {
     const struct tag_images *images;
     struct tag_detector *finder;
     struct tag_refiner *refiner;
-    struct tag_pattern patterns[PICTURES];
+    struct tag_pattern patterns[IMAGES];
     uint8_t *gray;
 };
 
@@ -81,8 +81,8 @@ static enum status open_ours(struct tags_ours *o, const struct tag_images *p, do
 {
     *o = (struct tags_ours){.images = p, .gray = malloc(PIXELS)};
     if (!o->gray)
-        return fail(ERR_MEMORY, "no memory for a picture");
-    for (int i = 0; i < PICTURES; i++)
+        return fail(ERR_MEMORY, "no memory for an image");
+    for (int i = 0; i < IMAGES; i++)
         if (!tag_pattern(p->id[i], &o->patterns[i]))
             return fail(ERR_MEMORY, "no memory for a tag's pattern");
     enum status status = tag_refiner_open(&o->refiner, &p->lens);
@@ -170,7 +170,7 @@ static enum status run(struct bench *b)
             {"ArUco, subpixel", measure_peer, &peers[3], false},
             {"ArUco, apriltag corners", measure_peer, &peers[4], false},
         };
-        status = bench_run(b, contenders, COUNT_OF(contenders), PICTURES);
+        status = bench_run(b, contenders, COUNT_OF(contenders), IMAGES);
     }
     for (int i = 0; i < 3; i++)
         close_ours(&ours[i]);
@@ -181,9 +181,5 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_tags = {"tags",
-                                             "one tag, one picture: how far is it, how is it turned",
-                                             "range_error_mm",
-                                             "time_ms",
-                                             {"turn_deg", "mirrored"},
-                                             run};
+const struct bench_stage bench_stage_tags = {
+    "tags", "range and rotation of one tag from one image", "range_error_mm", "time_ms", {"turn_deg", "mirrored"}, run};

@@ -10,7 +10,7 @@ enum status find(enum aruco_corners how, const uint8_t *gray, const struct lens 
                  struct pose *out)
 {
     cv::setNumThreads(1);
-    const cv::Mat picture(lens->height, lens->width, CV_8UC1, const_cast<uint8_t *>(gray));
+    const cv::Mat image(lens->height, lens->width, CV_8UC1, const_cast<uint8_t *>(gray));
     static const cv::Ptr<cv::aruco::Dictionary> family =
         cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
     auto options = cv::aruco::DetectorParameters::create();
@@ -19,7 +19,7 @@ enum status find(enum aruco_corners how, const uint8_t *gray, const struct lens 
                                                               : cv::aruco::CORNER_REFINE_NONE;
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
-    cv::aruco::detectMarkers(picture, family, corners, ids, options);
+    cv::aruco::detectMarkers(image, family, corners, ids, options);
     for (size_t i = 0; i < ids.size(); i++) {
         if (ids[i] != id)
             continue;

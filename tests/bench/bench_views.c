@@ -67,7 +67,7 @@ static int64_t nearest_frame(const struct take *take, int64_t since_ns)
 static enum status measure(void *self, int item, struct bench_measure *out)
 {
     struct views_viewer *v = self;
-    const struct views_image *p = &v->data->picture[item];
+    const struct views_image *p = &v->data->image[item];
     size_t pixels = (size_t)v->data->lens.width * (size_t)v->data->lens.height;
     if (!v->true_poses && !p->placed)
         return NOTHING;
@@ -102,7 +102,7 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
     struct renderer_options options = renderer_default_options();
     size_t pixels = (size_t)data->lens.width * (size_t)data->lens.height;
     uint8_t *rgb = malloc(3 * pixels), *rgba = malloc(4 * pixels), *alpha = malloc(pixels);
-    enum status status = rgb && rgba && alpha ? OK : fail(ERR_MEMORY, "no memory for a picture");
+    enum status status = rgb && rgba && alpha ? OK : fail(ERR_MEMORY, "no memory for an image");
     if (status == OK)
         status = renderer_open(&own, gpu, data->own, &data->lens, &options);
     if (status == OK)
@@ -123,12 +123,12 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
             {"full, true joints", measure, &joints, false},
             {"full, both true", measure, &both, false},
             {"paper", measure, &old, true},
-            {"the depth as a mesh", measure, &mesh, false},
+            {"depth mesh", measure, &mesh, false},
         };
         int bin_of[VIEWS_MOST];
         for (int i = 0; i < data->count; i++) {
             bin_of[i] = 0;
-            while (bin_of[i] < BINS - 1 && data->picture[i].angle_deg >= bin_ends_deg[bin_of[i]])
+            while (bin_of[i] < BINS - 1 && data->image[i].angle_deg >= bin_ends_deg[bin_of[i]])
                 bin_of[i]++;
         }
         const struct bench_groups bins = {bin_names, BINS, bin_of};
@@ -157,9 +157,6 @@ static enum status run(struct bench *b)
     return status;
 }
 
-const struct bench_stage bench_stage_views = {"views",
-                                              "the person seen from all round",
-                                              "outline_pct",
-                                              "draw_ms",
-                                              {"psnr_db", "inside_db", "missing_pct", "extra_pct"},
-                                              run};
+const struct bench_stage bench_stage_views = {
+    "views",   "synthesised images of the person from all round",    "outline_pct",
+    "draw_ms", {"psnr_db", "inside_db", "missing_pct", "extra_pct"}, run};

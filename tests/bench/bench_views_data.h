@@ -19,8 +19,8 @@ struct views_data {
     struct scratch scratch;
     struct recording *recording;
     struct take *own, *true_take; // with our joints, with the true ones
-    struct lens lens;             // of the pictures
-    struct views_image picture[VIEWS_MOST];
+    struct lens lens;             // of the images
+    struct views_image image[VIEWS_MOST];
     int count;
 };
 

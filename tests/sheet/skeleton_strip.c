@@ -32,7 +32,7 @@ static enum status keep(struct strip *s, const uint16_t *depth, const uint8_t *m
     i->depth = malloc(pixels * sizeof *i->depth);
     i->mask = malloc(pixels);
     if (!i->depth || !i->mask)
-        return fail(ERR_MEMORY, "no memory for a picture");
+        return fail(ERR_MEMORY, "no memory for an image");
     memcpy(i->depth, depth, pixels * sizeof *i->depth);
     memcpy(i->mask, mask, pixels);
     i->skeleton = *skeleton;
@@ -62,7 +62,7 @@ static enum status follow(struct strip *s, const char *folder, int count, int fi
     last = last < frames ? last : frames - 1;
     s->left = l->width, s->top = l->height, s->right = s->bottom = -1;
     uint8_t *mask = calloc((size_t)l->width, (size_t)l->height);
-    status = mask ? tracker_open(&tracker, &s->calibration, NULL) : fail(ERR_MEMORY, "no memory for a picture");
+    status = mask ? tracker_open(&tracker, &s->calibration, NULL) : fail(ERR_MEMORY, "no memory for an image");
     for (int k = 0; status >= 0 && s->count < count && (status = source_next(source, &frame)) == OK; k++) {
         status = tracker_next(tracker, frame.time_ns, frame.depth, &skeleton, mask);
         int wanted = first + (count > 1 ? (last - first) * s->count / (count - 1) : 0);
@@ -75,7 +75,7 @@ static enum status follow(struct strip *s, const char *folder, int count, int fi
     if (status < 0)
         return status;
     if (!s->count || s->right < 0)
-        return fail(ERR_INPUT, "%s: nobody is in these pictures", folder);
+        return fail(ERR_INPUT, "%s: no person is in these images", folder);
     enum { MARGIN = 6 };
     s->left = s->left > MARGIN ? s->left - MARGIN : 0, s->top = s->top > MARGIN ? s->top - MARGIN : 0;
     s->right = s->right + MARGIN < l->width ? s->right + MARGIN : l->width - 1;
@@ -173,7 +173,7 @@ static enum status draw(const struct strip *s, const char *path)
     struct strip_canvas c = {.stride = s->count * (width + GAP) - GAP, .width = width, .height = CELL_HEIGHT};
     c.rgb = malloc(3 * (size_t)c.stride * CELL_HEIGHT);
     if (!c.rgb)
-        return fail(ERR_MEMORY, "no memory for a strip of %d pictures", s->count);
+        return fail(ERR_MEMORY, "no memory for a strip of %d images", s->count);
     memset(c.rgb, 255, 3 * (size_t)c.stride * CELL_HEIGHT);
     for (int i = 0; i < s->count; i++) {
         c.x0 = i * (width + GAP);

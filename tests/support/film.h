@@ -12,7 +12,7 @@ void film_sensor(const struct world *w, const struct scratch *scratch, const cha
 // The world's tags as a place, as if mapped without error. The caller frees it with place_free.
 struct place film_true_place(const struct world *w, double scale);
 
-// Opens the world without an actor; maps its tags and landmarks from a sweep of `pictures` images, 640 x 480, by a
+// Opens the world without an actor; maps its tags and landmarks from a sweep of that many images, 640 x 480, by a
 // sensor with a Kinect's depth noise. *world_from_place: by the corners of the tags. The caller frees the place with
 // place_free, and closes the world.
-struct place film_mapped_place(struct world **world, int pictures, struct pose *world_from_place);
+struct place film_mapped_place(struct world **world, int images, struct pose *world_from_place);

@@ -180,7 +180,7 @@ static void test_bad_sensors(void **state)
 static void test_camera_maps_tags(void **state)
 {
     (void)state;
-    enum { ACROSS = 320, DOWN = 240, PICTURES = 4 };
+    enum { ACROSS = 320, DOWN = 240, IMAGES = 4 };
     static uint8_t rgb[ACROSS * DOWN * 3];
     const struct place_tag tags[] = {
         {.id = 3, .side_m = 0.2, .world_from_tag = {{0, 0, 0, 1}, {-0.2, 0, 0}}},
@@ -188,7 +188,7 @@ static void test_camera_maps_tags(void **state)
     };
     char list[256] = "", path[600];
     EXPECT_STATUS(folder_make(scratch_file(&scratch, "wall/rgb")), OK);
-    for (int i = 0; i < PICTURES; i++) {
+    for (int i = 0; i < IMAGES; i++) {
         struct tag_picture p = {.lens = tag_picture_lens(ACROSS, DOWN, 300),
                                 .tags = tags,
                                 .tag_count = 2,

@@ -23,7 +23,7 @@ struct openni_case {
     char oni[256]; // the URI of a recording
 };
 
-static void picture(int index, uint16_t mm[W * H], uint8_t rgb[W * H * 3])
+static void make_image(int index, uint16_t mm[W * H], uint8_t rgb[W * H * 3])
 {
     struct rng rng = {(uint64_t)index};
     for (int i = 0; i < W * H; i++)
@@ -78,7 +78,7 @@ static int make_case(void **state)
     static uint8_t rgb[W * H * 3];
     for (int i = 0; i < FRAMES; i++) {
         char path[sizeof room->scratch.path + 16];
-        picture(i, mm, rgb);
+        make_image(i, mm, rgb);
         snprintf(path, sizeof path, "%s/d%02d.png", room->scratch.path, i);
         assert_int_equal(png_write(path, PNG_GRAY16, mm, W, H), OK);
         snprintf(path, sizeof path, "%s/c%02d.png", room->scratch.path, i);
@@ -115,7 +115,7 @@ static void same(const struct frame *f, int index, bool color)
 {
     static uint16_t mm[W * H];
     static uint8_t rgb[W * H * 3];
-    picture(index, mm, rgb);
+    make_image(index, mm, rgb);
     assert_non_null(f->depth);
     assert_memory_equal(f->depth, mm, sizeof mm);
     EXPECT_INT(f->color != NULL, color);

@@ -105,7 +105,7 @@ static void test_coded_depth(void **state)
     size_t count;
     EXPECT_STATUS(depth_coder_open(&coder), OK);
     EXPECT_STATUS(depth_encode(coder, depth, WIDTH, HEIGHT, &bytes, &count), OK);
-    expect_sum("a coded depth picture", mixed(NOTHING_YET, bytes, count), UINT64_C(0x9ac9f8187417b63f));
+    expect_sum("a coded depth image", mixed(NOTHING_YET, bytes, count), UINT64_C(0x9ac9f8187417b63f));
     depth_coder_close(&coder);
 }
 

@@ -76,7 +76,7 @@ struct soak {
 };
 
 // State of a soak run.
-struct bath {
+struct soak_run {
     struct gpu *gpu;
     struct gpu_target *target;
     struct viewer viewer;
@@ -95,7 +95,7 @@ static int slowest_first(const void *a, const void *b)
 }
 
 // The camera's image alone, drawn and waited for.
-static double draw_camera_alone(struct bath *b)
+static double draw_camera_alone(struct soak_run *b)
 {
     struct viewer *t = &b->viewer;
     const struct ui_input input = {.width_px = WIDTH, .height_px = HEIGHT, .px_per_dp = ui_px_per_dp(t->ui)};
@@ -112,7 +112,7 @@ static double draw_camera_alone(struct bath *b)
 }
 
 // Draws what is new. False: nothing is.
-static bool draw_next(struct bath *b, int64_t now, struct way *way)
+static bool draw_next(struct soak_run *b, int64_t now, struct way *way)
 {
     struct viewer *t = &b->viewer;
     if (!t->frame || t->frame->number == b->last_camera_number || t->state.page != PAGE_WATCH)
@@ -136,7 +136,7 @@ static bool draw_next(struct bath *b, int64_t now, struct way *way)
 }
 
 // Measures the reference. Its cost must not count in the latency of the next image: one that came meanwhile is skipped.
-static void refer(struct bath *b)
+static void measure_reference(struct soak_run *b)
 {
     const struct camera_frame *frame = b->viewer.frame;
     const struct work before = work_so_far();
@@ -162,7 +162,7 @@ static int least_work_first(const void *a, const void *b)
     return (x->work.cpu_ms > y->work.cpu_ms) - (x->work.cpu_ms < y->work.cpu_ms);
 }
 
-static void sum_up(struct soak *s, struct bath *b)
+static void sum_up(struct soak *s, struct soak_run *b)
 {
     s->alone_ms = b->references ? b->alone_ms / (double)b->references : 0;
     s->cpu_alone_ms = b->references ? b->cpu_alone_ms / (double)b->references : 0;
@@ -191,7 +191,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
 {
     const struct viewer_options how = {
         .file = file, .camera = camera, .refresh_hz = 60, .fixed_resolution = !reference};
-    struct bath b = {.ways = malloc(sizeof *b.ways * MOST_FRAMES), .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
+    struct soak_run b = {.ways = malloc(sizeof *b.ways * MOST_FRAMES), .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
     struct soak s = {0};
     assert_non_null(b.ways);
     EXPECT_STATUS(gpu_open(&b.gpu), OK);
@@ -222,7 +222,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
             b.ways[b.count++] = way;
         measure_memory(&s, late);
         if (reference && s.frames % REFERENCE_EACH == 0)
-            refer(&b);
+            measure_reference(&b);
     }
     sum_up(&s, &b);
     free(b.ways);
@@ -238,7 +238,7 @@ static void test_memory_stays_flat(void **state)
     (void)state;
     struct rehearsal r = rehearsal_make();
     struct soak s = soak(r.file, r.camera, PATIENCE_S, false);
-    print_message("%lld pictures, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.warm_mib,
+    print_message("%lld images, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.warm_mib,
                   s.last_mib, s.descriptors_warm, s.descriptors_last);
     EXPECT_AT_LEAST(s.frames, 5);
     EXPECT_AT_MOST(s.last_mib, s.warm_mib * 1.05 + 4); // in seconds, caches still fill
@@ -249,7 +249,7 @@ static void test_memory_stays_flat(void **state)
 
 static void say(const struct soak *s)
 {
-    printf("pictures      %lld\n", (long long)s->frames);
+    printf("images        %lld\n", (long long)s->frames);
     printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->warm_mib,
            s->last_mib, 100 * (s->last_mib / s->warm_mib - 1));
     printf("descriptors   %d at least in the second third, %d in the last\n", s->descriptors_warm, s->descriptors_last);
@@ -257,11 +257,11 @@ static void say(const struct soak *s)
         printf("%-13s %.1f ms\n", frame_stage_names[i], s->mean_ms[i]);
     printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->slowest[0].total_ms,
            s->slowest[0].total_ms / s->median_ms);
-    printf("over twice the median: %lld pictures, %lld of them while the host took processors away; "
+    printf("over twice the median: %lld images, %lld of them while the host stole processor time; "
            "slowest of the others %.1f ms (%.1f times)\n",
            (long long)s->slow, (long long)s->slow_stolen, s->slowest_own_ms, s->slowest_own_ms / s->median_ms);
-    printf("locating and the camera's picture alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
-    printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's picture alone %.1f\n",
+    printf("localising and the camera's image alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
+    printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's image alone %.1f\n",
            s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
     for (int i = 0; i < SLOWEST; i++) {
         const struct way *w = &s->slowest[i];

@@ -142,7 +142,7 @@ enum status actor_aim(struct actor *a, const struct lens *lens, struct pose worl
     a->centre = calloc(n + 1, sizeof *a->centre);
     a->fine = fine ? calloc(n * ACTOR_SAMPLES + 1, sizeof *a->fine) : NULL;
     if (!a->centre || (fine && !a->fine))
-        return fail(ERR_MEMORY, "out of memory for the figure's picture");
+        return fail(ERR_MEMORY, "out of memory for the figure's image");
     return OK;
 }
 
@@ -169,10 +169,16 @@ static bool edges_of(const struct screen_corner *p, const struct screen_corner *
     return true;
 }
 
-// Rasterises one triangle into samples of `side` a pixel's side, rows [first, end) of pixels.
-static void draw(struct actor *a, int triangle, const struct edges *e, struct actor_sample *samples, int side,
-                 int first, int end)
+// An image's samples, `side` along a pixel's side.
+struct sample_grid {
+    struct actor_sample *samples;
+    int side;
+};
+
+// Rasterises one triangle into the rows [first, end) of pixels.
+static void rasterise(struct actor *a, int triangle, const struct edges *e, struct sample_grid grid, int first, int end)
 {
+    const int side = grid.side;
     const int *t = a->mesh->triangles[triangle];
     const struct screen_corner *p = &a->corner[t[0]], *q = &a->corner[t[1]], *r = &a->corner[t[2]];
     double low_x = least(p->x, least(q->x, r->x)), high_x = most(p->x, most(q->x, r->x));
@@ -196,7 +202,7 @@ static void draw(struct actor *a, int triangle, const struct edges *e, struct ac
             // all samples of a pixel lie together
             size_t pixel = (size_t)(row / side) * (size_t)(a->x1 - a->x0) + (size_t)(s / side);
             struct actor_sample *to =
-                &samples[pixel * (size_t)(side * side) + (size_t)((row % side) * side + s % side)];
+                &grid.samples[pixel * (size_t)(side * side) + (size_t)((row % side) * side + s % side)];
             if (to->z == 0 || z < to->z)
                 *to = (struct actor_sample){z, triangle};
         }
@@ -218,9 +224,9 @@ void actor_draw_rows(struct actor *a, int first, int end)
         struct edges e;
         if (!edges_of(p, q, r, &e))
             continue;
-        draw(a, i, &e, a->centre, 1, first, end);
+        rasterise(a, i, &e, (struct sample_grid){a->centre, 1}, first, end);
         if (a->fine)
-            draw(a, i, &e, a->fine, ACTOR_SIDE, first, end);
+            rasterise(a, i, &e, (struct sample_grid){a->fine, ACTOR_SIDE}, first, end);
     }
 }
 

@@ -47,20 +47,25 @@ static void fill_block(struct net_grid *g, int bx, int by, int bz)
             }
 }
 
+typedef void visit_cell(struct net_grid *g, int x, int y, int z, struct mesh *m);
+
+static void each_cell_of_block(struct net_grid *g, const int block[3], visit_cell *visit, struct mesh *m)
+{
+    int x0 = block[0] * BLOCK, y0 = block[1] * BLOCK, z0 = block[2] * BLOCK;
+    for (int z = z0; z < z0 + BLOCK; z++)
+        for (int y = y0; y < y0 + BLOCK; y++)
+            for (int x = x0; x < x0 + BLOCK; x++)
+                visit(g, x, y, z, m);
+}
+
 // Calls visit for every cell of every active block.
-static void each_cell(struct net_grid *g, void (*visit)(struct net_grid *, int, int, int, struct mesh *),
-                      struct mesh *m)
+static void each_cell(struct net_grid *g, visit_cell *visit, struct mesh *m)
 {
     for (int bz = 0; bz < g->blocks[2]; bz++)
         for (int by = 0; by < g->blocks[1]; by++)
-            for (int bx = 0; bx < g->blocks[0]; bx++) {
-                if (!g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx])
-                    continue;
-                for (int z = bz * BLOCK; z < (bz + 1) * BLOCK; z++)
-                    for (int y = by * BLOCK; y < (by + 1) * BLOCK; y++)
-                        for (int x = bx * BLOCK; x < (bx + 1) * BLOCK; x++)
-                            visit(g, x, y, z, m);
-            }
+            for (int bx = 0; bx < g->blocks[0]; bx++)
+                if (g->active[(bz * g->blocks[1] + by) * g->blocks[0] + bx])
+                    each_cell_of_block(g, (int[]){bx, by, bz}, visit, m);
 }
 
 static bool crossed(const struct net_grid *g, int x, int y, int z)

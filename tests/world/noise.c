@@ -83,7 +83,7 @@ static uint16_t read_pixel(const struct noise_spot *s, int x, int y)
     }
     if (z < NEAR_M || z > FAR_M)
         return 0;
-    // noise and steps in disparity, of a picture 640 pixels wide
+    // noise and steps in disparity, of an image 640 pixels wide
     double fb = s->lens->fx * 640 / w * BASELINE_M;
     double disparity = fb / z + fb * SIGMA * normal(s->seed, at, 6);
     disparity = floor(disparity / STEP_PX + 0.5) * STEP_PX;
@@ -110,7 +110,7 @@ enum status world_depth_noise(const struct lens *lens, const uint16_t *ideal, ui
             for (int x = 0; x < lens->width; x++)
                 out[(size_t)y * w + (size_t)x] = read_pixel(&s, x, y);
     } else {
-        status = fail(ERR_MEMORY, "out of memory for a depth picture of %d x %d", lens->width, lens->height);
+        status = fail(ERR_MEMORY, "out of memory for a depth image of %d x %d", lens->width, lens->height);
     }
     free(dark);
     free(copy);

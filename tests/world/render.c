@@ -79,7 +79,7 @@ static void shade(const struct job *j, const struct hit *h, int decal, struct ve
     const struct world_scene *s = &j->w->scene;
     const struct room_surface *f = &s->surfaces[h->surface];
     float albedo[3], light[3];
-    float glow = scene_albedo(s, h->surface, decal, h->u, h->v, foot, albedo);
+    float glow = scene_albedo(s, (struct surface_point){h->surface, decal, h->u, h->v}, foot, albedo);
     scene_light(f, h->u, h->v, light);
     if (j->actor && actor_shades(j->actor, h->surface, h->u, h->v)) {
         float lost[3], ambient;
@@ -246,7 +246,7 @@ enum status world_render(const struct world *w, const struct world_shot *shot, s
     j.boxes = calloc((size_t)j.tiles_across * (size_t)j.bands, sizeof *j.boxes);
     j.corners = out->color ? malloc((size_t)(2 * j.bands) * (size_t)(width + 1) * sizeof *j.corners) : NULL;
     if (!j.boxes || (out->color && !j.corners))
-        status = fail(ERR_MEMORY, "out of memory for a picture of %d x %d", width, height);
+        status = fail(ERR_MEMORY, "out of memory for an image of %d x %d", width, height);
     for (int i = 0; i < w->scene.box_count && !status; i++)
         mark_box(&j, i);
     if (!status && shot->actor) {
@@ -301,5 +301,5 @@ enum status world_render_rolling(const struct world *w, const struct world_shot 
     for (int y = 0; y < shot->lens.height && all; y++)
         all = done[y];
     free(done);
-    return all ? OK : fail(ERR_MEMORY, "no memory for a picture that is read row by row");
+    return all ? OK : fail(ERR_MEMORY, "no memory for an image that is read row by row");
 }

@@ -89,9 +89,13 @@ struct footprint {
     float dudx, dvdx, dudy, dvdy;
 };
 
-// The albedo there, linear, filtered over the footprint. Returns the glow.
-float scene_albedo(const struct world_scene *s, int surface, int decal, double u, double v, struct footprint foot,
-                   float albedo[3]);
+struct surface_point {
+    int surface, decal; // decal: as scene_decal
+    double u, v;        // metres on the surface
+};
+
+// The albedo at a point, linear, filtered over the footprint. Returns the emission: 0 or as decal.glow.
+float scene_albedo(const struct world_scene *s, struct surface_point at, struct footprint foot, float albedo[3]);
 
 // Irradiance / pi there without the figure.
 void scene_light(const struct room_surface *surface, double u, double v, float light[3]);

@@ -16,14 +16,14 @@ struct shadow_map {
     float weight[3];           // radiance * area / samples / pi
 };
 
-struct reach { // a rectangle on a surface
+struct shadow_bounds { // a rectangle on a surface
     double u0, v0, u1, v1;
 };
 
 struct shadow {
     const struct world_scene *scene;
     struct shadow_map maps[MAPS];
-    struct reach reach[MAX_SURFACES];
+    struct shadow_bounds bounds[MAX_SURFACES];
     struct vec3 sphere[JOINT_COUNT];
     const struct mesh *mesh;
     const struct vec3 *at;
@@ -102,11 +102,11 @@ static float passes(const struct shadow_map *m, struct vec3 at, double bias)
 }
 
 // Where on each surface the shadow of the figure's box may fall.
-static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
+static void find_bounds(struct shadow *s, struct vec3 low, struct vec3 high)
 {
     for (int f = 0; f < s->scene->surface_count; f++) {
         const struct room_surface *surface = &s->scene->surfaces[f];
-        struct reach r = {1e9, 1e9, -1e9, -1e9};
+        struct shadow_bounds r = {1e9, 1e9, -1e9, -1e9};
         for (int k = 0; k < MAPS + 1; k++)
             for (int i = 0; i < 8; i++) {
                 struct vec3 p = v3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z);
@@ -128,7 +128,7 @@ static void find_reach(struct shadow *s, struct vec3 low, struct vec3 high)
                 r.u0 = least(r.u0, u - reach), r.u1 = most(r.u1, u + reach);
                 r.v0 = least(r.v0, v - reach), r.v1 = most(r.v1, v + reach);
             }
-        s->reach[f] = r;
+        s->bounds[f] = r;
     }
 }
 
@@ -158,7 +158,7 @@ enum status shadow_open(struct shadow **out, const struct world_scene *scene, co
     for (int i = 0; i < MAPS; i++)
         s->maps[i].depth = depth + (size_t)i * MAP_SIDE * MAP_SIDE;
     parallel_for(threads, MAPS, fill_map, s);
-    find_reach(s, low, high);
+    find_bounds(s, low, high);
     *out = s;
     return OK;
 }
@@ -191,7 +191,7 @@ void shadow_light(const struct shadow *s, struct vec3 at, struct vec3f normal, f
 
 bool shadow_reaches(const struct shadow *s, int surface, double u, double v)
 {
-    const struct reach *r = &s->reach[surface];
+    const struct shadow_bounds *r = &s->bounds[surface];
     return u > r->u0 && u < r->u1 && v > r->v0 && v < r->v1;
 }
 

@@ -15,7 +15,7 @@ struct shape {
     struct vec3f a, b; // its axis; an ellipsoid's centre and radii
     float ra, rb;      // radii at the ends
     float flat;        // depth (y) over width, 1 = round; not for ellipsoids
-    float melt;        // width over which it blends with the shapes before it
+    float blend;       // width over which it blends with the shapes before it
     bool hangs;        // a skirt or a coat's tail: follows pelvis and thighs
     bool cloth;        // has folds
 };

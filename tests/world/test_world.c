@@ -231,7 +231,7 @@ static double gray(const struct shot_pixels *p, double x, double y)
     return sum;
 }
 
-// How far outside `edge` (pixels) the picture turns from black to white along `out`.
+// How far outside `edge` (pixels) the image changes from black to white along `out`.
 static double crossing(const struct shot_pixels *p, struct pixel edge, double ox, double oy)
 {
     double dark = gray(p, edge.x - 3 * ox, edge.y - 3 * oy), bright = gray(p, edge.x + 3 * ox, edge.y + 3 * oy);
@@ -428,7 +428,7 @@ static void test_open_refuses_invalid(void **state)
     EXPECT_STATUS(world_open(&w, &o), ERR_INPUT);
     EXPECT_TRUE(w == NULL);
     world_close(&w);
-    EXPECT_TRUE(!world_figure_named("nobody", &o.figure));
+    EXPECT_TRUE(!world_figure_named("no such figure", &o.figure));
 }
 
 int main(void)

@@ -17,9 +17,13 @@ void texture_free(struct texture *t);
 void texture_set(struct texture *t, int x, int y, const float linear[3]);
 void texture_finish(struct texture *t);
 
-// At (x, y) in texels of level 0, whose centres are at +0.5; the footprint is how far x and y run over a sample along
-// the two axes of the image. wrap: a repeating tile.
-void texture_at(const struct texture *t, double x, double y, float dxdu, float dydu, float dxdv, float dydv, bool wrap,
+// How far x and y run over a sample along the image's u and v, texels of level 0.
+struct texture_footprint {
+    float dxdu, dydu, dxdv, dydv;
+};
+
+// The filtered albedo at (x, y) in texels of level 0, whose centres are at +0.5. wrap: a repeating tile.
+void texture_at(const struct texture *t, double x, double y, const struct texture_footprint *footprint, bool wrap,
                 float linear[3]);
 
 float srgb_to_linear(uint8_t value);  // a table
