@@ -204,9 +204,10 @@ static enum status draw_all(struct bench *b, const struct left_out *data, struct
         memset(bytes, NOT_DRAWN, 3 * pixels);
         struct held_out_viewer ours = {
             data, full, motion, bytes, bytes + 3 * pixels, bytes + 6 * pixels, bytes + 10 * pixels};
-        struct held_out_viewer old = ours;
-        old.renderer = paper;
-        const struct bench_contender contenders[] = {{"full", measure, &ours, false}, {"paper", measure, &old, true}};
+        struct held_out_viewer paper_viewer = ours;
+        paper_viewer.renderer = paper;
+        const struct bench_contender contenders[] = {{"full", measure, &ours, false},
+                                                     {"paper", measure, &paper_viewer, true}};
         status = bench_run(b, contenders, COUNT_OF(contenders), data->count);
     }
     skeleton_track_close(&motion);

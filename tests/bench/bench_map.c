@@ -37,7 +37,7 @@ struct camera_walk {
 static size_t pixels_of(const struct lens *lens) { return (size_t)lens->width * (size_t)lens->height; }
 
 // Keeps a copy of the image.
-static enum status keep(struct camera_walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
+static enum status keep_image(struct camera_walk *w, const uint8_t *rgb, int64_t time_ns, struct pose truth)
 {
     size_t pixels = pixels_of(&w->lens);
     int i = w->count;
@@ -166,7 +166,7 @@ static enum status make(struct camera_walk *w, bool still)
         status = world_render(world, &shot, &(struct world_image){.color = color});
         world_color_noise(color, w->lens.width, w->lens.height, 500 + (uint64_t)i);
         if (status == OK)
-            status = keep(w, color, (int64_t)(i / WALK_HZ * 1e9), shot.world_from_camera);
+            status = keep_image(w, color, (int64_t)(i / WALK_HZ * 1e9), shot.world_from_camera);
     }
     if (status == OK)
         status = align_to_world(w, world);
@@ -194,7 +194,7 @@ static enum status read_folder(const char *data, struct camera_walk *w)
     while (status == OK && w->count < MOST && (status = source_next(camera, &frame)) == OK) {
         struct pose pose;
         if (frame.color && bench_truth_at(truth, (double)frame.time_ns * 1e-9, &pose))
-            status = keep(w, frame.color, frame.time_ns, pose);
+            status = keep_image(w, frame.color, frame.time_ns, pose);
     }
     if (truth)
         fclose(truth);

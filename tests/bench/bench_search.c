@@ -37,7 +37,7 @@ static double equation_5(const struct skeleton *k, const struct skeleton *n)
     return sum;
 }
 
-static struct frame_selection plain_loop(const struct take_of_limbs *t, const struct skeleton *k)
+static struct frame_selection exhaustive_search(const struct take_of_limbs *t, const struct skeleton *k)
 {
     struct frame_selection best = {0, equation_5(k, &t->frames[0])};
     for (int n = 1; n < t->count; n++) {
@@ -69,9 +69,9 @@ static enum status search_parts(const struct take_of_limbs *t, const struct skel
     return frame_selector_find_parts(t->selector, k, found);
 }
 
-static enum status search_plainly(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
+static enum status search_exhaustively(const struct take_of_limbs *t, const struct skeleton *k, int64_t *frame)
 {
-    *frame = plain_loop(t, k).frame;
+    *frame = exhaustive_search(t, k).frame;
     return OK;
 }
 
@@ -172,7 +172,7 @@ static enum status make(struct take_of_limbs *t, int count)
     for (int i = 0; i < QUERIES; i++) {
         const struct skeleton *shown = &t->frames[(int)(rng_uniform(&rng) * count)];
         t->queries[i] = limbs_rotated(shown, 2 * rng_uniform(&rng) - 1, 0.03, &rng);
-        t->best[i] = plain_loop(t, &t->queries[i]);
+        t->best[i] = exhaustive_search(t, &t->queries[i]);
     }
     enum status status = fill(t);
     return status == OK ? nanoflann_peer_open(&t->peer, t->numbers, (size_t)count) : status;
@@ -188,11 +188,11 @@ static enum status run(struct bench *b)
     if (status == OK) {
         struct search_contender small[] = {{&takes[0], search_ours},
                                            {&takes[0], search_parts},
-                                           {&takes[0], search_plainly},
+                                           {&takes[0], search_exhaustively},
                                            {&takes[0], search_nanoflann}};
         struct search_contender large[] = {{&takes[1], search_ours},
                                            {&takes[1], search_parts},
-                                           {&takes[1], search_plainly},
+                                           {&takes[1], search_exhaustively},
                                            {&takes[1], search_nanoflann}};
         const struct bench_contender contenders[] = {
             {"ours, 10 000 frames", measure, &small[0], false},  {"ours, eleven parts", measure, &small[1], false},

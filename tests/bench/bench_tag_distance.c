@@ -19,7 +19,7 @@ enum { OURS, THEIRS, OURS_BY_TWO, WHO_COUNT };
 
 struct result {
     bool found, said_ambiguous;
-    double range_mm, turn_deg;
+    double range_mm, rotation_deg;
 };
 
 struct setup {
@@ -121,8 +121,8 @@ static enum status measure(void *self, int item, struct bench_measure *out)
                        pose_angle(found, s->camera_from_tag) * 57.29577951308232};
     s->results[item][c->who] = r;
     out->error = r.range_mm;
-    out->extra[0] = fmin(r.turn_deg, FLIP_DEG); // one mirrored pose must not dominate the mean
-    out->extra[1] = r.turn_deg > FLIP_DEG;
+    out->extra[0] = fmin(r.rotation_deg, FLIP_DEG); // one mirrored pose must not dominate the mean
+    out->extra[1] = r.rotation_deg > FLIP_DEG;
     return OK;
 }
 
@@ -142,26 +142,26 @@ static double median(double *values, int count)
 
 struct distance_summary {
     int found, flips, ambiguous;
-    double range_mm, turn_deg; // medians over what both found
+    double range_mm, rotation_deg; // medians over what both found
 };
 
 static struct distance_summary sum_up(const struct setup *s, int distance, int who, int other)
 {
     struct distance_summary sum = {0};
-    double range[POSES], turn[POSES];
+    double range[POSES], rotation[POSES];
     int both = 0;
     for (int i = distance * POSES; i < (distance + 1) * POSES; i++) {
         const struct result *r = &s->results[i][who];
         sum.found += r->found;
-        sum.flips += r->found && r->turn_deg > FLIP_DEG;
+        sum.flips += r->found && r->rotation_deg > FLIP_DEG;
         sum.ambiguous += r->said_ambiguous;
         if (!r->found || !s->results[i][other].found)
             continue;
         range[both] = r->range_mm;
-        turn[both++] = r->turn_deg;
+        rotation[both++] = r->rotation_deg;
     }
     sum.range_mm = median(range, both);
-    sum.turn_deg = median(turn, both);
+    sum.rotation_deg = median(rotation, both);
     return sum;
 }
 
@@ -174,8 +174,8 @@ static void print_by_distance(const struct setup *s)
         struct distance_summary a = sum_up(s, d, OURS, THEIRS), b = sum_up(s, d, THEIRS, OURS),
                                 two = sum_up(s, d, OURS_BY_TWO, OURS_BY_TWO);
         printf("  %d   %4d /%4d   %6.2f /%6.2f   %6.3f /%6.3f   %3d /%3d (%3d)           %4d %4d\n", d + 1, a.found,
-               b.found, a.range_mm, b.range_mm, a.turn_deg, b.turn_deg, a.flips, b.flips, a.ambiguous, two.found,
-               two.flips);
+               b.found, a.range_mm, b.range_mm, a.rotation_deg, b.rotation_deg, a.flips, b.flips, a.ambiguous,
+               two.found, two.flips);
     }
 }
 

@@ -31,11 +31,12 @@ enum status find(enum aruco_corners how, const uint8_t *gray, const struct lens 
         float h = (float)side_m / 2;
         const std::vector<cv::Point3f> square = {{-h, h, 0}, {h, h, 0}, {h, -h, 0}, {-h, -h, 0}};
         const cv::Matx33d camera(lens->fx, 0, lens->cx, 0, lens->fy, lens->cy, 0, 0, 1);
-        cv::Vec3d turn, shift_m;
-        if (!cv::solvePnP(square, seen, camera, cv::noArray(), turn, shift_m, false, cv::SOLVEPNP_IPPE_SQUARE))
+        cv::Vec3d rotation_vector, shift_m;
+        if (!cv::solvePnP(square, seen, camera, cv::noArray(), rotation_vector, shift_m, false,
+                          cv::SOLVEPNP_IPPE_SQUARE))
             return NOTHING;
-        double angle = cv::norm(turn), s = angle > 1e-12 ? std::sin(angle / 2) / angle : 0.5;
-        out->rotation = {turn[0] * s, turn[1] * s, turn[2] * s, std::cos(angle / 2)};
+        double angle = cv::norm(rotation_vector), s = angle > 1e-12 ? std::sin(angle / 2) / angle : 0.5;
+        out->rotation = {rotation_vector[0] * s, rotation_vector[1] * s, rotation_vector[2] * s, std::cos(angle / 2)};
         out->translation = {shift_m[0], shift_m[1], shift_m[2]};
         return OK;
     }

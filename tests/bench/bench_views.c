@@ -112,17 +112,17 @@ static enum status run_viewers(struct bench *b, const struct views_data *data, s
         status = renderer_open(&paper, gpu, data->own, &data->lens, &options);
     if (status == OK) {
         struct views_viewer full = {data, own, false, rgb, rgba, alpha}, poses = full, joints = full, both = full,
-                            old = full, mesh = full;
+                            paper_viewer = full, mesh = full;
         poses.true_poses = both.true_poses = true;
         joints.renderer = both.renderer = true_joints;
-        old.renderer = paper;
+        paper_viewer.renderer = paper;
         mesh.renderer = NULL;
         const struct bench_contender contenders[] = {
             {"full", measure, &full, false},
             {"full, true poses", measure, &poses, false},
             {"full, true joints", measure, &joints, false},
             {"full, both true", measure, &both, false},
-            {"paper", measure, &old, true},
+            {"paper", measure, &paper_viewer, true},
             {"depth mesh", measure, &mesh, false},
         };
         int bin_of[VIEWS_MOST];

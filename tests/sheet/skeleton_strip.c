@@ -24,7 +24,8 @@ struct strip {
     int left, top, right, bottom; // of the person in all instants, and a little more; inclusive
 };
 
-static enum status keep(struct strip *s, const uint16_t *depth, const uint8_t *mask, const struct skeleton *skeleton)
+static enum status keep_instant(struct strip *s, const uint16_t *depth, const uint8_t *mask,
+                                const struct skeleton *skeleton)
 {
     const struct lens *l = &s->calibration.depth;
     size_t pixels = (size_t)l->width * (size_t)l->height;
@@ -45,7 +46,7 @@ static enum status keep(struct strip *s, const uint16_t *depth, const uint8_t *m
     return OK;
 }
 
-static enum status follow(struct strip *s, const char *folder, int count, int first, int last)
+static enum status track_person(struct strip *s, const char *folder, int count, int first, int last)
 {
     char uri[4096];
     struct source *source;
@@ -67,7 +68,7 @@ static enum status follow(struct strip *s, const char *folder, int count, int fi
         status = tracker_next(tracker, frame.time_ns, frame.depth, &skeleton, mask);
         int wanted = first + (count > 1 ? (last - first) * s->count / (count - 1) : 0);
         if (status >= 0 && k == wanted)
-            status = keep(s, frame.depth, mask, &skeleton);
+            status = keep_instant(s, frame.depth, mask, &skeleton);
     }
     tracker_close(&tracker);
     source_close(&source);
@@ -194,7 +195,7 @@ int main(int argc, char **argv)
         return 2;
     }
     static struct strip strip;
-    enum status status = follow(&strip, argv[3], count, first, last);
+    enum status status = track_person(&strip, argv[3], count, first, last);
     if (status == OK)
         status = draw(&strip, argv[1]);
     for (int i = 0; i < strip.count; i++) {

@@ -23,7 +23,7 @@ static uint64_t mixed(uint64_t sum, const void *bytes, size_t count) // FNV-1a
 
 static const uint64_t NOTHING_YET = UINT64_C(0xcbf29ce484222325);
 
-static void expect_sum(const char *what, uint64_t sum, uint64_t wanted)
+static void expect_checksum(const char *what, uint64_t sum, uint64_t wanted)
 {
     if (sum != wanted) {
         print_error("%s: the sum is 0x%016llx, wanted 0x%016llx\n", what, (unsigned long long)sum,
@@ -74,8 +74,8 @@ static void test_frame_selection(void **state)
     }
     uint64_t sum = NOTHING_YET;
     for (int i = 0; i < VIEWS; i++) {
-        struct quat turn = rotation_within(&rng, 0.2, 1, 0.2, 1);
-        struct pose viewer_from_camera = {turn, v3(0, 0, 1)};
+        struct quat rotation = rotation_within(&rng, 0.2, 1, 0.2, 1);
+        struct pose viewer_from_camera = {rotation, v3(0, 0, 1)};
         struct skeleton k = skeleton_transform(viewer_from_camera, &frames[(int)(rng_uniform(&rng) * FRAMES)]);
         for (int p = 0; p <= PART_COUNT; p++) {
             struct frame_selection got = {-1, -1};
@@ -87,7 +87,7 @@ static void test_frame_selection(void **state)
         }
     }
     frame_selector_close(&selector);
-    expect_sum("frames chosen and their costs", sum, UINT64_C(0x83246c6d5a2f5ffd));
+    expect_checksum("frames chosen and their costs", sum, UINT64_C(0x83246c6d5a2f5ffd));
 }
 
 static void test_coded_depth(void **state)
@@ -105,7 +105,7 @@ static void test_coded_depth(void **state)
     size_t count;
     EXPECT_STATUS(depth_coder_open(&coder), OK);
     EXPECT_STATUS(depth_encode(coder, depth, WIDTH, HEIGHT, &bytes, &count), OK);
-    expect_sum("a coded depth image", mixed(NOTHING_YET, bytes, count), UINT64_C(0x9ac9f8187417b63f));
+    expect_checksum("a coded depth image", mixed(NOTHING_YET, bytes, count), UINT64_C(0x9ac9f8187417b63f));
     depth_coder_close(&coder);
 }
 
@@ -116,15 +116,15 @@ static void test_rigid_motions(void **state)
     struct pose p = POSE_IDENTITY;
     uint64_t sum = NOTHING_YET;
     for (int i = 0; i < 200; i++) {
-        struct quat turn = rotation_within(&rng, 1, 1, 1, 0.5);
-        struct pose next = {turn, place_within(&rng, 2, 2, 2)};
+        struct quat rotation = rotation_within(&rng, 1, 1, 1, 0.5);
+        struct pose next = {rotation, place_within(&rng, 2, 2, 2)};
         p = i % 2 ? pose_multiply(p, next) : pose_multiply(pose_inverse(next), p);
         double m[3][3];
         quat_to_matrix(p.rotation, m);
         p.rotation = quat_unit(quat_from_matrix(m));
         sum = mixed(sum, &p, sizeof p);
     }
-    expect_sum("a chain of rigid motions", sum, UINT64_C(0x5d0c683adc91743d));
+    expect_checksum("a chain of rigid motions", sum, UINT64_C(0x5d0c683adc91743d));
 }
 
 static struct pose pose_of_sensor(const struct place *place, const uint8_t *color)

@@ -26,7 +26,7 @@ static const double PATIENCE_S = 9;
 #endif
 
 // One image's latencies.
-struct way {
+struct latency {
     double total_ms, ms[FRAME_STAGES];
     struct work work;        // of drawing it, and of all other threads meanwhile
     double stolen_ms;        // since the previous image
@@ -67,7 +67,7 @@ struct soak {
     double warm_mib, last_mib;
     int descriptors_warm, descriptors_last;
     double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
-    struct way slowest[SLOWEST];             // of the same, the slowest first
+    struct latency slowest[SLOWEST];         // of the same, the slowest first
     int64_t slow, slow_stolen;               // of the same, over twice the median; while processor time was stolen
     double slowest_own_ms;                   // while none was stolen
     double alone_ms;                         // localising and drawing the camera's image alone, mean
@@ -82,7 +82,7 @@ struct soak_run {
     struct viewer viewer;
     struct viewer_surface glass;
     uint8_t *rgba;
-    struct way *ways;
+    struct latency *ways;
     int64_t count, references, last_camera_number;
     double stolen_ms;              // when the last image was shown
     double alone_ms, cpu_alone_ms; // sums
@@ -90,7 +90,7 @@ struct soak_run {
 
 static int slowest_first(const void *a, const void *b)
 {
-    const struct way *x = a, *y = b;
+    const struct latency *x = a, *y = b;
     return (x->total_ms < y->total_ms) - (x->total_ms > y->total_ms);
 }
 
@@ -112,7 +112,7 @@ static double draw_camera_alone(struct soak_run *b)
 }
 
 // Draws what is new. False: nothing is.
-static bool draw_next(struct soak_run *b, int64_t now, struct way *way)
+static bool draw_next(struct soak_run *b, int64_t now, struct latency *way)
 {
     struct viewer *t = &b->viewer;
     if (!t->frame || t->frame->number == b->last_camera_number || t->state.page != PAGE_WATCH)
@@ -122,9 +122,9 @@ static bool draw_next(struct soak_run *b, int64_t now, struct way *way)
     EXPECT_STATUS(viewer_draw(t, &b->glass, now), OK);
     EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
     viewer_presented(t, clock_now_ns());
-    *way = (struct way){.total_ms = (double)(clock_now_ns() - t->frame->came_ns) * 1e-6,
-                        .take_s = (double)t->request.time_ns * 1e-9,
-                        .resolution_scale = t->request.resolution_scale};
+    *way = (struct latency){.total_ms = (double)(clock_now_ns() - t->frame->came_ns) * 1e-6,
+                            .take_s = (double)t->request.time_ns * 1e-9,
+                            .resolution_scale = t->request.resolution_scale};
     for (int i = 0; i < FRAME_STAGES; i++)
         way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
     way->work = work_since(&before);
@@ -158,7 +158,7 @@ static void measure_memory(struct soak *s, bool late)
 
 static int least_work_first(const void *a, const void *b)
 {
-    const struct way *x = a, *y = b;
+    const struct latency *x = a, *y = b;
     return (x->work.cpu_ms > y->work.cpu_ms) - (x->work.cpu_ms < y->work.cpu_ms);
 }
 
@@ -209,7 +209,7 @@ static struct soak soak(const char *file, const char *camera, double seconds, bo
             s.frames = 0;
         }
         bool warm = now - began > length / 3, late = now - began > 2 * length / 3;
-        struct way way;
+        struct latency way;
         if (!draw_next(&b, now, &way)) {
             clock_sleep_until_ns(now + 1000000);
             continue;
@@ -247,7 +247,7 @@ static void test_memory_stays_flat(void **state)
     rehearsal_end(&r);
 }
 
-static void say(const struct soak *s)
+static void print_soak(const struct soak *s)
 {
     printf("images        %lld\n", (long long)s->frames);
     printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->warm_mib,
@@ -264,10 +264,10 @@ static void say(const struct soak *s)
     printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's image alone %.1f\n",
            s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
     for (int i = 0; i < SLOWEST; i++) {
-        const struct way *w = &s->slowest[i];
+        const struct latency *w = &s->slowest[i];
         printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f%s; ", w->total_ms, w->at_s, w->take_s,
-               w->resolution_scale, w->placed ? "" : ", its place unknown");
-        printf("processor %.1f ms, waited for it %.1f, beside it %.1f, stolen %.0f, %.0f pages;", w->work.cpu_ms,
+               w->resolution_scale, w->placed ? "" : ", not localised");
+        printf("processor %.1f ms, waited %.1f, other threads %.1f, stolen %.0f, %.0f pages;", w->work.cpu_ms,
                w->work.waited_ms, w->work.other_threads_ms, w->stolen_ms, w->work.faults);
         for (int k = 0; k < FRAME_STAGES; k++)
             printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
@@ -279,7 +279,7 @@ int main(int argc, char **argv)
 {
     if (argc == 4) {
         struct soak s = soak(argv[2], argv[3], atof(argv[1]), true);
-        say(&s);
+        print_soak(&s);
         return 0;
     }
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_memory_stays_flat)};

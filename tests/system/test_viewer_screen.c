@@ -109,14 +109,14 @@ static int end(pid_t *child)
     return status;
 }
 
-static void leave(void)
+static void stop_viewer(void)
 {
     int status = end(&watcher);
     EXPECT_TRUE(WIFEXITED(status));
     EXPECT_INT(WEXITSTATUS(status), 0);
 }
 
-static void watch(const char *rotate)
+static void start_viewer(const char *rotate)
 {
     const char *const arguments[] = {PROGRAM_DIR "/reenact",
                                      rehearsal.file,
@@ -137,9 +137,9 @@ static void test_on_x11(void **state)
     (void)state;
     setenv("SDL_VIDEODRIVER", "x11", 1);
     for (int turned = 0; turned < WAYS_UP; turned++) {
-        watch(turned ? "180" : "0");
+        start_viewer(turned ? "180" : "0");
         expect_screen(turned);
-        leave();
+        stop_viewer();
     }
 }
 
@@ -162,9 +162,9 @@ static void test_on_wayland(void **state)
         clock_sleep_until_ns(clock_now_ns() + 100000000);
     setenv("WAYLAND_DISPLAY", "glass", 1);
     setenv("SDL_VIDEODRIVER", "wayland", 1);
-    watch("0");
+    start_viewer("0");
     expect_screen(false);
-    leave();
+    stop_viewer();
     end(&weston);
 }
 
@@ -201,7 +201,7 @@ static void test_missing_graphics_driver_is_reported(void **state)
     expect_refusal(&rendered, "graphics driver");
 }
 
-static int times_said(const char *text, const char *what)
+static int count_in_output(const char *text, const char *what)
 {
     int times = 0;
     while ((text = strstr(text, what))) {
@@ -221,7 +221,7 @@ static void test_lost_graphics_context_is_recreated(void **state)
     unsetenv("LD_PRELOAD");
     print_message("%s%s", said.out, said.err);
     EXPECT_INT(said.exit_code, 0);
-    EXPECT_INT(times_said(said.out, "shows     the actor in his place"), 2);
+    EXPECT_INT(count_in_output(said.out, "shows     the actor in his place"), 2);
 }
 
 static int set_up(void **state)
