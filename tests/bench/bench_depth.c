@@ -1,6 +1,7 @@
 // Stage "depth": lossless depth compression: ours next to PNG, plain zstd, and RVL (Wilson, "Fast lossless depth image
 // compression", ISS 2017). The "error" is the size; every image must be restored exactly.
 #include "tests/bench/bench.h"
+#include "tests/support/random.h"
 
 #include "capture/recording/depth_codec.h"
 #include "platform/compress.h"
@@ -29,20 +30,6 @@ static size_t pixels_of(const struct depth_images *p) { return (size_t)p->width 
 
 // ------------------------------------------------------------- the images
 
-static double uniform(uint64_t *state) // splitmix64
-{
-    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
-static double normal(uint64_t *state)
-{
-    double u = 1 - uniform(state), v = uniform(state);
-    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
-}
-
 // Metres along the ray through (x, y), z = 1: a wall, a floor, and a figure of two ellipsoids that walks.
 static double scene(double x, double y, int index)
 {
@@ -70,14 +57,14 @@ static double scene(double x, double y, int index)
 static void make_image(uint16_t *depth, int index)
 {
     const double focal = 575, base_m = 0.075;
-    uint64_t rng = 2017 + (uint64_t)index;
+    struct rng rng = {2017 + (uint64_t)index};
     for (int y = 0; y < MADE_HEIGHT; y++) {
         double shadow_until = -1;
         for (int x = 0; x < MADE_WIDTH; x++) {
             double z = scene((x - 319.5) / focal, (y - 239.5) / focal, index);
             double disparity = focal * base_m / z;
-            double steps = round(8 * disparity + 0.35 * normal(&rng));
-            bool hidden = x + disparity < shadow_until || uniform(&rng) < 0.002;
+            double steps = round(8 * disparity + 0.35 * rng_normal(&rng));
+            bool hidden = x + disparity < shadow_until || rng_uniform(&rng) < 0.002;
             shadow_until = fmax(shadow_until, x + disparity);
             depth[y * MADE_WIDTH + x] = hidden ? 0 : (uint16_t)(1000 * 8 * focal * base_m / steps);
         }

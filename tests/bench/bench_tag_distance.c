@@ -42,13 +42,13 @@ struct distance_contender {
 
 static enum status draw(struct setup *s, int item, bool two)
 {
-    uint64_t rng = SEED * 7919 + (uint64_t)item;
+    struct rng rng = {SEED * 7919 + (uint64_t)item};
     if (s->drawn == 2 * item + two)
         return OK;
     double distance = 1 + item / POSES;
-    double yaw = 2 * tag_picture_uniform(&rng) - 1, pitch = 2 * tag_picture_uniform(&rng) - 1;
+    double yaw = 2 * rng_uniform(&rng) - 1, pitch = 2 * rng_uniform(&rng) - 1;
     for (int i = 0; i < 2; i++)
-        s->tags[i] = (struct place_tag){.id = (int32_t)((TAG_ID_COUNT - 1) * tag_picture_uniform(&rng)),
+        s->tags[i] = (struct place_tag){.id = (int32_t)((TAG_ID_COUNT - 1) * rng_uniform(&rng)),
                                         .side_m = SIDE_M,
                                         .world_from_tag = {POSE_IDENTITY.rotation, {i * ASIDE_M, 0, 0}}};
     if (s->tags[1].id == s->tags[0].id)
@@ -62,7 +62,7 @@ static enum status draw(struct setup *s, int item, bool two)
         .tag_count = two ? 2 : 1,
         .noise = 2,
         .seed = SEED + (uint64_t)item,
-        .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&rng)),
+        .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * rng_uniform(&rng)),
         .rgb = s->rgb,
     };
     if (!tag_picture_draw(&image))

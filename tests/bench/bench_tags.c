@@ -22,7 +22,7 @@ struct tag_images {
 
 static enum status make(struct tag_images *p)
 {
-    uint64_t rng = SEED;
+    struct rng rng = {SEED};
     p->lens = tag_picture_lens(WIDTH, HEIGHT, 525);
     p->rgb = malloc((size_t)IMAGES * PIXELS * 3);
     p->gray = malloc((size_t)IMAGES * PIXELS);
@@ -30,22 +30,21 @@ static enum status make(struct tag_images *p)
         return fail(ERR_MEMORY, "no memory for images of tags");
     printf("tags: seed %llu\n", (unsigned long long)SEED);
     for (int i = 0; i < IMAGES; i++) {
-        double distance = 1 + 4 * tag_picture_uniform(&rng);
-        double yaw = 2 * tag_picture_uniform(&rng) - 1, pitch = 2 * tag_picture_uniform(&rng) - 1;
-        struct place_tag tag = {.id = (int32_t)(TAG_ID_COUNT * tag_picture_uniform(&rng)),
-                                .side_m = SIDE_M,
-                                .world_from_tag = POSE_IDENTITY};
+        double distance = 1 + 4 * rng_uniform(&rng);
+        double yaw = 2 * rng_uniform(&rng) - 1, pitch = 2 * rng_uniform(&rng) - 1;
+        struct place_tag tag = {
+            .id = (int32_t)(TAG_ID_COUNT * rng_uniform(&rng)), .side_m = SIDE_M, .world_from_tag = POSE_IDENTITY};
         struct tag_picture image = {
             .lens = p->lens,
             .tags = &tag,
             .tag_count = 1,
             .noise = 2,
             .seed = SEED + (uint64_t)i,
-            .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * tag_picture_uniform(&rng)),
+            .world_from_camera = tag_picture_view(distance, yaw, pitch, 6.28 * rng_uniform(&rng)),
             .rgb = p->rgb + (size_t)i * PIXELS * 3,
         };
         // anywhere in the image
-        double up = 0.6 * (tag_picture_uniform(&rng) - 0.5), right = 0.8 * (tag_picture_uniform(&rng) - 0.5);
+        double up = 0.6 * (rng_uniform(&rng) - 0.5), right = 0.8 * (rng_uniform(&rng) - 0.5);
         struct vec3 aside = v3(right, up, 0);
         image.world_from_camera.translation =
             v3_add(image.world_from_camera.translation,

@@ -3,6 +3,7 @@
 #pragma once
 #include "capture/recording/place.h"
 #include "platform/tag_detector.h"
+#include "tests/support/random.h"
 
 #include <stdlib.h>
 
@@ -24,20 +25,6 @@ static inline struct lens tag_picture_lens(int width, int height, double f)
 {
     return (struct lens){
         .width = width, .height = height, .fx = f, .fy = f, .cx = (width - 1) / 2.0, .cy = (height - 1) / 2.0};
-}
-
-static inline double tag_picture_uniform(uint64_t *state) // [0, 1), splitmix64 (Steele, Lea and Flood 2014)
-{
-    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return (double)((z ^ (z >> 31)) >> 11) * 0x1p-53;
-}
-
-static inline double tag_picture_normal(uint64_t *state)
-{
-    double u = 1 - tag_picture_uniform(state), v = tag_picture_uniform(state);
-    return sqrt(-2 * log(u)) * cos(6.283185307179586 * v);
 }
 
 static inline uint8_t tag_picture_encode(double light, bool linear, double noise)
@@ -139,7 +126,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
     enum { SIDE = 6, MOST = 16 };
     struct tag_picture_plane planes[MOST];
     struct pose camera_from_world = pose_inverse(p->world_from_camera);
-    uint64_t rng = p->seed;
+    struct rng rng = {p->seed};
     assert(p->tag_count <= MOST);
     for (int i = 0; i < p->tag_count; i++) {
         struct pose c = pose_multiply(camera_from_world, p->tags[i].world_from_tag);
@@ -184,7 +171,7 @@ static inline bool tag_picture_draw(struct tag_picture *p)
                 light = sum / (SIDE * SIDE);
             for (int c = 0; c < 3; c++)
                 p->rgb[3 * at + (size_t)c] =
-                    tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * tag_picture_normal(&rng) : 0);
+                    tag_picture_encode(light, p->linear, p->noise > 0 ? p->noise * rng_normal(&rng) : 0);
             if (p->depth)
                 p->depth[at] = (uint16_t)(z * 1000 + 0.5);
         }
