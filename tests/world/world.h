@@ -17,7 +17,7 @@
 //     world_depth_noise(&shot.lens, depth, 7, depth);         // as a Kinect sees it
 //     struct skeleton s = world_joints_in_camera(w, 1.2, world_sensor_pose(w));
 //
-// An open world never changes: it may be used from many threads at once.
+// An open world never changes: many threads may use it concurrently.
 #pragma once
 #include "capture/recording/place.h"
 #include "capture/recording/skeleton.h"
