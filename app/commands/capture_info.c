@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <sys/stat.h>
 
-// What info says of a take, whichever way it is printed.
+// What info reports of a take, as text or JSON.
 struct take_summary {
     const char *name;
     int64_t frames, dropped, with_skeleton, located, representative;
@@ -31,7 +31,7 @@ static struct take_summary summarize(const struct take *t, const char *name)
         s.located += take_entry(t, i)->located;
     }
     if (s.frames > 1) {
-        // As double first: the times of a strange file may lie further apart than an int64 can say.
+        // Converted first: the difference of times in a malformed file may overflow an int64.
         s.duration_s = ((double)take_entry(t, s.frames - 1)->time_ns - (double)take_entry(t, 0)->time_ns) * 1e-9;
         s.fps = (double)(s.frames - 1) / s.duration_s;
     }
@@ -132,7 +132,7 @@ static void add_take(struct json *takes, const struct take_summary *s)
 
 // ------------------------------------------------------------- the command
 
-// Prints as it goes, or fills `root` where it is not NULL.
+// Prints text, or fills `root` where it is not NULL.
 static enum status report(struct recording *r, const char *path, struct json *root)
 {
     struct stat about;

@@ -8,17 +8,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PROGRESS_STEPS = 100 }; // steps in which the share of the work is told
+enum { PROGRESS_STEPS = 100 }; // resolution at which progress is reported
 
 struct avatar_builder {
-    char *path, *take;
+    char *path;
+    const struct take *take;
     void (*notify)(void *self);
     void *notify_self;
     pthread_t thread;
     bool runs;
     atomic_int done; // of PROGRESS_STEPS
     atomic_bool cancelled, ended;
-    // The threads' until they have ended.
+    // Written by the threads, read when `ended` is set.
     enum status status;
     char sentence[512];
     struct avatar avatar;
@@ -50,10 +51,10 @@ static bool report_progress(void *self, double share)
 static enum status open_take(const struct avatar_builder *p, struct recording **recording, struct take **take)
 {
     enum status status = recording_open(recording, p->path);
-    return status == OK ? take_open(take, *recording, p->take) : status;
+    return status == OK ? take_open_shared(take, *recording, p->take) : status;
 }
 
-// The room is quickly made, and not worth a sentence where it fails.
+// Occluders are optional: where they cannot be made there are none, and no error is reported.
 static void build_occluders(struct avatar_builder *p)
 {
     const struct progress_watch watch = {.went_on = keep_going, .self = p};
@@ -71,6 +72,8 @@ static void build_occluders(struct avatar_builder *p)
 static enum status build_avatar(struct avatar_builder *p)
 {
     const struct progress_watch watch = {.went_on = report_progress, .self = p};
+    struct avatar_options options = avatar_default_options();
+    options.watch = &watch;
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct source_rays *rays = NULL;
@@ -80,7 +83,7 @@ static enum status build_avatar(struct avatar_builder *p)
     if (status == OK)
         status = source_rays_open(&rays, take_calibration(take));
     if (status == OK)
-        status = avatar_make(&p->avatar, take, rays, AVATAR_FRAMES, &watch);
+        status = avatar_make(&p->avatar, take, rays, &options);
     source_rays_close(&rays);
     take_close(&take);
     recording_free(&recording);
@@ -89,7 +92,7 @@ static enum status build_avatar(struct avatar_builder *p)
 
 enum { TASK_AVATAR, TASK_OCCLUDERS, TASK_COUNT };
 
-// Side by side, each with a handle on the recording of its own.
+// The two tasks run in parallel, each with its own handle on the recording.
 static void do_task(void *self, int task)
 {
     struct avatar_builder *p = self;
@@ -120,8 +123,8 @@ enum status avatar_builder_start(struct avatar_builder **out, const struct avata
     p->notify = options->notify;
     p->notify_self = options->notify_self;
     p->path = strdup(options->path);
-    p->take = strdup(options->take);
-    p->runs = p->path && p->take && pthread_create(&p->thread, NULL, run, p) == 0;
+    p->take = options->take;
+    p->runs = p->path && pthread_create(&p->thread, NULL, run, p) == 0;
     if (p->runs)
         return OK;
     avatar_builder_close(out);
@@ -139,7 +142,6 @@ void avatar_builder_close(struct avatar_builder **out)
     avatar_free(&p->avatar);
     occluder_mesh_free(&p->occluders);
     free(p->path);
-    free(p->take);
     free(p);
     *out = NULL;
 }

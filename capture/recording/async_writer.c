@@ -8,36 +8,36 @@
 #include <string.h>
 #include <time.h>
 
-enum { PENDING_BYTES_MAX = 256 << 20 }; // a disk slower than the sensor stops the sensor, not the machine
+enum { PENDING_BYTES_MAX = 256 << 20 }; // a disk slower than the sensor then blocks recording instead of filling memory
 
 struct pending {
     struct pending *next;
     struct frame_row row;
     struct skeleton skeleton;
-    uint8_t bytes[]; // the pictures
+    uint8_t bytes[]; // the encoded images
 };
 
 struct batch {
-    struct pending *first, **last; // last: where the next one is linked in
+    struct pending *first, **last; // last: where the next one is linked
     struct take_row take;
     bool has_take;
     size_t bytes;
-    int64_t since_ns; // wall clock when the first thing came; INT64_MAX: empty
+    int64_t since_ns; // wall clock of the first addition; INT64_MAX: empty
 };
 
 struct async_writer {
     struct database *db, *checkpoint_db;
     struct statement *add_frame, *add_image, *put_take;
 
-    pthread_mutex_t lock; // over all below
+    pthread_mutex_t lock; // guards all below
     pthread_cond_t wake;  // there may be something to do
     pthread_cond_t done;  // `writing` has ended
     pthread_t writer, checkpointer;
     bool has_writer, has_checkpointer, stop;
     struct batch batch;
     bool due;                // the batch is full by the sensor's clock
-    bool writing;            // the writer is at the database, without the lock
-    bool unsynced;           // committed, not yet moved into the file
+    bool writing;            // the writer thread uses the database, without the lock
+    bool unsynced;           // committed, not yet checkpointed
     enum status first_error; // the first error; from then on nothing is written
     char sentence[512];
 };
@@ -48,7 +48,7 @@ static enum status insert_frame(struct async_writer *s, const struct frame_row *
 {
     uint8_t pose[POSE_BYTES], skeleton[SKELETON_BYTES];
     size_t skeleton_bytes = f->skeleton ? sizeof skeleton : 0;
-    unsigned pictures = (f->color ? TAKE_COLOR : 0u) | (f->depth ? TAKE_DEPTH : 0u) | (f->mask ? TAKE_MASK : 0u);
+    unsigned images = (f->color ? TAKE_COLOR : 0u) | (f->depth ? TAKE_DEPTH : 0u) | (f->mask ? TAKE_MASK : 0u);
     put_pose(pose, &f->world_from_camera);
     if (f->skeleton)
         put_skeleton(skeleton, f->skeleton);
@@ -58,10 +58,10 @@ static enum status insert_frame(struct async_writer *s, const struct frame_row *
     statement_bind_number(row, 3, f->located);
     statement_bind_blob(row, 4, pose, sizeof pose);
     statement_bind_blob(row, 5, f->skeleton ? skeleton : NULL, skeleton_bytes);
-    statement_bind_number(row, 6, pictures);
-    statement_bind_number(row, 7, frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, pictures));
+    statement_bind_number(row, 6, images);
+    statement_bind_number(row, 7, frame_crc(f->time_ns, f->located, pose, skeleton, skeleton_bytes, images));
     enum status status = statement_run(row);
-    if (status != OK || !pictures)
+    if (status != OK || !images)
         return status;
     row = s->add_image;
     statement_bind_number(row, 1, f->key);
@@ -107,7 +107,7 @@ static void empty(struct batch *b)
     b->since_ns = INT64_MAX;
 }
 
-// One transaction. Whatever goes wrong, the file stays as the last commit left it.
+// One transaction: on any error the file remains as the last commit left it.
 static enum status write_batch(struct async_writer *s, const struct batch *b)
 {
     enum status status = database_run(s->db, "BEGIN IMMEDIATE");
@@ -120,7 +120,9 @@ static enum status write_batch(struct async_writer *s, const struct batch *b)
     return status;
 }
 
-// The caller holds the lock, from here to the threads.
+// The functions from here to the threads are called with the lock held.
+
+// Keeps the first error, rolls back and drops the batch. Returns the first error with its sentence.
 static enum status set_error(struct async_writer *s, enum status status)
 {
     if (s->first_error == OK) {
@@ -130,11 +132,11 @@ static enum status set_error(struct async_writer *s, enum status status)
         (void)back;
     }
     empty(&s->batch);
-    pthread_cond_broadcast(&s->done); // nobody waits for what will not come
+    pthread_cond_broadcast(&s->done); // wakes those who wait for this batch
     return fail(s->first_error, "%s", s->sentence);
 }
 
-// Takes the batch away and writes it; gives the lock back meanwhile where told to.
+// Detaches the batch and writes it. unlocked: the lock is released meanwhile.
 static enum status write_pending(struct async_writer *s, bool unlocked)
 {
     if (s->first_error != OK)
@@ -203,7 +205,7 @@ static void *run_checkpointer(void *argument)
         enum status status = database_checkpoint(s->checkpoint_db, &left);
         pthread_mutex_lock(&s->lock);
         if (status != OK) {
-            while (s->writing) // the writer is at the connection that set_error() rolls back
+            while (s->writing) // the writer thread uses the connection that set_error() rolls back
                 pthread_cond_wait(&s->done, &s->lock);
             set_error(s, status);
         }
@@ -271,23 +273,23 @@ static struct pending *copy_row(const struct frame_row *row)
         p->row.skeleton = &p->skeleton;
     }
     uint8_t *at = p->bytes;
-    const uint8_t **pictures[] = {&p->row.color, &p->row.depth, &p->row.mask};
+    const uint8_t **images[] = {&p->row.color, &p->row.depth, &p->row.mask};
     const size_t counts[] = {row->color_bytes, row->depth_bytes, row->mask_bytes};
-    for (size_t i = 0; i < COUNT_OF(pictures); i++)
-        if (*pictures[i]) {
-            memcpy(at, *pictures[i], counts[i]);
-            *pictures[i] = at;
+    for (size_t i = 0; i < COUNT_OF(images); i++)
+        if (*images[i]) {
+            memcpy(at, *images[i], counts[i]);
+            *images[i] = at;
             at += counts[i];
         }
     return p;
 }
 
-// Under the lock: something new lies in the batch.
+// Called with the lock held, before the batch gets a new row.
 static void begin_batch(struct async_writer *s)
 {
     if (s->batch.since_ns == INT64_MAX) {
         s->batch.since_ns = clock_now_ns();
-        pthread_cond_broadcast(&s->wake); // the writer's clock starts
+        pthread_cond_broadcast(&s->wake); // starts the BATCH_NS timeout
     }
 }
 

@@ -23,6 +23,8 @@ struct renderer {
         drawn; // the tablet's; the one that is drawn for, with `resolution_scale` of its pixels along a side
     double resolution_scale;
     enum detail detail;
+    struct take_skeletons *own_skeletons; // NULL: options gave them
+    const struct take_skeletons *skeletons;
     struct skeleton_track *motion;
     struct cylinder_renderer *cylinders;
     struct source_rays *rays; // NULL: the take has no depth
@@ -222,13 +224,16 @@ static enum status open_avatar(struct renderer *p, const struct renderer_options
     if (p->detail == DETAIL_PAPER || !(c->depth.width > 0))
         return OK;
     enum status status = source_rays_open(&p->rays, c);
+    const struct frame_source source = {p->take, p->skeletons, p->rays};
     if (status == OK)
-        status = avatar_renderer_open(&p->avatar, p->gpu, p->take, p->rays, &p->lens, options->texture_bytes / 2);
+        status = avatar_renderer_open(&p->avatar, p->gpu, &source, &p->lens, options->texture_bytes / 2);
     p->upload_pending = status == OK;
     if (status != OK || p->avatar_later)
         return status;
     struct avatar avatar;
-    status = avatar_make(&avatar, p->take, p->rays, AVATAR_FRAMES, options->watch);
+    struct avatar_options how = avatar_default_options();
+    how.watch = options->watch;
+    status = avatar_make(&avatar, p->take, p->rays, &how);
     if (status < 0)
         return status;
     status = renderer_set_avatar(p, status == OK ? &avatar : NULL);
@@ -267,7 +272,10 @@ enum status renderer_open(struct renderer **out, struct gpu *gpu, struct take *t
     p->error_px = options->error_px;
     p->cylinder_error_m = TYPICAL_CYLINDER_ERROR_M;
     p->avatar_later = options->avatar_later && options->detail != DETAIL_PAPER;
-    status = skeleton_track_open(&p->motion, take);
+    status = options->skeletons ? OK : take_skeletons_open(&p->own_skeletons, take);
+    p->skeletons = options->skeletons ? options->skeletons : p->own_skeletons;
+    if (status == OK)
+        status = skeleton_track_open(&p->motion, take, p->skeletons);
     const size_t bytes = options->texture_bytes / (p->detail == DETAIL_PAPER ? 1 : 2);
     if (status == OK)
         status = cylinder_renderer_open(&p->cylinders, gpu, take, bytes);
@@ -299,6 +307,7 @@ void renderer_close(struct renderer **out)
     gpu_program_close(&p->compose_program);
     cylinder_renderer_close(&p->cylinders);
     skeleton_track_close(&p->motion);
+    take_skeletons_close(&p->own_skeletons);
     free(p);
     *out = NULL;
 }

@@ -27,7 +27,8 @@ enum detail {
 struct renderer;
 
 struct renderer_options {
-    enum detail detail;   // default DETAIL_FULL
+    const struct take_skeletons *skeletons; // of the take, borrowed; NULL, the default: the renderer makes them
+    enum detail detail;                     // default DETAIL_FULL
     size_t texture_bytes; // of recorded frames kept on the GPU, see below; at least one is. Default 64 MiB
     double error_px;      // that DETAIL_AUTO may be wrong by. Default 1
     bool sources;         // renderer_read_source will be asked for. Default no

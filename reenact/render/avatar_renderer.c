@@ -210,15 +210,15 @@ static enum status open_programs(struct avatar_renderer *p, const struct lens *v
     return OK;
 }
 
-enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu, struct take *take,
-                                 const struct source_rays *rays, const struct lens *view, size_t max_bytes)
+enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu, const struct frame_source *source,
+                                 const struct lens *view, size_t max_bytes)
 {
     struct avatar_renderer *p = *out = calloc(1, sizeof *p);
     if (!p)
         return fail(ERR_MEMORY, "out of memory");
     p->gpu = gpu;
-    p->take = take;
-    enum status status = frame_layer_cache_open(&p->frames, gpu, take, rays, max_bytes);
+    p->take = source->take;
+    enum status status = frame_layer_cache_open(&p->frames, gpu, source, max_bytes);
     if (status == OK)
         status = open_programs(p, view);
     if (status != OK)

@@ -8,10 +8,11 @@
 
 struct avatar_renderer;
 
-// gpu, take and rays must outlive it. view: the tablet camera's lens, copied.
+// gpu and what source points to must outlive it. view: the tablet camera's lens, copied.
 // max_bytes: of shown frames (frame_layer_cache.h). ERR_DEVICE, ERR_MEMORY.
-MUST_CHECK enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu, struct take *take,
-                                            const struct source_rays *rays, const struct lens *view, size_t max_bytes);
+MUST_CHECK enum status avatar_renderer_open(struct avatar_renderer **out, struct gpu *gpu,
+                                            const struct frame_source *source, const struct lens *view,
+                                            size_t max_bytes);
 void avatar_renderer_close(struct avatar_renderer **p);
 
 // From here on this one. Its contents go over and *avatar is zeroed, on failure

@@ -14,8 +14,7 @@ struct cached_layer {
 
 struct frame_layer_cache {
     struct gpu *gpu;
-    struct take *take;
-    const struct source_rays *rays;
+    struct frame_source source;
     struct frame_layer_loader *loader; // of the avatar; NULL before the first frame
     struct cached_layer *layers;
     int count, capacity;
@@ -23,15 +22,14 @@ struct frame_layer_cache {
     int64_t now;
 };
 
-enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu, struct take *take,
-                                   const struct source_rays *rays, size_t max_bytes)
+enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu, const struct frame_source *source,
+                                   size_t max_bytes)
 {
     struct frame_layer_cache *f = *out = calloc(1, sizeof *f);
     if (!f)
         return fail(ERR_MEMORY, "out of memory");
     f->gpu = gpu;
-    f->take = take;
-    f->rays = rays;
+    f->source = *source;
     f->max_bytes = max_bytes;
     return OK;
 }
@@ -68,7 +66,7 @@ void frame_layer_cache_close(struct frame_layer_cache **out)
 // From the kept frame before it to the one after it, round the take.
 static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
 {
-    const int64_t frames = take_frame_count(f->take);
+    const int64_t frames = take_frame_count(f->source.take);
     int64_t before = frames, after = frames;
     for (int k = 0; k < f->count; k++) {
         const int64_t on = (f->layers[k].frame - f->layers[i].frame + frames) % frames;
@@ -84,7 +82,7 @@ static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
 // all along the take; else the oldest.
 static int eviction_candidate(const struct frame_layer_cache *f)
 {
-    const int64_t longest = 2 * take_frame_count(f->take);
+    const int64_t longest = 2 * take_frame_count(f->source.take);
     int least = 0;
     int64_t least_worth = INT64_MAX;
     for (int i = 0; i < f->count; i++) {
@@ -154,10 +152,10 @@ bool frame_layer_cache_has(const struct frame_layer_cache *f, int64_t frame) { r
 
 int64_t frame_layer_cache_nearest(const struct frame_layer_cache *f, int64_t frame, int64_t within_ns)
 {
-    const int64_t at_ns = take_entry(f->take, frame)->time_ns;
+    const int64_t at_ns = take_entry(f->source.take, frame)->time_ns;
     int64_t best = -1, best_ns = within_ns;
     for (int i = 0; i < f->count; i++) {
-        const int64_t away_ns = llabs(take_entry(f->take, f->layers[i].frame)->time_ns - at_ns);
+        const int64_t away_ns = llabs(take_entry(f->source.take, f->layers[i].frame)->time_ns - at_ns);
         const bool nearer = best < 0 || away_ns < best_ns || (away_ns == best_ns && f->layers[i].frame < best);
         if (away_ns <= within_ns && nearer)
             best = f->layers[i].frame, best_ns = away_ns;
@@ -175,7 +173,7 @@ enum status frame_layer_cache_add(struct frame_layer_cache *f, struct frame_laye
 static enum status load(struct frame_layer_cache *f, const struct avatar *avatar, int64_t frame)
 {
     struct frame_layer loaded;
-    enum status status = f->loader ? OK : frame_layer_loader_open(&f->loader, f->take, f->rays, avatar);
+    enum status status = f->loader ? OK : frame_layer_loader_open(&f->loader, &f->source, avatar);
     if (status == OK)
         status = frame_layer_loader_load(f->loader, frame, &loaded);
     return status == OK ? frame_layer_cache_add(f, &loaded) : status;

@@ -6,9 +6,9 @@
 
 struct frame_layer_cache;
 
-// gpu, take and rays must outlive it. max_bytes: of textures; one frame is always kept. ERR_MEMORY.
-MUST_CHECK enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu, struct take *take,
-                                              const struct source_rays *rays, size_t max_bytes);
+// gpu and what source points to must outlive it. max_bytes: of textures; one frame is always kept. ERR_MEMORY.
+MUST_CHECK enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu,
+                                              const struct frame_source *source, size_t max_bytes);
 void frame_layer_cache_close(struct frame_layer_cache **f);
 
 // As loaded_frame has it.

@@ -187,6 +187,7 @@ static enum status measure(void *self, int item, struct bench_measure *out)
 static enum status draw_all(struct bench *b, const struct left_out *data, struct gpu *gpu)
 {
     struct renderer *full = NULL, *paper = NULL;
+    struct take_skeletons *skeletons = NULL;
     struct skeleton_track *motion = NULL;
     struct renderer_options options = renderer_default_options();
     size_t pixels = (size_t)data->lens.width * (size_t)data->lens.height;
@@ -194,7 +195,9 @@ static enum status draw_all(struct bench *b, const struct left_out *data, struct
     enum status status = bytes ? OK : fail(ERR_MEMORY, "no memory for an image");
     options.shadow = false;
     if (status == OK)
-        status = skeleton_track_open(&motion, data->take);
+        status = take_skeletons_open(&skeletons, data->take);
+    if (status == OK)
+        status = skeleton_track_open(&motion, data->take, skeletons);
     if (status == OK)
         status = renderer_open(&full, gpu, data->take, &data->lens, &options);
     options.detail = DETAIL_PAPER;
@@ -211,6 +214,7 @@ static enum status draw_all(struct bench *b, const struct left_out *data, struct
         status = bench_run(b, contenders, COUNT_OF(contenders), data->count);
     }
     skeleton_track_close(&motion);
+    take_skeletons_close(&skeletons);
     renderer_close(&full);
     renderer_close(&paper);
     free(bytes);

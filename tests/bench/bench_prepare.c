@@ -189,12 +189,13 @@ static enum status measure(struct bench *b, struct take *take)
     enum status status = source_rays_open(&rays, take_calibration(take));
     struct usage begun = now();
     if (status == OK)
-        status = avatar_make(&one, take, rays, AVATAR_FRAMES, &watch);
+        status = avatar_make(&one, take, rays,
+                             &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4, .watch = &watch});
     struct usage ended = now();
     if (status == OK)
         status = print_steps(b, &steps, &begun, &ended);
     if (status == OK)
-        status = avatar_make(&other, take, rays, AVATAR_FRAMES, NULL);
+        status = avatar_make(&other, take, rays, &(struct avatar_options){.max_frames = AVATAR_FRAMES, .threads = 4});
     if (status == OK && !same_avatar(&one, &other))
         status = fail(ERR_INPUT, "preparing the take again gave another avatar");
     avatar_free(&one);

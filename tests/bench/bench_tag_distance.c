@@ -92,7 +92,11 @@ static enum status find(struct setup *s, int tag_count, struct pose *found, bool
                 kept++;
             }
     if (status == OK)
-        status = kept ? pnp_solve(tags, kept, s->lens.fx, s->lens.fy, MAX_RMS_PX, NULL, &fit) : NOTHING;
+        status =
+            kept
+                ? pnp_solve(&(struct pose_problem){.tags = tags, .tag_count = kept, .fx = s->lens.fx, .fy = s->lens.fy},
+                            MAX_RMS_PX, &fit)
+                : NOTHING;
     if (status != OK && status != AMBIGUOUS)
         return status;
     *ambiguous = status == AMBIGUOUS;

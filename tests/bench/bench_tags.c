@@ -115,7 +115,8 @@ static enum status measure_ours(void *self, int item, struct bench_measure *out)
             !tag_refine(o->refiner, rgb, seen[i].id, &o->patterns[item], seen[i].corner, &fine))
             continue;
         struct pnp_tag tag = {.seen = &fine, .world_from_tag = POSE_IDENTITY, .side_m = SIDE_M};
-        if (pnp_solve(&tag, 1, p->lens.fx, p->lens.fy, 2.5, NULL, &fit) == NOTHING)
+        if (pnp_solve(&(struct pose_problem){.tags = &tag, .tag_count = 1, .fx = p->lens.fx, .fy = p->lens.fy}, 2.5,
+                      &fit) == NOTHING)
             continue;
         judge(p, item, fit.camera_from_world, started_ms, out);
         return OK;

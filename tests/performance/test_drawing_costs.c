@@ -107,7 +107,7 @@ static void test_prefetched_image_is_identical(void **state)
     int64_t loading = draw_frame(p, 3, ours);
     draw_frame(p, 2, other);
     EXPECT_TRUE(renderer_nearest_resident_frame(p, 3, 0) < 0 && renderer_nearest_resident_frame(p, 2, 0) == 2);
-    EXPECT_STATUS(frame_layer_loader_open(&loader, take, rehearsed.rays, renderer_avatar(p)), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, &rehearsed.source, renderer_avatar(p)), OK);
     EXPECT_STATUS(frame_layer_loader_load(loader, 3, &loaded), OK);
     EXPECT_STATUS(renderer_add_frame(p, &loaded), OK);
     EXPECT_TRUE(!loaded.shift); // its contents went over
@@ -145,13 +145,16 @@ static void test_no_texture_side_is_power_of_two(void **state)
         char name[32];
         struct recording *recording;
         struct take *of;
+        struct take_skeletons *skeletons;
         struct frame_layer_loader *loader;
         struct frame_layer f;
         snprintf(name, sizeof name, "%d columns", columns);
         retake(rehearsed.rehearsal.file, "turn", name, narrow, &columns);
         EXPECT_STATUS(recording_open(&recording, rehearsed.rehearsal.file), OK);
         EXPECT_STATUS(take_open(&of, recording, name), OK);
-        EXPECT_STATUS(frame_layer_loader_open(&loader, of, rehearsed.rays, renderer_avatar(of_one_frame)), OK);
+        EXPECT_STATUS(take_skeletons_open(&skeletons, of), OK);
+        const struct frame_source source = {of, skeletons, rehearsed.rays};
+        EXPECT_STATUS(frame_layer_loader_open(&loader, &source, renderer_avatar(of_one_frame)), OK);
         EXPECT_STATUS(frame_layer_loader_load(loader, 3, &f), OK);
         EXPECT_TRUE(f.has_images);
         print_message("%d columns: colours %d x %d, depth %d x %d\n", columns, f.color.width, f.color.height,
@@ -161,6 +164,7 @@ static void test_no_texture_side_is_power_of_two(void **state)
         met |= f.color.width == 17;
         frame_layer_free(&f);
         frame_layer_loader_close(&loader);
+        take_skeletons_close(&skeletons);
         take_close(&of);
         recording_free(&recording);
     }
@@ -284,7 +288,8 @@ static void test_room_upload_costs_no_frame(void **state)
     struct renderer_result result;
     o.avatar_later = o.shadow = true;
     EXPECT_STATUS(renderer_open(&p, gpu, take, &lens, &o), OK);
-    EXPECT_STATUS(avatar_make(&avatar, take, rehearsed.rays, 2, NULL), OK);
+    EXPECT_STATUS(avatar_make(&avatar, take, rehearsed.rays, &(struct avatar_options){.max_frames = 2, .threads = 4}),
+                  OK);
     EXPECT_STATUS(renderer_set_avatar(p, &avatar), OK);
     EXPECT_STATUS(renderer_set_room(p, &room), OK);
     for (int i = 0; i < 200 && (i == 0 || !renderer_upload_done(p)); i++)

@@ -66,7 +66,7 @@ static struct shaded_vertex see(const struct avatar *l, int i, const struct defo
     return (struct shaded_vertex){on_grid(px.x + share * aside[0]),
                                   on_grid(px.y + share * aside[1]),
                                   p.z,
-                                  sqrt(lit(&l->vertex_colors.light, v3_unit(n))),
+                                  sqrt(lit(&l->vertex_colors.irradiance, v3_unit(n))),
                                   {(double)m->at[i][0], (double)m->at[i][1]},
                                   out > 0 ? 0 : 1,
                                   p};
@@ -139,7 +139,7 @@ static void set_open(struct set *s)
 {
     struct skeleton_track *motion;
     EXPECT_STATUS(rehearsed_open(&s->rehearsed, 4), OK);
-    EXPECT_STATUS(skeleton_track_open(&motion, s->rehearsed.take), OK);
+    EXPECT_STATUS(skeleton_track_open(&motion, s->rehearsed.take, s->rehearsed.skeletons), OK);
     EXPECT_STATUS(skeleton_track_at(motion, 0, true, &s->moment), OK);
     skeleton_track_close(&motion);
     // Half way round him from where the sensor stood, and nearer.
@@ -157,8 +157,10 @@ static void draw(struct set *s, uint8_t *rgba)
     int parts;
     EXPECT_STATUS(gpu_open(&gpu), OK);
     EXPECT_STATUS(gpu_target_open(&target, gpu, W, H), OK);
-    EXPECT_STATUS(avatar_make(&given, s->rehearsed.take, s->rehearsed.rays, 4, NULL), OK); // the same again
-    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, s->rehearsed.take, s->rehearsed.rays, &lens, 0), OK);
+    EXPECT_STATUS(avatar_make(&given, s->rehearsed.take, s->rehearsed.rays,
+                              &(struct avatar_options){.max_frames = 4, .threads = 4}),
+                  OK); // the same again
+    EXPECT_STATUS(avatar_renderer_open(&renderer, gpu, &s->rehearsed.source, &lens, 0), OK);
     EXPECT_STATUS(avatar_renderer_set_avatar(renderer, &given), OK);
     EXPECT_TRUE(avatar_renderer_upload_step(renderer, SIZE_MAX));
     struct avatar_view view = {s->moment.frame, s->moment.skeleton, s->viewer, target, NULL, NULL};
@@ -175,7 +177,7 @@ static float brighter(struct set *s)
 {
     struct frame_layer_loader *loader;
     struct frame_layer loaded;
-    EXPECT_STATUS(frame_layer_loader_open(&loader, s->rehearsed.take, s->rehearsed.rays, &s->rehearsed.avatar), OK);
+    EXPECT_STATUS(frame_layer_loader_open(&loader, &s->rehearsed.source, &s->rehearsed.avatar), OK);
     EXPECT_STATUS(frame_layer_loader_load(loader, s->moment.frame, &loaded), OK);
     const float ratio = loaded.exposure_gain;
     frame_layer_free(&loaded);
@@ -195,8 +197,13 @@ static void bend(struct set *s, const struct depth_frame *depth_frame, const str
     uint8_t *rgb = malloc(3 * (size_t)calibration->color.width * (size_t)calibration->color.height);
     EXPECT_STATUS(depth_frame_clean_colors(depth_frame, calibration, seen.color, rgb), OK);
     const struct deformation_model model = {l->tsdf, &l->surface, l->skins};
-    const struct deformation_colors colors = {&l->vertex_colors, rgb, calibration,
-                                              take_entry(take, s->moment.frame)->world_from_camera.rotation};
+    const struct deformation_colors colors = {.albedo = (const float(*)[3])l->vertex_colors.color,
+                                              .filled = l->vertex_colors.filled,
+                                              .irradiance = &l->vertex_colors.irradiance,
+                                              .rgb = rgb,
+                                              .calibration = calibration,
+                                              .world_from_color =
+                                                  take_entry(take, s->moment.frame)->world_from_camera.rotation};
     deformation_fit(deformation, &model, depth_frame, joints, &colors);
     free(rgb);
 }

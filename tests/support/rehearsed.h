@@ -6,9 +6,11 @@
 struct rehearsed {
     struct rehearsal rehearsal;
     struct recording *recording;
-    struct take *take;        // "turn"
-    struct source_rays *rays; // of its sensor
-    struct avatar avatar;     // of its actor; zeroed where none was asked for
+    struct take *take; // "turn"
+    struct take_skeletons *skeletons;
+    struct source_rays *rays;   // of its sensor
+    struct frame_source source; // the three of them
+    struct avatar avatar;       // of its actor; zeroed where none was asked for
 };
 
 // frames: how many the avatar is made of; 0: no avatar. The rehearsal's errors abort; else as avatar_make. Call

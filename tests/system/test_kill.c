@@ -1,7 +1,7 @@
-// kill -9 in the middle of recording: what is left on the disk.
+// kill -9 while recording: what stays on the disk.
 //
-// test_kill [COUNT]: number of kills, at random moments; default 4. The sensor is live: OpenNI2 with a driver of ours,
-// 30 images a second.
+// test_kill [COUNT]: that many kills, at random moments; default 4.
+// The sensor is live: OpenNI2 with the fake sensor's driver, 30 frames a second.
 #include "tests/support/test.h"
 
 #include "capture/recording/recording.h"
@@ -25,7 +25,7 @@ static const uint64_t SEED = 20140901;
 
 static struct scratch scratch;
 
-// An empty room: recording it costs as much as any recording.
+// An empty room, at the cost of a normal recording.
 static void make_folder(void)
 {
     static uint8_t color[3 * WIDTH * HEIGHT];
@@ -71,8 +71,8 @@ static int64_t frames_in(const char *path)
     return frames;
 }
 
-// Records until `filmed_ms` after the first frame is in the file, then kills. Returns the number of frames that the
-// sensor had delivered by then at least.
+// Records until `filmed_ms` after the first frame is in the file, then kills. Returns a lower bound of the
+// frames that the sensor had delivered by then.
 static int64_t film_and_kill(const char *path, double filmed_ms)
 {
     const char *const argv[] = {
@@ -108,7 +108,7 @@ static void test_killed_take_loses_at_most_a_second(void **state)
         int64_t kept = frames_in(path);
         worst = filmed - kept > worst ? filmed - kept : worst;
         EXPECT_AT_LEAST((double)kept, (double)filmed - 30);
-        // and it can be extended
+        // and it can be added to
         struct recording_writer *writer;
         EXPECT_STATUS(recording_append(&writer, path), OK);
         EXPECT_STATUS(recording_close(&writer), OK);
@@ -117,7 +117,7 @@ static void test_killed_take_loses_at_most_a_second(void **state)
     print_message("at most %lld frames (%.2f s) short\n", (long long)worst, (double)worst / 30);
 }
 
-// Ctrl-C is no kill: the take is finished properly with all its frames.
+// After Ctrl-C the take ends complete, with all its frames.
 static void test_interrupt_ends_take_cleanly(void **state)
 {
     (void)state;
@@ -146,8 +146,8 @@ static int set_up(void **state)
     setenv("REENACT_FAKE_SENSOR", scratch_file(&scratch, "sensor"), 1);
     setenv("REENACT_FAKE_SENSOR_AT_END", "loop", 1);
     setenv("LD_LIBRARY_PATH", OPENNI2_DIR, 1);
-    // OpenNI2 unloads its drivers before the child's leak check, which therefore cannot tell their leaks from ours;
-    // test_recorder checks for ours in one process.
+    // OpenNI2 unloads its drivers before the leak check runs in the child, which then cannot
+    // attribute their leaks; test_recorder checks for leaks in one process.
     setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
     return 0;
 }

@@ -1,8 +1,8 @@
-// The app running for long with a camera that never ends: memory stays flat, no descriptor leaks, and every image's
-// time is known by stage.
+// The app running for long with an endless camera: memory stays flat, no
+// descriptor leaks, and every image's time is measured by stage.
 //
 //     test_soak                         a few seconds
-//     test_soak SECONDS FILE CAMERA     as long as asked for, with figures
+//     test_soak SECONDS FILE CAMERA     as long as given, with figures
 #include "tests/support/test.h"
 
 #include "app/viewer.h"
@@ -25,14 +25,14 @@ static const double PATIENCE_S = 120;
 static const double PATIENCE_S = 9;
 #endif
 
-// One image's latencies.
+// One image from arrival to display.
 struct latency {
     double total_ms, ms[FRAME_STAGES];
-    struct work work;        // of drawing it, and of all other threads meanwhile
-    double stolen_ms;        // since the previous image
+    struct work work;        // of drawing it, independent of what else runs
+    double stolen_ms;        // since the image before
     double at_s;             // since the beginning
     double take_s;           // of the take
-    double resolution_scale; // at which the actor was drawn
+    double resolution_scale; // of the actor
     bool placed;             // the camera was localised
 };
 
@@ -61,30 +61,30 @@ static int descriptors(void)
 
 struct soak {
     int64_t frames;
-    // Most memory and fewest descriptors in the second and in the last third of the time. An image that is being
-    // located or drawn takes some for a moment, and the camera opens a file for each; a descriptor leaked with every
-    // image, or now and then, stays open for all the images after.
+    // Maximum of memory and minimum of descriptors in the second and in the last third of the time: localising or
+    // drawing an image takes some temporarily, and the camera opens a file for each; a leaked descriptor stays open in
+    // all later images, so the minimum rises.
     double warm_mib, last_mib;
     int descriptors_warm, descriptors_last;
-    double mean_ms[FRAME_STAGES], median_ms; // of arrival to display, from the second third on
+    double mean_ms[FRAME_STAGES], median_ms; // from arrival to display, from the second third on
     struct latency slowest[SLOWEST];         // of the same, the slowest first
-    int64_t slow, slow_stolen;               // of the same, over twice the median; while processor time was stolen
-    double slowest_own_ms;                   // while none was stolen
+    int64_t slow, slow_stolen;               // of the same, over twice the median; while the host took processor time
+    double slowest_own_ms;                   // while it did not
     double alone_ms;                         // localising and drawing the camera's image alone, mean
     double cpu_median_ms, cpu_slowest_ms;    // processor time of drawing
     double cpu_alone_ms;                     // of the camera's image alone, mean
 };
 
-// State of a soak run.
+// The app and its measurements during a soak.
 struct soak_run {
     struct gpu *gpu;
     struct gpu_target *target;
     struct viewer viewer;
-    struct viewer_surface glass;
+    struct viewer_surface surface;
     uint8_t *rgba;
-    struct latency *ways;
+    struct latency *latencies;
     int64_t count, references, last_camera_number;
-    double stolen_ms;              // when the last image was shown
+    double stolen_ms;              // when the last image was presented
     double alone_ms, cpu_alone_ms; // sums
 };
 
@@ -94,7 +94,7 @@ static int slowest_first(const void *a, const void *b)
     return (x->total_ms < y->total_ms) - (x->total_ms > y->total_ms);
 }
 
-// The camera's image alone, drawn and waited for.
+// Time to draw the camera's image alone and to wait for it, milliseconds.
 static double draw_camera_alone(struct soak_run *b)
 {
     struct viewer *t = &b->viewer;
@@ -111,31 +111,32 @@ static double draw_camera_alone(struct soak_run *b)
     return (double)(clock_now_ns() - began) * 1e-6;
 }
 
-// Draws what is new. False: nothing is.
-static bool draw_next(struct soak_run *b, int64_t now, struct latency *way)
+// Draws the next camera image. False: there is none.
+static bool draw_next(struct soak_run *b, int64_t now, struct latency *latency)
 {
     struct viewer *t = &b->viewer;
     if (!t->frame || t->frame->number == b->last_camera_number || t->state.page != PAGE_WATCH)
         return false;
     b->last_camera_number = t->frame->number;
     const struct work before = work_so_far();
-    EXPECT_STATUS(viewer_draw(t, &b->glass, now), OK);
-    EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // as a display would have to wait for it
+    EXPECT_STATUS(viewer_draw(t, &b->surface, now), OK);
+    EXPECT_STATUS(gpu_target_read(b->target, b->rgba), OK); // waits for the GPU, as a display would
     viewer_presented(t, clock_now_ns());
-    *way = (struct latency){.total_ms = (double)(clock_now_ns() - t->frame->came_ns) * 1e-6,
-                            .take_s = (double)t->request.time_ns * 1e-9,
-                            .resolution_scale = t->request.resolution_scale};
+    *latency = (struct latency){.total_ms = (double)(clock_now_ns() - t->frame->received_ns) * 1e-6,
+                                .take_s = (double)t->request.time_ns * 1e-9,
+                                .resolution_scale = t->request.resolution_scale};
     for (int i = 0; i < FRAME_STAGES; i++)
-        way->ms[i] = (double)frame_times_at(&t->times, 0)[i];
-    way->work = work_since(&before);
-    const double stolen_ms = before.stolen_ms + way->work.stolen_ms;
-    way->stolen_ms = stolen_ms - b->stolen_ms;
+        latency->ms[i] = (double)frame_times_at(&t->times, 0)[i];
+    latency->work = work_since(&before);
+    const double stolen_ms = before.stolen_ms + latency->work.stolen_ms;
+    latency->stolen_ms = stolen_ms - b->stolen_ms;
     b->stolen_ms = stolen_ms;
-    way->placed = t->frame->placed;
+    latency->placed = t->frame->placed;
     return true;
 }
 
-// Measures the reference. Its cost must not count in the latency of the next image: one that came meanwhile is skipped.
+// Measures the reference. An image that arrived meanwhile is skipped, so that the reference does not add to its
+// latency.
 static void measure_reference(struct soak_run *b)
 {
     const struct camera_frame *frame = b->viewer.frame;
@@ -153,7 +154,7 @@ static void measure_memory(struct soak *s, bool late)
     int *fewest = late ? &s->descriptors_last : &s->descriptors_warm;
     double *most_mib = late ? &s->last_mib : &s->warm_mib;
     *most_mib = fmax(*most_mib, resident_mib());
-    *fewest = *fewest && *fewest < open_now ? *fewest : open_now; // 0: none was counted yet
+    *fewest = *fewest && *fewest < open_now ? *fewest : open_now; // 0: not counted yet
 }
 
 static int least_work_first(const void *a, const void *b)
@@ -166,66 +167,67 @@ static void sum_up(struct soak *s, struct soak_run *b)
 {
     s->alone_ms = b->references ? b->alone_ms / (double)b->references : 0;
     s->cpu_alone_ms = b->references ? b->cpu_alone_ms / (double)b->references : 0;
-    qsort(b->ways, (size_t)b->count, sizeof *b->ways, least_work_first);
-    s->cpu_median_ms = b->count ? b->ways[b->count / 2].work.cpu_ms : 0;
-    s->cpu_slowest_ms = b->count ? b->ways[b->count - 1].work.cpu_ms : 0;
+    qsort(b->latencies, (size_t)b->count, sizeof *b->latencies, least_work_first);
+    s->cpu_median_ms = b->count ? b->latencies[b->count / 2].work.cpu_ms : 0;
+    s->cpu_slowest_ms = b->count ? b->latencies[b->count - 1].work.cpu_ms : 0;
     for (int64_t i = 0; i < b->count; i++)
         for (int stage = 0; stage < FRAME_STAGES; stage++)
-            s->mean_ms[stage] += b->ways[i].ms[stage] / (double)b->count;
-    qsort(b->ways, (size_t)b->count, sizeof *b->ways, slowest_first);
-    s->median_ms = b->count ? b->ways[b->count / 2].total_ms : 0;
+            s->mean_ms[stage] += b->latencies[i].ms[stage] / (double)b->count;
+    qsort(b->latencies, (size_t)b->count, sizeof *b->latencies, slowest_first);
+    s->median_ms = b->count ? b->latencies[b->count / 2].total_ms : 0;
     for (int i = 0; i < SLOWEST && i < b->count; i++)
-        s->slowest[i] = b->ways[i];
+        s->slowest[i] = b->latencies[i];
     for (int64_t i = 0; i < b->count; i++) {
-        const bool slow = b->ways[i].total_ms > 2 * s->median_ms, stolen = b->ways[i].stolen_ms > 0;
+        const bool slow = b->latencies[i].total_ms > 2 * s->median_ms, stolen = b->latencies[i].stolen_ms > 0;
         s->slow += slow;
         s->slow_stolen += slow && stolen;
         if (!stolen)
-            s->slowest_own_ms = fmax(s->slowest_own_ms, b->ways[i].total_ms);
+            s->slowest_own_ms = fmax(s->slowest_own_ms, b->latencies[i].total_ms);
     }
 }
 
-// reference: measures the app as it is used, and now and then the camera's image alone as well. Otherwise every image
-// is drawn at full resolution, since the memory needed must not depend on how busy the machine is.
+// reference: measures the app as it is used, and at intervals the camera's image alone. Otherwise every image
+// is drawn at the display's resolution, so that memory does not depend on the machine's load.
 static struct soak soak(const char *file, const char *camera, double seconds, bool reference)
 {
     const struct viewer_options how = {
         .file = file, .camera = camera, .refresh_hz = 60, .fixed_resolution = !reference};
-    struct soak_run b = {.ways = malloc(sizeof *b.ways * MOST_FRAMES), .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
+    struct soak_run b = {.latencies = malloc(sizeof *b.latencies * MOST_FRAMES),
+                         .rgba = malloc((size_t)WIDTH * HEIGHT * 4)};
     struct soak s = {0};
-    assert_non_null(b.ways);
+    assert_non_null(b.latencies);
     EXPECT_STATUS(gpu_open(&b.gpu), OK);
     EXPECT_STATUS(gpu_target_open(&b.target, b.gpu, WIDTH, HEIGHT), OK);
     EXPECT_STATUS(viewer_open(&b.viewer, b.gpu, &how), OK);
-    b.glass = (struct viewer_surface){b.target, WIDTH, HEIGHT, 0, viewer_px_per_dp(149)};
+    b.surface = (struct viewer_surface){b.target, WIDTH, HEIGHT, 0, viewer_px_per_dp(149)};
     view_state_choose_take(&b.viewer.state, 0);
     int64_t began = clock_now_ns(), length = (int64_t)(seconds * 1e9);
     for (int64_t now = began; now < began + length; now = clock_now_ns()) {
         viewer_update(&b.viewer, now);
         const struct take_view *stage = b.viewer.take_view;
         if (!stage || take_view_progress(stage) < 1 ||
-            !take_view_final(stage)) { // it counts from when the take is prepared
+            !take_view_final(stage)) { // time counts from when the take is ready
             began = now;
             s.frames = 0;
         }
         bool warm = now - began > length / 3, late = now - began > 2 * length / 3;
-        struct latency way;
-        if (!draw_next(&b, now, &way)) {
+        struct latency latency;
+        if (!draw_next(&b, now, &latency)) {
             clock_sleep_until_ns(now + 1000000);
             continue;
         }
         s.frames++;
         if (!warm)
             continue;
-        way.at_s = (double)(now - began) * 1e-9;
+        latency.at_s = (double)(now - began) * 1e-9;
         if (b.count < MOST_FRAMES)
-            b.ways[b.count++] = way;
+            b.latencies[b.count++] = latency;
         measure_memory(&s, late);
         if (reference && s.frames % REFERENCE_EACH == 0)
             measure_reference(&b);
     }
     sum_up(&s, &b);
-    free(b.ways);
+    free(b.latencies);
     free(b.rgba);
     viewer_close(&b.viewer);
     gpu_target_close(&b.target);
@@ -238,10 +240,10 @@ static void test_memory_stays_flat(void **state)
     (void)state;
     struct rehearsal r = rehearsal_make();
     struct soak s = soak(r.file, r.camera, PATIENCE_S, false);
-    print_message("%lld images, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.warm_mib,
+    print_message("%lld pictures, %.1f MiB then %.1f, %d descriptors then %d\n", (long long)s.frames, s.warm_mib,
                   s.last_mib, s.descriptors_warm, s.descriptors_last);
     EXPECT_AT_LEAST(s.frames, 5);
-    EXPECT_AT_MOST(s.last_mib, s.warm_mib * 1.05 + 4); // in seconds, caches still fill
+    EXPECT_AT_MOST(s.last_mib, s.warm_mib * 1.05 + 4); // within seconds, caches still fill
     EXPECT_AT_MOST(s.descriptors_last, s.descriptors_warm);
     EXPECT_AT_LEAST(s.median_ms, 0.1);
     rehearsal_end(&r);
@@ -249,7 +251,7 @@ static void test_memory_stays_flat(void **state)
 
 static void print_soak(const struct soak *s)
 {
-    printf("images        %lld\n", (long long)s->frames);
+    printf("pictures      %lld\n", (long long)s->frames);
     printf("memory        %.1f MiB at most in the second third, %.1f in the last (%+.2f %%)\n", s->warm_mib,
            s->last_mib, 100 * (s->last_mib / s->warm_mib - 1));
     printf("descriptors   %d at least in the second third, %d in the last\n", s->descriptors_warm, s->descriptors_last);
@@ -257,17 +259,17 @@ static void print_soak(const struct soak *s)
         printf("%-13s %.1f ms\n", frame_stage_names[i], s->mean_ms[i]);
     printf("arrival to display: median %.1f ms, slowest %.1f (%.1f times)\n", s->median_ms, s->slowest[0].total_ms,
            s->slowest[0].total_ms / s->median_ms);
-    printf("over twice the median: %lld images, %lld of them while the host stole processor time; "
+    printf("over twice the median: %lld pictures, %lld of them while the host took processors away; "
            "slowest of the others %.1f ms (%.1f times)\n",
            (long long)s->slow, (long long)s->slow_stolen, s->slowest_own_ms, s->slowest_own_ms / s->median_ms);
-    printf("localising and the camera's image alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
-    printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's image alone %.1f\n",
+    printf("locating and the camera's picture alone: %.1f ms; ratio %.2f\n", s->alone_ms, s->median_ms / s->alone_ms);
+    printf("processor time of drawing: median %.1f ms, most %.1f (%.1f times); the camera's picture alone %.1f\n",
            s->cpu_median_ms, s->cpu_slowest_ms, s->cpu_slowest_ms / s->cpu_median_ms, s->cpu_alone_ms);
     for (int i = 0; i < SLOWEST; i++) {
         const struct latency *w = &s->slowest[i];
         printf("slow: %.1f ms after %.1f s, the take at %.2f s, drawn at %.2f%s; ", w->total_ms, w->at_s, w->take_s,
-               w->resolution_scale, w->placed ? "" : ", not localised");
-        printf("processor %.1f ms, waited %.1f, other threads %.1f, stolen %.0f, %.0f pages;", w->work.cpu_ms,
+               w->resolution_scale, w->placed ? "" : ", its place unknown");
+        printf("processor %.1f ms, waited for it %.1f, beside it %.1f, stolen %.0f, %.0f pages;", w->work.cpu_ms,
                w->work.waited_ms, w->work.other_threads_ms, w->stolen_ms, w->work.faults);
         for (int k = 0; k < FRAME_STAGES; k++)
             printf(" %s %.1f", frame_stage_names[k], w->ms[k]);
