@@ -4,7 +4,7 @@
 #include "capture/recording/place.h"
 
 // The rigid motion b_from_a that maps points a to points b with the least squared error (Horn 1987: power iteration on
-// his 4 x 4 matrix). Requires n > 2 points that are not collinear.
+// the 4 x 4 matrix). Requires n > 2 points that are not collinear.
 struct pose align_points(const struct vec3 *a, const struct vec3 *b, int n);
 
 // Aligns a place's axes with the truth's by the corners of their common tags and returns what is left, rms in metres;
