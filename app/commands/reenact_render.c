@@ -7,7 +7,7 @@
 #include "platform/json.h"
 #include "platform/png.h"
 #include "platform/source.h"
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 
 #include <inttypes.h>
 #include <stdio.h>

@@ -58,11 +58,13 @@ static enum status open_take(const struct avatar_builder *p, struct recording **
 static void build_occluders(struct avatar_builder *p)
 {
     const struct progress_watch watch = {.went_on = keep_going, .self = p};
+    struct occluder_options options = occluder_default_options();
     struct recording *recording = NULL;
     struct take *take = NULL;
     struct place place = {0};
+    options.watch = &watch;
     if (open_take(p, &recording, &take) != OK || recording_read_place(recording, &place) != OK ||
-        occluder_mesh_make(&p->occluders, &place, take, &watch) != OK)
+        occluder_mesh_make(&p->occluders, &place, take, &options) != OK)
         p->occluders = (struct occluder_mesh){0};
     place_free(&place);
     take_close(&take);

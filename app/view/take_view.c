@@ -5,7 +5,7 @@
 #include "app/view/avatar_builder.h"
 #include "base/clock.h"
 #include "reenact/skeleton/skeleton_track.h"
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 
 #include <stdlib.h>
 #include <string.h>

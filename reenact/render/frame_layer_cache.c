@@ -1,9 +1,10 @@
+// Cache of frame layers on the GPU.
 #include "reenact/render/frame_layer_cache.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// Of those shown last none goes, for one may step back to them.
+// The frames used last are not evicted: stepping back shows them again. Chosen by hand.
 enum { PROTECTED_FRAMES = 16 };
 
 struct cached_layer {
@@ -15,11 +16,11 @@ struct cached_layer {
 struct frame_layer_cache {
     struct gpu *gpu;
     struct frame_source source;
-    struct frame_layer_loader *loader; // of the avatar; NULL before the first frame
+    struct frame_layer_loader *loader; // for the avatar; NULL before the first frame
     struct cached_layer *layers;
     int count, capacity;
     size_t bytes, max_bytes;
-    int64_t now;
+    int64_t now; // counts uses
 };
 
 enum status frame_layer_cache_open(struct frame_layer_cache **out, struct gpu *gpu, const struct frame_source *source,
@@ -41,7 +42,7 @@ static void drop(struct frame_layer_cache *f, int i)
     gpu_texture_close(&f->layers[i].shown.depth);
     free(f->layers[i].shown.shift);
     free(f->layers[i].shown.points);
-    free(f->layers[i].shown.own);
+    free(f->layers[i].shown.triangle_visible);
     f->layers[i] = f->layers[--f->count];
 }
 
@@ -63,7 +64,7 @@ void frame_layer_cache_close(struct frame_layer_cache **out)
     *out = NULL;
 }
 
-// From the kept frame before it to the one after it, round the take.
+// Frames from the resident frame before layer i to the one after it, cyclically over the take.
 static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
 {
     const int64_t frames = take_frame_count(f->source.take);
@@ -78,16 +79,16 @@ static int64_t neighbor_gap(const struct frame_layer_cache *f, int i)
     return before + after;
 }
 
-// The one to let go: of those not shown or given lately, the one that others are nearest to, so that those kept lie
-// all along the take; else the oldest.
+// The layer to evict: among those not used recently, the one with the smallest neighbour gap, so that residents spread
+// over the take; if all were used recently, the least recently used.
 static int eviction_candidate(const struct frame_layer_cache *f)
 {
     const int64_t longest = 2 * take_frame_count(f->source.take);
     int least = 0;
     int64_t least_worth = INT64_MAX;
     for (int i = 0; i < f->count; i++) {
-        const bool lately = f->layers[i].used > f->now - PROTECTED_FRAMES;
-        const int64_t worth = lately ? longest + f->layers[i].used : neighbor_gap(f, i);
+        const bool recent = f->layers[i].used > f->now - PROTECTED_FRAMES;
+        const int64_t worth = recent ? longest + f->layers[i].used : neighbor_gap(f, i);
         if (worth < least_worth)
             least_worth = worth, least = i;
     }
@@ -128,7 +129,7 @@ static enum status insert(struct frame_layer_cache *f, struct frame_layer *loade
     s->corrections = loaded->corrections;
     s->shift = loaded->shift;
     s->points = loaded->points;
-    s->own = loaded->triangle_visible;
+    s->triangle_visible = loaded->triangle_visible;
     loaded->shift = NULL;
     loaded->points = NULL;
     loaded->triangle_visible = NULL;

@@ -1,3 +1,4 @@
+// Affine maps and meshes of body cylinders.
 #include "reenact/skeleton/body_cylinders.h"
 
 #include <stdlib.h>

@@ -10,7 +10,7 @@
 #include "tests/bench/bench_look.h"
 #include "tests/bench/bench_views_data.h"
 
-#include "reenact/render/actor_renderer.h"
+#include "reenact/render/actor_renderer_live.h"
 #include "tests/world/world.h"
 
 #include <stdio.h>

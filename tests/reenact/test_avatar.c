@@ -6,6 +6,7 @@
 
 #include "reenact/avatar/avatar.h"
 #include "reenact/avatar/silhouette_constraint.h"
+#include "reenact/render/actor_renderer_live.h"
 
 #include <string.h>
 
