@@ -58,8 +58,8 @@ static void print_place(const struct place *p)
     for (int32_t i = 0; i < p->tag_count; i++) {
         const struct place_tag *t = &p->tags[i];
         struct vec3 at = t->world_from_tag.translation;
-        printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d sightings\n", t->id, t->side_m * 1e3, at.x,
-               at.y, at.z, t->rms_px, t->sightings);
+        printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d observations\n", t->id, t->side_m * 1e3, at.x,
+               at.y, at.z, t->rms_px, t->observations);
     }
 }
 
@@ -102,7 +102,7 @@ static void add_place(struct json *root, const struct place *p)
         json_add_number(tag, "id", t->id);
         json_add_number(tag, "side_m", t->side_m);
         json_add_number(tag, "rms_px", t->rms_px);
-        json_add_number(tag, "sightings", t->sightings);
+        json_add_number(tag, "sightings", t->observations);
         add_point(tag, "position_m", t->world_from_tag.translation);
         struct vec3 corners[4];
         place_tag_corners(t, corners);

@@ -153,7 +153,7 @@ static void print_json(const char *path, const struct place *before, const struc
     json_add_number(root, "tags_apart", r->tags_disconnected);
     json_add_number(root, "tags_unlisted", r->tags_unlisted);
     json_add_number(root, "tags_moved", r->tags_moved);
-    json_add_number(root, "tags_astray", r->tags_outlier);
+    json_add_number(root, "tags_outlier", r->tags_outlier);
     json_add_number(root, "tags_new", place->tag_count - before->tag_count);
     json_add_number(root, "points_new", place->point_count - before->point_count);
     json_add_number(root, "views_new", place->view_count - before->view_count);
@@ -168,7 +168,7 @@ static void print_json(const char *path, const struct place *before, const struc
         struct json *tag = json_add_object(tags, NULL);
         json_add_number(tag, "id", t->id);
         json_add_number(tag, "side_m", t->side_m);
-        json_add_number(tag, "sightings", t->sightings);
+        json_add_number(tag, "sightings", t->observations);
         json_add_number(tag, "rms_px", t->rms_px);
         struct vec3 world[4];
         place_tag_corners(t, world);
@@ -202,7 +202,7 @@ static const struct place_tag *rarely_observed(const struct place *place)
 {
     enum { MIN_OBSERVATIONS = 3 };
     for (int32_t i = 0; i < place->tag_count; i++)
-        if (place->tags[i].sightings < MIN_OBSERVATIONS)
+        if (place->tags[i].observations < MIN_OBSERVATIONS)
             return &place->tags[i];
     return NULL;
 }
@@ -217,7 +217,7 @@ static void warn(const char *program, const struct place *place, const struct ma
                 program);
     if (seldom)
         fprintf(stderr, "%s: warning: tag %d is in %d picture%s only; film it again, together with others\n", program,
-                (int)seldom->id, (int)seldom->sightings, seldom->sightings == 1 ? "" : "s");
+                (int)seldom->id, (int)seldom->observations, seldom->observations == 1 ? "" : "s");
     if (r->tags_unseen)
         fprintf(stderr, "%s: warning: tag %d%s listed but in no picture; film it too, or take it off the list\n",
                 program, (int)r->first_unseen, r->tags_unseen > 1 ? " and others are" : " is");

@@ -132,9 +132,9 @@ void map_merge_residuals(struct map *m, const struct place *prior)
         struct map_tag *tag = &m->tags[i]; // those of the place come first
         if (tag->moved)
             continue;
-        tag->rms_px = rms_of_both(old->rms_px, old->sightings, tag->rms_px, tag->observations);
-        tag->observations += old->sightings;
-        earlier += old->sightings;
+        tag->rms_px = rms_of_both(old->rms_px, old->observations, tag->rms_px, tag->observations);
+        tag->observations += old->observations;
+        earlier += old->observations;
     }
     if (!any_tag) { // then the errors are those of landmarks
         earlier = prior->point_count;

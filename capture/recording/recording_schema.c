@@ -182,7 +182,7 @@ void put_tag(uint8_t out[TAG_BYTES], const struct place_tag *tag)
 {
     out = put_f64(put_u32(out, (uint32_t)tag->id), tag->side_m);
     put_pose(out, &tag->world_from_tag);
-    put_u32(put_f64(out + POSE_BYTES, tag->rms_px), (uint32_t)tag->sightings);
+    put_u32(put_f64(out + POSE_BYTES, tag->rms_px), (uint32_t)tag->observations);
 }
 
 void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out)
@@ -192,7 +192,7 @@ void get_tag(const uint8_t in[TAG_BYTES], struct place_tag *out)
     get_pose(in, &out->world_from_tag);
     in += POSE_BYTES;
     out->rms_px = get_f64(&in);
-    out->sightings = (int32_t)get_u32(&in);
+    out->observations = (int32_t)get_u32(&in);
 }
 
 void put_point(uint8_t out[POINT_BYTES], const struct place_point *point)

@@ -121,14 +121,14 @@ static void raise_arms(struct body_pose *pose, double left, double right)
 }
 
 // The likeliest poses so far, one for each direction that the trunk may face: towards the sensor, left, away, right.
-struct pose_candidate {
+struct start_pose {
     struct body_pose pose;
     struct body_shape shape;
     double energy; // with facing_log_odds
 };
 
 struct pose_candidates {
-    struct pose_candidate of[FACINGS];
+    struct start_pose of[FACINGS];
     bool unsure; // no feet are visible, or no floor is known
 };
 
@@ -149,7 +149,7 @@ static void keep_best(struct pose_candidates *c, const struct fit_result *r)
     int facing = fabs(ahead.x) > fabs(ahead.z) ? (ahead.x > 0 ? 1 : 3) : (ahead.z > 0 ? 2 : 0);
     double energy = r->energy + facing_log_odds(&r->pose, c->unsure);
     if (energy < c->of[facing].energy)
-        c->of[facing] = (struct pose_candidate){r->pose, r->shape, energy};
+        c->of[facing] = (struct start_pose){r->pose, r->shape, energy};
 }
 
 // Fits roughly from `pose`, first with a wide kernel.
@@ -169,7 +169,7 @@ static void fit_start(struct fit_task *task, const struct body_pose *pose, struc
 }
 
 // Refines a rough fit, with a limb search and the shape learned, into scratch->best.
-static void refine_candidate(struct fit_task *task, const struct pose_candidate *c, struct fit_scratch *scratch)
+static void refine_candidate(struct fit_task *task, const struct start_pose *c, struct fit_scratch *scratch)
 {
     struct body_pose pose = c->pose;
     task->point_stride = 1;
@@ -206,7 +206,7 @@ static void apply_skirt(struct fit_task *task, double height_m)
 // Refines all candidates that may turn out to be the likeliest, and leaves the best in scratch->best.
 static void choose_best(struct fit_task *task, const struct pose_candidates *rough, struct fit_scratch *scratch)
 {
-    struct pose_candidate best = {.energy = INFINITY};
+    struct start_pose best = {.energy = INFINITY};
     double least = INFINITY;
     for (int i = 0; i < FACINGS; i++)
         least = fmin(least, rough->of[i].energy);
@@ -214,7 +214,7 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
         if (!(rough->of[i].energy <= REFINE_RATE * least))
             continue;
         refine_candidate(task, &rough->of[i], scratch);
-        struct pose_candidate fine = {scratch->best.pose, scratch->best.shape, 0};
+        struct start_pose fine = {scratch->best.pose, scratch->best.shape, 0};
         task->kernel_m = EVALUATE_KERNEL_M;
         body_evaluate(task, &fine.pose, &fine.shape, &scratch->best);
         fine.energy = scratch->best.energy + facing_log_odds(&fine.pose, rough->unsure);
@@ -229,7 +229,7 @@ static void choose_best(struct fit_task *task, const struct pose_candidates *rou
 static void try_kicks(struct fit_task *task, struct vec3 root, struct fit_scratch *scratch)
 {
     struct pose_candidates rough = {.unsure = !task->have_floor};
-    struct pose_candidate standing = {scratch->best.pose, scratch->best.shape, scratch->best.energy};
+    struct start_pose standing = {scratch->best.pose, scratch->best.shape, scratch->best.energy};
     standing.energy += facing_log_odds(&standing.pose, rough.unsure);
     for (int i = 0; i < FACINGS; i++)
         rough.of[i].energy = INFINITY;

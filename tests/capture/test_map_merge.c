@@ -153,7 +153,7 @@ static void expect_kept(const struct place *before, const struct place *after)
         EXPECT_INT(after->tags[i].id, before->tags[i].id);
         EXPECT_NEAR(after->tags[i].side_m, before->tags[i].side_m, 0);
         EXPECT_TRUE(!memcmp(&after->tags[i].world_from_tag, &before->tags[i].world_from_tag, sizeof(struct pose)));
-        EXPECT_AT_LEAST(after->tags[i].sightings, before->tags[i].sightings);
+        EXPECT_AT_LEAST(after->tags[i].observations, before->tags[i].observations);
     }
     EXPECT_AT_LEAST(after->point_count, before->point_count);
     EXPECT_TRUE(!memcmp(after->points, before->points, (size_t)before->point_count * sizeof *before->points));
@@ -278,7 +278,7 @@ static void test_moved_tag_is_detected(void **state)
     known.tags = tags;
     int32_t moved = -1;
     for (int32_t i = 0; i < known.tag_count; i++) // one that the second sweep sees, too
-        if (tags[i].sightings && (moved < 0 || tags[i].sightings > tags[moved].sightings))
+        if (tags[i].observations && (moved < 0 || tags[i].observations > tags[moved].observations))
             moved = i;
     tags[moved].world_from_tag.translation.z += 0.3;
     EXPECT_STATUS(map(&known, room.tag_count, 0, FIRST_END, &both, &report), OK);

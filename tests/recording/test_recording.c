@@ -32,7 +32,7 @@ static void same_place(const struct place *a, const struct place *b)
     }
     for (int i = 0; i < a->tag_count; i++) {
         EXPECT_INT(a->tags[i].id, b->tags[i].id);
-        EXPECT_INT(a->tags[i].sightings, b->tags[i].sightings);
+        EXPECT_INT(a->tags[i].observations, b->tags[i].observations);
         same_bytes(&a->tags[i].world_from_tag, &b->tags[i].world_from_tag, sizeof(struct pose));
         EXPECT_NEAR(a->tags[i].side_m, b->tags[i].side_m, 0);
         EXPECT_NEAR(a->tags[i].rms_px, b->tags[i].rms_px, 0);

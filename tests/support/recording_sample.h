@@ -92,7 +92,7 @@ static inline struct place sample_place(struct rng *rng)
                                        .side_m = 0.16,
                                        .world_from_tag = sample_pose(rng),
                                        .rms_px = sample_number(rng),
-                                       .sightings = 5 + i};
+                                       .observations = 5 + i};
     for (int i = 0; i < p.tag_count; i++)
         for (int k = 0; k < 21; k++)
             p.tags[i].covariance[k] = (float)(i + k) * 1e-6F;
