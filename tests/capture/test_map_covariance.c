@@ -40,7 +40,7 @@ static void observe_tags(int count, double noise, bool inaccurate_map, struct co
     struct lens lens = tag_picture_lens(WIDTH, HEIGHT, F_PX);
     struct locator_options options = locator_default_options();
     struct locator *l;
-    uint64_t rng = 77 + (uint64_t)count;
+    struct rng rng = {77 + (uint64_t)count};
     struct coverage_count t = {0};
     options.max_position_sigma_m = 10;
     for (int i = 0; i < images; i++) {
@@ -48,8 +48,8 @@ static void observe_tags(int count, double noise, bool inaccurate_map, struct co
         for (int k = 0; k < count && inaccurate_map; k++)
             perturb_map(&mapped[k], &errors);
         EXPECT_STATUS(locator_open(&l, &place, &lens, &options), OK);
-        double distance = 0.7 + 0.8 * tag_picture_uniform(&rng), yaw = 1.6 * tag_picture_uniform(&rng) - 0.8,
-               pitch = 1 * tag_picture_uniform(&rng) - 0.5, roll = 6.28 * tag_picture_uniform(&rng);
+        double distance = 0.7 + 0.8 * rng_uniform(&rng), yaw = 1.6 * rng_uniform(&rng) - 0.8,
+               pitch = 1 * rng_uniform(&rng) - 0.5, roll = 6.28 * rng_uniform(&rng);
         struct tag_picture p = {.lens = lens,
                                 .tags = tags,
                                 .tag_count = count,

@@ -53,7 +53,7 @@ static void same_frame(struct take *t, int index)
 {
     static struct sample_frame m;
     static uint8_t rgb[COLOR_WIDTH * COLOR_HEIGHT * 3];
-    make_frame(&m, index);
+    sample_frame_make(&m, index);
     const struct take_entry *e = take_entry(t, index);
     EXPECT_INT(e->time_ns, m.frame.time_ns);
     EXPECT_INT(e->located, m.frame.located);
@@ -77,7 +77,7 @@ static void test_round_trip(void **state)
 {
     (void)state;
     const char *path = sample_path("round");
-    write_recording(path);
+    sample_recording_write(path);
     EXPECT_TRUE(!file_exists(sample_path("round-wal")));
     EXPECT_TRUE(!file_exists(sample_path("round-shm")));
     path = sample_path("round");
@@ -202,7 +202,7 @@ static void test_take_names(void **state)
     EXPECT_STATUS(recording_append(&w, path), OK);
     EXPECT_STATUS(recording_begin_take(w, "d", &calibration), ERR_EXISTS);
     EXPECT_STATUS(recording_begin_take(w, "e", &calibration), OK);
-    add_frames(w, 0, 2);
+    sample_frames_add(w, 0, 2);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_close(&w), OK);
     EXPECT_STATUS(recording_open(&r, path), OK);
@@ -227,7 +227,7 @@ static void test_skeletons_can_be_replaced(void **state)
     EXPECT_STATUS(recording_create(&w, path), OK);
     assert_string_equal(recording_writer_path(w), path);
     EXPECT_STATUS(recording_begin_take(w, "t", &calibration), OK);
-    add_frames(w, 0, FRAMES);
+    sample_frames_add(w, 0, FRAMES);
     EXPECT_STATUS(recording_end_take(w), OK);
 
     struct skeleton wanted = {0}, wrong = {0}, unknown_joints = {0};
@@ -305,7 +305,7 @@ static void test_wrong_files(void **state)
     database_close(&db);
     EXPECT_STATUS(opened(sample_path("other")), ERR_FORMAT);
 
-    write_recording(sample_path("newer"));
+    sample_recording_write(sample_path("newer"));
     EXPECT_STATUS(opened(sample_path("newer")), OK);
     EXPECT_STATUS(database_open(&db, sample_path("newer"), DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "PRAGMA user_version = 2"), OK);
@@ -378,8 +378,8 @@ static void test_read_only_folder(void **state)
     (void)state;
     chmod(folder, 0755);
     EXPECT_STATUS(folder_make(sample_path("locked")), OK);
-    write_recording(sample_path("locked/checkpointed"));
-    write_recording(sample_path("locked/secret"));
+    sample_recording_write(sample_path("locked/checkpointed"));
+    sample_recording_write(sample_path("locked/secret"));
     chmod(sample_path("locked/checkpointed"), 0444);
     chmod(sample_path("locked/secret"), 0);
     // A writer that is killed leaves its log.
@@ -389,7 +389,7 @@ static void test_read_only_folder(void **state)
         struct calibration calibration = sample_calibration();
         if (recording_create(&w, sample_path("locked/logged")) == OK &&
             recording_begin_take(w, "a", &calibration) == OK) {
-            add_frames(w, 0, 3);
+            sample_frames_add(w, 0, 3);
             _exit(recording_end_take(w) == OK ? 0 : 1);
         }
         _exit(1);
@@ -435,7 +435,7 @@ static void test_read_while_writing(void **state)
     EXPECT_TRUE(second == NULL);
 
     // Without another frame or call, the batch is committed by the wall clock.
-    add_frames(w, 0, 5);
+    sample_frames_add(w, 0, 5);
     int64_t deadline = clock_now_ns() + INT64_C(5000000000);
     while (frames_seen(path) < 5 && clock_now_ns() < deadline)
         clock_sleep_until_ns(clock_now_ns() + 20000000);
@@ -445,7 +445,7 @@ static void test_read_while_writing(void **state)
     struct take *t;
     EXPECT_STATUS(recording_open(&r, path), OK);
     EXPECT_STATUS(take_open(&t, r, "a"), OK);
-    add_frames(w, 5, FRAMES);
+    sample_frames_add(w, 5, FRAMES);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_INT(frames_seen(path), FRAMES);
     EXPECT_INT(take_frame_count(t), 5); // as when it was opened
@@ -471,7 +471,7 @@ static void test_landmarks_without_covariance(void **state)
     struct recording *r;
     struct recording_writer *w;
     place.rms_px = 0.25; // as it was written
-    write_recording(sample_path("older"));
+    sample_recording_write(sample_path("older"));
     EXPECT_STATUS(database_open(&db, sample_path("older"), DATABASE_WRITE), OK);
     EXPECT_STATUS(database_run(db, "DROP TABLE point_error; DROP TABLE tag_error; DROP TABLE point_side"), OK);
     database_close(&db);
@@ -517,7 +517,7 @@ static void test_handles_share_one_index(void **state)
 {
     (void)state;
     enum { HANDLES = 4 };
-    write_recording(sample_path("shared"));
+    sample_recording_write(sample_path("shared"));
     const char *path = sample_path("shared");
     struct recording *r[HANDLES];
     struct take *t[HANDLES];
@@ -563,5 +563,5 @@ int main(void)
         cmocka_unit_test(test_read_while_writing),
         cmocka_unit_test(test_handles_share_one_index),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
 }

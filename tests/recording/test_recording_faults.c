@@ -34,7 +34,7 @@ static _Noreturn void record_until_killed(const char *path, volatile int64_t *ad
     struct sample_frame m;
     if (recording_create(&w, path) != OK || recording_begin_take(w, "a", &calibration) != OK)
         _exit(1);
-    make_frame(&m, 0);
+    sample_frame_make(&m, 0);
     int64_t start = clock_now_ns();
     for (int64_t i = 0;; i++) {
         m.frame.time_ns = i * FRAME_NS;
@@ -116,7 +116,7 @@ static void test_append_after_kill(void **state)
     EXPECT_STATUS(recording_verify(path, &before), OK);
     EXPECT_STATUS(recording_append(&w, path), OK);
     EXPECT_STATUS(recording_begin_take(w, "b", &calibration), OK);
-    add_frames(w, 0, 4);
+    sample_frames_add(w, 0, 4);
     EXPECT_STATUS(recording_end_take(w), OK);
     EXPECT_STATUS(recording_close(&w), OK);
     EXPECT_TRUE(database_is_single_file(path));
@@ -149,7 +149,7 @@ static int fill_disk(const char *path, rlim_t most, volatile int64_t *added)
     status = recording_begin_take(w, "a", &calibration);
     static struct sample_frame m;
     for (int i = 0; status == OK && i < 4000; i++) {
-        make_frame(&m, i);
+        sample_frame_make(&m, i);
         status = recording_add_frame(w, &m.frame);
         *added += status == OK;
         free(m.jpeg);
@@ -271,7 +271,7 @@ static void test_cut_anywhere(void **state)
     struct rng rng = {seed + 1};
     uint8_t *bytes;
     size_t count;
-    write_recording(sample_path("whole"));
+    sample_recording_write(sample_path("whole"));
     uint64_t hash = hash_of(sample_path("whole"));
     EXPECT_STATUS(file_read(sample_path("whole"), &bytes, &count), OK);
     int undetected = 0;
@@ -373,7 +373,7 @@ static void test_wrong_byte_in_table_text(void **state)
         struct recording_report report;
         EXPECT_STATUS(recording_append(&w, sample_path("text")), OK);
         EXPECT_STATUS(recording_begin_take(w, "later", &calibration), OK);
-        add_frames(w, 0, 4);
+        sample_frames_add(w, 0, 4);
         EXPECT_STATUS(recording_end_take(w), OK);
         EXPECT_STATUS(recording_close(&w), OK);
         EXPECT_STATUS(recording_verify(sample_path("text"), &report), OK);
@@ -429,5 +429,5 @@ int main(void)
         cmocka_unit_test(test_wrong_byte_in_table_text),
         cmocka_unit_test(test_wrong_byte_in_size),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
 }

@@ -67,5 +67,5 @@ int main(void)
         cmocka_unit_test(test_registered_depth_has_no_pose_of_its_own),
         cmocka_unit_test(test_repair_of_registered_depth_with_a_pose),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, sample_folder_make, sample_folder_remove);
 }

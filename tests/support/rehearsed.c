@@ -30,8 +30,8 @@ void rehearsed_close(struct rehearsed *r)
 struct pose rehearsed_orbit_pose(const struct rehearsed *r, int64_t frame, double angle_rad)
 {
     const struct take_entry *e = take_entry(r->take, frame);
-    const struct vec3 him = pose_apply(e->world_from_camera, e->skeleton.joint[JOINT_WAIST]);
+    const struct vec3 waist = pose_apply(e->world_from_camera, e->skeleton.joint[JOINT_WAIST]);
     struct pose yaw_motion = {quat_from_rotation_vector(v3(0, 0, angle_rad)), v3(0, 0, 0)};
-    yaw_motion.translation = v3_sub(him, quat_rotate(yaw_motion.rotation, him));
+    yaw_motion.translation = v3_sub(waist, quat_rotate(yaw_motion.rotation, waist));
     return pose_multiply(yaw_motion, e->world_from_camera);
 }
