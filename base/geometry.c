@@ -1,4 +1,5 @@
 #include "base/geometry.h"
+#include "base/portable_math.h"
 
 struct vec3 v3_perpendicular(struct vec3 a)
 {
@@ -31,8 +32,8 @@ struct quat quat_from_rotation_vector(struct vec3 r)
 {
     double angle = v3_length(r);
     // sin(a/2)/a by series near zero, where the quotient loses all digits
-    double s = angle < 1e-4 ? 0.5 - angle * angle / 48 : sin(angle / 2) / angle;
-    return quat_unit((struct quat){r.x * s, r.y * s, r.z * s, cos(angle / 2)});
+    double s = angle < 1e-4 ? 0.5 - angle * angle / 48 : portable_sin(angle / 2) / angle;
+    return quat_unit((struct quat){r.x * s, r.y * s, r.z * s, portable_cos(angle / 2)});
 }
 
 struct vec3 quat_to_rotation_vector(struct quat q)
@@ -41,7 +42,7 @@ struct vec3 quat_to_rotation_vector(struct quat q)
         q = (struct quat){-q.x, -q.y, -q.z, -q.w};
     struct vec3 u = v3(q.x, q.y, q.z);
     double s = v3_length(u);
-    double scale = s < 1e-8 ? 2 / q.w : 2 * atan2(s, q.w) / s;
+    double scale = s < 1e-8 ? 2 / q.w : 2 * portable_atan2(s, q.w) / s;
     return v3_scale(u, scale);
 }
 

@@ -1,5 +1,6 @@
 // Scores poses and measures radii: [D14], equations 2 to 4.
 #include "capture/body_radii.h"
+#include "base/portable_math.h"
 
 #include "base/depth_noise.h"
 #include "capture/median.h"
@@ -36,7 +37,7 @@ static double arm_term(const struct skeleton *s, enum joint shoulder, enum joint
         return 0;
     struct vec3 arm = v3_unit(v3_sub(s->joint[hand], s->joint[shoulder]));
     struct vec3 torso = v3_unit(v3_sub(s->joint[JOINT_TORSO], s->joint[JOINT_NECK]));
-    double theta = acos(fmax(-1, fmin(1, v3_dot(arm, torso))));
+    double theta = portable_acos(fmax(-1, fmin(1, v3_dot(arm, torso))));
     return theta * fabs(arm.x);
 }
 
@@ -88,7 +89,7 @@ static double distance_to_part(const struct projected_skeleton *seen, enum part 
     double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
     *along = length2 > 0 ? ((x - a.x) * dx + (y - a.y) * dy) / length2 : 0;
     double t = fmax(0, fmin(1, *along));
-    return hypot(x - a.x - t * dx, y - a.y - t * dy);
+    return portable_hypot(x - a.x - t * dx, y - a.y - t * dy);
 }
 
 // Relative thickness of the parts, as shares of the thickest: half the
@@ -166,7 +167,7 @@ double body_radii_measure_part(const struct calibration *calibration, const stru
         skeleton->confidence[ends.to] < 1)
         return 0;
     struct pixel a = seen.pixel[ends.from], b = seen.pixel[ends.to];
-    double length_px = hypot(b.x - a.x, b.y - a.y);
+    double length_px = portable_hypot(b.x - a.x, b.y - a.y);
     if (length_px < 4) // seen end-on: no rectangle
         return 0;
     double nx = -(b.y - a.y) / length_px, ny = (b.x - a.x) / length_px;

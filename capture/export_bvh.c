@@ -1,6 +1,7 @@
 // BVH, the motion format of animation programs: a hierarchy of bones with fixed
 // offsets and, for each frame, the root's position and every joint's rotation.
 #include "capture/export.h"
+#include "base/portable_math.h"
 
 #include "capture/median.h"
 #include "platform/file.h"
@@ -129,10 +130,10 @@ static void print_rotation(FILE *out, struct quat q)
 {
     double m[3][3];
     quat_to_matrix(q, m);
-    double x = asin(fmax(-1, fmin(1, m[2][1])));
+    double x = portable_asin(fmax(-1, fmin(1, m[2][1])));
     bool locked = fabs(m[2][1]) > 1 - 1e-9;
-    double z = locked ? atan2(m[1][0], m[0][0]) : atan2(-m[0][1], m[1][1]);
-    double y = locked ? 0 : atan2(-m[2][0], m[2][2]);
+    double z = locked ? portable_atan2(m[1][0], m[0][0]) : portable_atan2(-m[0][1], m[1][1]);
+    double y = locked ? 0 : portable_atan2(-m[2][0], m[2][2]);
     fprintf(out, " %.4f %.4f %.4f", z * DEG, x * DEG, y * DEG);
 }
 

@@ -1,5 +1,6 @@
 // Gravity from the floor plane.
 #include "capture/gravity_align.h"
+#include "base/portable_math.h"
 
 // Up directions that differ by less agree: the accuracy of a plane fitted to a noisy floor. Chosen by hand.
 static const double LEVEL_RAD = 0.004;
@@ -30,7 +31,7 @@ bool gravity_align_floor(const struct lens *lens, const uint16_t *depth, struct 
 bool gravity_align_pose(struct pose *world_from_camera, struct vec3 pivot, const struct floor_plane *floor_in_camera)
 {
     struct vec3 up = quat_rotate(world_from_camera->rotation, floor_in_camera->up);
-    if (v3_dot(up, v3(0, 0, 1)) > cos(LEVEL_RAD))
+    if (v3_dot(up, v3(0, 0, 1)) > portable_cos(LEVEL_RAD))
         return false;
     struct quat rotation = quat_between(up, v3(0, 0, 1));
     struct pose level = {

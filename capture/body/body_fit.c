@@ -1,4 +1,5 @@
 #include "capture/body/body_fit.h"
+#include "base/portable_math.h"
 
 #include "capture/body/body_prior.h"
 #include "capture/body/normal_equations.h"
@@ -200,7 +201,7 @@ static double add_free_sample(const struct fit_task *task, const struct body_bui
     if (kind == EVIDENCE_OFF_PERSON) {
         rate *= OFF_PERSON_RATE;
         double slack = 0.5 * e->step;
-        double length = hypot(dx, dy), overhang = length > slack ? (length - slack) / length : 0;
+        double length = portable_hypot(dx, dy), overhang = length > slack ? (length - slack) / length : 0;
         off[0] = dx * overhang * c.z / e->lens.fx;
         off[1] = dy * overhang * c.z / e->lens.fy;
     } else if (kind == EVIDENCE_PERSON && measured > 0) {

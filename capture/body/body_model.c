@@ -1,4 +1,5 @@
 #include "capture/body/body_model.h"
+#include "base/portable_math.h"
 
 // Where a segment begins. Lengths are fractions of body height; x scales with `wide`, y and z with `tall`.
 struct segment_rule {
@@ -277,7 +278,7 @@ void body_forward_kinematics(const struct body_shape *shape, const struct body_p
 {
     double factor[SHAPE_COUNT];
     for (int i = 0; i < SHAPE_COUNT; i++)
-        factor[i] = exp(shape->log[i] + (i ? shape->log[SHAPE_SCALE] : 0)) * BODY_AVERAGE_HEIGHT_M;
+        factor[i] = portable_exp(shape->log[i] + (i ? shape->log[SHAPE_SCALE] : 0)) * BODY_AVERAGE_HEIGHT_M;
     place_segments(shape, pose, factor, out);
     place_solids(factor, out);
     if (shape->hem_m > 0)
@@ -302,7 +303,7 @@ struct body_pose body_pose_flip_facing(const struct body_shape *shape, const str
 {
     static const struct quat half_turn = {0, 1, 0, 0}; // about every segment's own y
     // The root lies in the spine, behind the middle of the trunk.
-    double ahead_m = TRUNK_FORWARD * exp(shape->log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    double ahead_m = TRUNK_FORWARD * portable_exp(shape->log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct vec3 ahead = quat_rotate(pose->rotation[SEG_PELVIS], v3(0, 0, 2 * ahead_m));
     struct body_pose out = {.root = v3_add(pose->root, ahead)};
     out.rotation[SEG_PELVIS] = quat_multiply(pose->rotation[SEG_PELVIS], half_turn);

@@ -1,4 +1,5 @@
 #include "capture/body/pose_filter.h"
+#include "base/portable_math.h"
 
 #include "capture/body/two_bone_ik.h"
 
@@ -53,9 +54,10 @@ static void measure_jitter(struct pose_filter *s, const struct body_build *is, d
         if (s->fits >= 2) {
             struct vec3 bend = v3_add(v3_sub(p, v3_scale(s->fit[0][j], 2)), s->fit[1][j]);
             double now = fmin(v3_dot(bend, bend) / 6, JITTER_MAX_M * JITTER_MAX_M); // 1 + 4 + 1 variances
-            s->jitter_m2[j] += (now - s->jitter_m2[j]) * (1 - exp(-dt_s / JITTER_S));
+            s->jitter_m2[j] += (now - s->jitter_m2[j]) * (1 - portable_exp(-dt_s / JITTER_S));
         }
-        s->speed[j] = v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / dt_s), 1 - exp(-dt_s / SPEED_S));
+        s->speed[j] =
+            v3_mix(s->speed[j], v3_scale(v3_sub(p, s->fit[0][j]), 1 / dt_s), 1 - portable_exp(-dt_s / SPEED_S));
         s->fit[1][j] = s->fit[0][j];
         s->fit[0][j] = p;
     }
@@ -65,7 +67,7 @@ static void measure_jitter(struct pose_filter *s, const struct body_build *is, d
 // The gain of each group, from STATIC_S to 1.
 static void find_gains(const struct pose_filter *s, const struct body_build *is, double dt_s, double gain[GROUPS])
 {
-    double most[GROUPS] = {0}, least = fmax(1 - exp(-dt_s / STATIC_S), 1.0 / s->fits);
+    double most[GROUPS] = {0}, least = fmax(1 - portable_exp(-dt_s / STATIC_S), 1.0 / s->fits);
     int group[JOINT_COUNT] = {0};
     for (int g = 1; g < GROUPS; g++)
         group[limb_of(g)->bend] = group[limb_of(g)->tip] = g;

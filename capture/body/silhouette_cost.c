@@ -1,4 +1,5 @@
 #include "capture/body/silhouette_cost.h"
+#include "base/portable_math.h"
 
 #include "base/depth_noise.h"
 
@@ -28,7 +29,7 @@ static double outside_share(const struct fit_task *task, struct vec3 c, double s
         return 0;
     enum evidence_kind kind = evidence_at(e, lens_project(&e->lens, c), c.z, &measured, &dx, &dy);
     if (kind == EVIDENCE_OFF_PERSON) // dx, dy lead to a cell's middle
-        return saturate((hypot(dx, dy) - 0.5 * (e->step + 1)) * c.z / e->lens.fx, RIM_M);
+        return saturate((portable_hypot(dx, dy) - 0.5 * (e->step + 1)) * c.z / e->lens.fx, RIM_M);
     if (kind == EVIDENCE_PERSON && measured > 0)
         return saturate(measured - surface_m - FRONT_M - 2 * depth_sigma_m(measured), DEEP_M);
     return 0;

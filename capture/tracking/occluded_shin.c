@@ -1,4 +1,5 @@
 #include "capture/tracking/occluded_shin.h"
+#include "base/portable_math.h"
 
 #include "capture/body/silhouette_cost.h"
 #include "capture/body/two_bone_ik.h"
@@ -28,7 +29,7 @@ static void point_foot(const struct body_shape *shape, struct body_pose *pose, e
     body_forward_kinematics(shape, pose, &build);
     struct vec3 to_toe = v3_sub(toe, build.origin[foot]), left = body_axis(&build, foot, 0),
                 ahead = body_axis(&build, foot, 2);
-    double yaw = atan2(v3_dot(to_toe, left), v3_dot(to_toe, ahead));
+    double yaw = portable_atan2(v3_dot(to_toe, left), v3_dot(to_toe, ahead));
     yaw = fmax(-FOOT_YAW_MAX, fmin(FOOT_YAW_MAX, yaw));
     pose->rotation[foot] = quat_multiply(pose->rotation[foot], quat_from_rotation_vector(v3(0, yaw, 0)));
 }
@@ -46,8 +47,8 @@ double shin_alternative_log_odds(const struct fit_task *task, int leg, struct fi
     const struct fit_result *best = &scratch->best;
     const struct shin *s = &shin[leg - FIRST_LEG];
     double outside = shin_outside_log_odds(task, leg, &best->build),
-           chosen = log(CANDIDATES); // log of the number of candidates, equally likely a priori
-    if (outside <= chosen)           // no candidate can win
+           chosen = portable_log(CANDIDATES); // log of the number of candidates, equally likely a priori
+    if (outside <= chosen)                    // no candidate can win
         return 0;
     body_evaluate(task, &best->pose, &best->shape, &scratch->trial);
     const struct body_solid *foot = &best->build.solid[s->first + 1];
@@ -60,7 +61,7 @@ double shin_alternative_log_odds(const struct fit_task *task, int leg, struct fi
             struct body_build build;
             double angle = i * STEP_RADIANS;
             body_aim_segment(&best->shape, &pose, s->lower,
-                             v3_add(v3_scale(along, cos(angle)), v3_scale(across, sin(angle))));
+                             v3_add(v3_scale(along, portable_cos(angle)), v3_scale(across, portable_sin(angle))));
             if (f)
                 point_foot(&best->shape, &pose, s->foot, toe);
             body_forward_kinematics(&best->shape, &pose, &build);

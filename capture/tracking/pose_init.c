@@ -1,4 +1,5 @@
 #include "capture/tracking/pose_init.h"
+#include "base/portable_math.h"
 
 #include "capture/body/hem_detector.h"
 #include <stdlib.h>
@@ -282,7 +283,7 @@ bool pose_init_search(struct fit_task *task, struct fit_scratch *scratch)
     struct person_measures s;
     if (task->evidence->count < POINTS_MIN || !measure(task, &s))
         return false;
-    double scale_log = log(s.height / BODY_AVERAGE_HEIGHT_M);
+    double scale_log = portable_log(s.height / BODY_AVERAGE_HEIGHT_M);
     task->shape = shape_prior_default();
     task->shape.mean.log[SHAPE_SCALE] = scale_log;
     if (!s.legs_cropped && !s.head_cropped)

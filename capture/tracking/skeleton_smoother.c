@@ -1,4 +1,5 @@
 #include "capture/tracking/skeleton_smoother.h"
+#include "base/portable_math.h"
 
 #include "capture/tracking/tracker_backward.h"
 
@@ -251,8 +252,8 @@ static double soft_min(const double against[STATES])
     for (int s = 0; s < STATES; s++)
         least = fmin(least, against[s]);
     for (int s = 0; s < STATES; s++)
-        sum += exp(least - against[s]);
-    return least - log(sum);
+        sum += portable_exp(least - against[s]);
+    return least - portable_log(sum);
 }
 
 // Emissions of one frame, and transitions from the frame before, of a pair of limbs, `first` and the next, or of the
@@ -296,7 +297,7 @@ static void forward_backward(const struct smoother_frame *m, int64_t count, int 
             posterior[i][s] += after[s];
         double all = soft_min(posterior[i]);
         for (int s = 0; s < STATES; s++)
-            posterior[i][s] = exp(all - posterior[i][s]);
+            posterior[i][s] = portable_exp(all - posterior[i][s]);
         find_step(m, count, i, first, &step);
         double then[STATES];
         memcpy(then, after, sizeof then);
@@ -327,7 +328,7 @@ static struct vec3 merged_joint(const struct smoother_frame *m, int k, enum esti
     if (source == ALTERNATIVE)
         return m->estimate[ALTERNATIVE].joint[joint];
     double off = limb_distance(&m->estimate[FORWARD], &m->estimate[BACKWARD], k) / AGREE_M,
-           other = 0.5 * exp(-off * off);
+           other = 0.5 * portable_exp(-off * off);
     return v3_mix(m->estimate[FORWARD].joint[joint], m->estimate[BACKWARD].joint[joint],
                   source == BACKWARD ? 1 - other : other);
 }
@@ -366,7 +367,7 @@ static void smooth(const struct smoother_frame *m, int64_t count, const struct v
                 break;
             struct vec3 line = v3_mix(is[i - k], is[i + k], (double)before / (double)(before + after));
             double off = v3_distance(line, is[i]) / LINE_M;
-            weight = fmin(weight, exp(-off * off));
+            weight = fmin(weight, portable_exp(-off * off));
             mean = v3_add(mean, v3_scale(line, 2 * weight)); // of two frames
             sum += 2 * weight;
         }

@@ -1,4 +1,5 @@
 #include "capture/tracking/tracker.h"
+#include "base/portable_math.h"
 
 #include "capture/tracking/tracker_internal.h"
 #include "base/clock.h"
@@ -73,7 +74,7 @@ static void fill_skeleton(struct tracker *t, const struct fit_result *fit, doubl
 {
     struct body_build build;
     body_forward_kinematics(&fit->shape, &t->filter.pose, &build);
-    double size = exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    double size = portable_exp(fit->shape.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     static const double radius[JOINT_COUNT] = {
         // of body height: half the thickness of the body at the joint
         [JOINT_HEAD] = 0.05,         [JOINT_NECK] = 0.04,        [JOINT_LEFT_SHOULDER] = 0.032,

@@ -1,6 +1,7 @@
 // Decides what a frame shows: fits the body, tries alternative poses, learns the shape, detects a person from scratch
 // and rejects static objects.
 #include "capture/tracking/tracker_internal.h"
+#include "base/portable_math.h"
 
 #include "capture/tracking/pose_init.h"
 
@@ -152,7 +153,7 @@ static void reset_clothing(struct tracker *t)
 static void update_hem(struct tracker *t, const struct fit_task *task)
 {
     const struct body_build *build = &t->scratch->best.build;
-    double height = exp(t->shape.mean.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
+    double height = portable_exp(t->shape.mean.log[SHAPE_SCALE]) * BODY_AVERAGE_HEIGHT_M;
     struct vec3 spine = body_axis(build, SEG_PELVIS, 1);
     struct hem hem;
     if (v3_dot(spine, task->up) < UPRIGHT_COSINE || !hem_detect(task, height, &hem))

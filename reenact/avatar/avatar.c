@@ -1,4 +1,5 @@
 #include "reenact/avatar/avatar.h"
+#include "base/portable_math.h"
 
 #include "base/pipeline.h"
 #include "reenact/avatar/axial_rotation.h"
@@ -17,7 +18,7 @@ static const double COARSE_VOXEL_M = 2 * TSDF_VOXEL_M; // joints err by centimet
 static int yaw_bin_of(const struct skeleton *s)
 {
     struct vec3 across = v3_sub(s->joint[JOINT_LEFT_SHOULDER], s->joint[JOINT_RIGHT_SHOULDER]);
-    int bin = (int)((atan2(across.z, across.x) / (2 * 3.14159265358979) + 0.5) * YAW_BINS);
+    int bin = (int)((portable_atan2(across.z, across.x) / (2 * 3.14159265358979) + 0.5) * YAW_BINS);
     return bin < YAW_BINS ? bin : YAW_BINS - 1;
 }
 

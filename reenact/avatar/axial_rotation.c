@@ -1,4 +1,5 @@
 #include "reenact/avatar/axial_rotation.h"
+#include "base/portable_math.h"
 
 #include "reenact/observation/depth_agreement.h"
 
@@ -244,7 +245,7 @@ static void diffuse(const double *from, double apart_s, int bone, double *to)
     for (int k = 0; k < ANGLES; k++) {
         to[k] = 0;
         for (int j = 0; j < ANGLES; j++)
-            to[k] += from[j] * exp(-0.5 * (k - j) * (k - j) / (moved * moved));
+            to[k] += from[j] * portable_exp(-0.5 * (k - j) * (k - j) / (moved * moved));
     }
     normalize(to);
 }
@@ -267,7 +268,7 @@ static void angle_likelihood(const float cost[ANGLES], int bone, double own[ANGL
         0.5 * INDEPENDENT_SAMPLES * (double)(COLOR_OUTLIER * COLOR_OUTLIER) / (COLOR_SIGMA * COLOR_SIGMA);
     for (int k = 0; k < ANGLES; k++) {
         double angle = angle_of(bone, k) / sigma;
-        own[k] = exp(-0.5 * angle * angle - each * (double)cost[k]);
+        own[k] = portable_exp(-0.5 * angle * angle - each * (double)cost[k]);
     }
     normalize(own);
 }

@@ -1,4 +1,5 @@
 #include "reenact/avatar/deformation_internal.h"
+#include "base/portable_math.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -310,7 +311,7 @@ static bool find_contour_point(const struct depth_frame *s, int i, struct contou
         for (int u = -2; u <= 2; u++)
             if (is_actor(s, i + v * s->width + u))
                 nx -= u, ny -= v;
-    double length = hypot(nx, ny);
+    double length = portable_hypot(nx, ny);
     if (!(length > 4))
         return false;
     nx /= length, ny /= length;

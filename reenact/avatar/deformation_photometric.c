@@ -1,5 +1,6 @@
 // The photometric term of the deformation: image gradients at the surface's points, as in direct image alignment.
 #include "reenact/avatar/deformation_internal.h"
+#include "base/portable_math.h"
 #include "reenact/observation/depth_agreement.h"
 
 enum { KERNEL_RADIUS_MOST = 8, EDGE_MARGIN_PX = 2 };
@@ -26,7 +27,7 @@ static struct gaussian_kernel gaussian_at(double center, double sigma)
     assert(reach <= KERNEL_RADIUS_MOST);
     for (int i = 0; i < b.count; i++) {
         const double off = (b.first + i - center) / sigma;
-        b.weight[i] = (float)exp(-0.5 * off * off);
+        b.weight[i] = (float)portable_exp(-0.5 * off * off);
         b.change[i] = b.weight[i] * (float)(off / sigma);
         b.sum += b.weight[i];
         b.change_sum += b.change[i];

@@ -1,6 +1,7 @@
 #include "reenact/avatar/texture_atlas.h"
 
 #include "base/parallel.h"
+#include "base/portable_math.h"
 #include "platform/mesh_simplify.h"
 
 #include <stdlib.h>
@@ -207,7 +208,7 @@ static void barycentrics_of(const struct uv_mesh *m, const int32_t *c, float x, 
         const float *a = q[(i + 1) % 3], *b = q[(i + 2) % 3];
         float doubled = (a[0] - x) * (b[1] - y) - (a[1] - y) * (b[0] - x);
         share[i] = doubled / area;
-        *off = fmaxf(*off, -doubled / hypotf(b[0] - a[0], b[1] - a[1]));
+        *off = fmaxf(*off, -doubled / (float)portable_hypot((double)(b[0] - a[0]), (double)(b[1] - a[1])));
     }
 }
 

@@ -1,4 +1,5 @@
 #include "reenact/observation/source_texture.h"
+#include "base/portable_math.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -141,7 +142,7 @@ static bool part_window(const struct take *take, int64_t frame, enum part p, str
     *w = (struct source_patch){.left = (int)x0, .top = (int)y0};
     w->width = (int)x1 - w->left + 1;
     w->height = (int)y1 - w->top + 1;
-    *area = thick * hypot(at[1].x - at[0].x, at[1].y - at[0].y) + thick * thick / 4;
+    *area = thick * portable_hypot(at[1].x - at[0].x, at[1].y - at[0].y) + thick * thick / 4;
     return true;
 }
 

@@ -1,5 +1,6 @@
 // Draws the occluder mesh's depth and the occlusion shadow.
 #include "reenact/render/occlusion_shadow.h"
+#include "base/portable_math.h"
 
 #include "reenact/render/shaders.h"
 #include "reenact/render/screen_bounds.h"
@@ -263,8 +264,8 @@ void occlusion_shadow_draw(struct occlusion_shadow *a, struct gpu_target *target
     const struct pose viewer_from_world = pose_inverse(view->world_from_viewer);
     struct occlusion_frustum hidden = {0};
     for (int i = 0; i < ROUND; i++) { // a polygon about the circle at which the shadow ends
-        const double angle = 2 * PI * i / ROUND, r = reach / cos(PI / ROUND);
-        const struct vec3 rim = v3(middle.x + r * cos(angle), middle.y + r * sin(angle), 0);
+        const double angle = 2 * PI * i / ROUND, r = reach / portable_cos(PI / ROUND);
+        const struct vec3 rim = v3(middle.x + r * portable_cos(angle), middle.y + r * portable_sin(angle), 0);
         occlusion_frustum_add(&hidden, pose_apply(viewer_from_world, rim), FLOOR_M);
     }
     const int count = view->viewer_from_room ? put_room(a, view->viewer_from_room, &hidden) : 0;

@@ -1,5 +1,6 @@
 // Culling of the occluder mesh by an occlusion frustum.
 #include "reenact/scene/occlusion_frustum.h"
+#include "base/portable_math.h"
 
 #include <string.h>
 
@@ -11,10 +12,11 @@ void occlusion_frustum_add(struct occlusion_frustum *f, struct vec3 center, doub
         return; // behind the viewpoint
     f->farthest_m = fmax(f->farthest_m, center.z + radius_m);
     for (int i = 0; i < 2; i++) {
-        const double away = hypot(across[i], center.z), half = away > radius_m ? asin(radius_m / away) : INFINITY;
-        const double to = atan2(across[i], center.z), from_rad = to - half, to_rad = to + half;
-        const double low = from_rad > -steepest ? tan(fmin(from_rad, steepest)) : -INFINITY;
-        const double high = to_rad < steepest ? tan(fmax(to_rad, -steepest)) : INFINITY;
+        const double away = portable_hypot(across[i], center.z),
+                     half = away > radius_m ? portable_asin(radius_m / away) : INFINITY;
+        const double to = portable_atan2(across[i], center.z), from_rad = to - half, to_rad = to + half;
+        const double low = from_rad > -steepest ? portable_tan(fmin(from_rad, steepest)) : -INFINITY;
+        const double high = to_rad < steepest ? portable_tan(fmax(to_rad, -steepest)) : INFINITY;
         f->low[i] = first ? low : fmin(f->low[i], low);
         f->high[i] = first ? high : fmax(f->high[i], high);
     }
@@ -40,8 +42,8 @@ static bool may_occlude(const struct occluder_sphere *sphere, const struct affin
     bool may = hidden->farthest_m > 0 && p[2] > -sphere->radius_m && p[2] < hidden->farthest_m + sphere->radius_m;
     for (int i = 0; i < 2 && may; i++) { // distances of its centre beyond either side
         const double low = hidden->low[i], high = hidden->high[i];
-        may = !(isfinite(low) && (low * p[2] - p[i]) / hypot(low, 1) > sphere->radius_m) &&
-              !(isfinite(high) && (p[i] - high * p[2]) / hypot(high, 1) > sphere->radius_m);
+        may = !(isfinite(low) && (low * p[2] - p[i]) / portable_hypot(low, 1) > sphere->radius_m) &&
+              !(isfinite(high) && (p[i] - high * p[2]) / portable_hypot(high, 1) > sphere->radius_m);
     }
     return may;
 }

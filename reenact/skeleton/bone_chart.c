@@ -1,5 +1,6 @@
 // Bilinear lookup, accumulation and smoothing of bone charts.
 #include "reenact/skeleton/bone_chart.h"
+#include "base/portable_math.h"
 
 struct chart_sample chart_sample_at(const struct bone_frame *bone, struct vec3 point)
 {
@@ -7,7 +8,7 @@ struct chart_sample chart_sample_at(const struct bone_frame *bone, struct vec3 p
     const double margin = CHART_MARGIN, rows = CHART_HEIGHTS - 1;
     const double along = (in.z / bone->length + margin) / (1 + 2 * margin) * rows;
     const double height = along > 0 ? fmin(along, rows) : 0;
-    const double angle = (atan2(in.x, in.y) / 6.283185307179586 + 1) * CHART_ANGLES; // > 0
+    const double angle = (portable_atan2(in.x, in.y) / 6.283185307179586 + 1) * CHART_ANGLES; // > 0
     const int row = height < rows ? (int)height : CHART_HEIGHTS - 2, column = (int)angle;
     struct chart_sample sample;
     for (int k = 0; k < 4; k++) {
