@@ -58,8 +58,8 @@ static void print_place(const struct place *p)
     for (int32_t i = 0; i < p->tag_count; i++) {
         const struct place_tag *t = &p->tags[i];
         struct vec3 at = t->world_from_tag.translation;
-        printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d observations\n", t->id, t->side_m * 1e3, at.x,
-               at.y, at.z, t->rms_px, t->observations);
+        printf("  tag %d: side %.1f mm at %.3f %.3f %.3f m, %.2f px over %d observations\n", t->id, t->side_m * 1e3,
+               at.x, at.y, at.z, t->rms_px, t->observations);
     }
 }
 

@@ -10,7 +10,7 @@ struct place_tag {
     int32_t id;    // of family tag36h11
     double side_m; // outer edge of the black square
     struct pose world_from_tag;
-    double rms_px;     // reprojection error of a corner over its observations in the map; 0: exact
+    double rms_px;        // reprojection error of a corner over its observations in the map; 0: exact
     int32_t observations; // in how many images it was seen
     // Covariance of its pose error relative to all tags together: a small motion in the tag's own axes, order rotation
     // x y z (radians), translation x y z (metres); upper triangle row by row. All 0: unknown.
